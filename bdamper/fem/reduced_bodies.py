@@ -14,7 +14,8 @@ displacement orthogonal to the rigid-body modes is
 
 .. math:: u_e = P K_c^{-1} P^T f
 
-for any choice of the constraints.  Its expansion in elastic modes is :math:`\sum \phi\phi^T/\omega^2`.
+for any choice of the constraints.  Its expansion in elastic modes is
+:math:`\sum \phi\phi^T/\omega^2`.
 
 Rotation causes a body force per mass :math:`\Omega^2 (x, y, 0)`, here scaled to a resultant of 1 N
 along the radial direction of the damper.

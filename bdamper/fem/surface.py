@@ -66,8 +66,8 @@ class Structure:
     def body_force(self, density: NDArray) -> NDArray:
         """Return consistent nodal forces (n_nodes, 3), N.
 
-        ``density`` (n_nodes, 3) is the force per mass at the nodes.  Shape functions interpolate the
-        force, which is exact if it is linear in the coordinates.
+        ``density`` (n_nodes, 3) is the force per mass at the nodes.  Shape functions interpolate
+        the force, which is exact if it is linear in the coordinates.
         """
         force = self.mass @ np.asarray(density, float).ravel()
         return force.reshape(-1, 3)

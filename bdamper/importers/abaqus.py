@@ -1,15 +1,18 @@
-r"""CalculiX and Abaqus: mesh and sets of an input file or of results, stored matrices, modes of a cyclic analysis.
+r"""CalculiX and Abaqus: mesh and sets of an input file or of results, stored matrices, modes of a
+cyclic analysis.
 
-In CalculiX, ``*FREQUENCY, SOLVER=MATRIXSTORAGE`` writes the upper triangles of stiffness and mass (``.sti`` and ``.mas``
-with row, column, value).  The file ``.dof`` lists the free components of their rows as ``node.component``.  If the deck
-has ties of cyclic symmetry, ``CYCMPC=INACTIVE`` excludes them from the matrices.
+In CalculiX, ``*FREQUENCY, SOLVER=MATRIXSTORAGE`` writes the upper triangles of stiffness and mass
+(``.sti`` and ``.mas`` with row, column, value).  The file ``.dof`` lists the free components of
+their rows as ``node.component``.  If the deck has ties of cyclic symmetry, ``CYCMPC=INACTIVE``
+excludes them from the matrices.
 
-In Abaqus, ``*MATRIX OUTPUT`` writes lines of node, component, node, component and value.  The nodes are labels, or, for an
-assembly of several instances, numbers or labels with the name of their instance.
+In Abaqus, ``*MATRIX OUTPUT`` writes lines of node, component, node, component and value.  The nodes
+are labels, or, for an assembly of several instances, numbers or labels with the name of their
+instance.
 
-In a cyclic ``.frd`` file each mode has the blocks DISP and DISPI: real and imaginary part of a travelling wave of either
-direction, with a modal mass of one over the sector.  Its positions have six digits, so that the mesh of the input file is
-preferable.
+In a cyclic ``.frd`` file each mode has the blocks DISP and DISPI: real and imaginary part of a
+travelling wave of either direction, with a modal mass of one over the sector.  Its positions have
+six digits, so that the mesh of the input file is preferable.
 
 References
 ----------
@@ -20,8 +23,10 @@ K. Wittig, *CalculiX GraphiX User's Manual*, "Result format" (.frd).
 from __future__ import annotations
 
 import os
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -55,7 +60,7 @@ from bdamper.util.storage import FilePath
 _FRD_SOLIDS = {1: 8, 2: 6, 3: 4, 4: 20, 5: 15, 6: 10}
 
 
-# -----------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 # Input file
 
 
@@ -63,10 +68,11 @@ _FRD_SOLIDS = {1: 8, 2: 6, 3: 4, 4: 20, 5: 15, 6: 10}
 def read_inp(path: Path, instance: str | None = None) -> FEBody:
     """Read nodes, solid elements, node sets and surfaces of an input file of CalculiX or Abaqus.
 
-    The names of sets are in capitals, and the sets of a part are named ``INSTANCE.SET``.  If only one instance is read, its
-    nodes have the numbers of the part, and its sets are also known by the names in the part.  Nodes of several instances
-    are numbered 1, 2, ... in the order of the instances and of the labels.  Elastic constants of isotropic materials are
-    read; steps and loads are ignored.
+    The names of sets are in capitals, and the sets of a part are named ``INSTANCE.SET``.  If only
+    one instance is read, its nodes have the numbers of the part, and its sets are also known by the
+    names in the part.  Nodes of several instances are numbered 1, 2, ... in the order of the
+    instances and of the labels.  Elastic constants of isotropic materials are read; steps and loads
+    are ignored.
 
     Parameters
     ----------
@@ -91,7 +97,7 @@ def _deck(path: Path) -> Deck:
     return Deck(path)
 
 
-# -----------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 # Matrices
 
 
@@ -100,13 +106,13 @@ def _triplets(path: Path, n: int) -> sp.csr_matrix:
     """Read a symmetric matrix (n, n) from lines of row, column, value."""
     table = np.loadtxt(path, ndmin=2, encoding="ascii", comments=None)
     check(table.shape[1] == 3, str(path), "three numbers a line", f"{table.shape[1]}")
-    row, column = (as_integers(table[:, k], f"{path}: column {k + 1}") - 1 for k in (0, 1))
-    low, high = table[:, :2].min(initial=n), table[:, :2].max(initial=0)
-    good, expected = (
-        low >= 1 and high <= n,
-        f"rows and columns 1 to {n}, as many as lines of the .dof file",
-    )
-    check(good and len(table), str(path), expected, f"{low:g} to {high:g}")
+    row = as_integers(table[:, 0], f"{path}: column 1") - 1
+    column = as_integers(table[:, 1], f"{path}: column 2") - 1
+    lowest = table[:, :2].min(initial=n)
+    highest = table[:, :2].max(initial=0)
+    within = lowest >= 1 and highest <= n
+    expected = f"rows and columns 1 to {n}, as many as lines of the .dof file"
+    check(within and len(table), str(path), expected, f"{lowest:g} to {highest:g}")
     check_all(np.isfinite(table[:, 2]), table[:, 2], "finite numbers", str(path))
     return triangle_to_full(row, column, table[:, 2], n)
 
@@ -116,29 +122,35 @@ def _condensed(
 ) -> tuple[sp.csr_matrix, sp.csr_matrix]:
     """Condense the internal degrees of freedom of elements C3D8I.
 
-    An element has nine of them (amplitudes of its incompatible modes), for which CalculiX adds three nodes.
+    An element has nine of them (amplitudes of its incompatible modes), for which CalculiX adds
+    three nodes.
     """
-    n = sum(
-        9 * len(e) for e, kind in zip(body.elements, body.element_kinds) if kind.name == "C3D8I"
-    )
-    found = int(internal.sum())
-    check(
-        found == n,
-        f"{body.source}: elements C3D8I",
-        f"{n} rows of their internal nodes in the matrices",
-        found,
-    )
-    outer, inner = np.flatnonzero(~internal), np.flatnonzero(internal)
+    item = f"{body.source}: elements C3D8I"
+    n_elements = 0
+    for elements, kind in zip(body.elements, body.element_kinds):
+        if kind.name == "C3D8I":
+            n_elements += len(elements)
+    n_internal = int(internal.sum())
+    expected = f"{9 * n_elements} rows of their internal nodes in the matrices"
+    check(n_internal == 9 * n_elements, item, expected, n_internal)
+    outer = np.flatnonzero(~internal)
+    inner = np.flatnonzero(internal)
+    # the internal rows of an element are coupled with each other only
     blocks = stiffness[inner][:, inner].tobsr(blocksize=(9, 9))
-    good, item = len(blocks.data) == n // 9, f"{body.source}: elements C3D8I"
-    check(good, item, "one block of nine rows for each", len(blocks.data))
+    n_blocks = len(blocks.data)
+    check(n_blocks == n_elements, item, "one block of nine rows for each", n_blocks)
     inverse = sp.bsr_matrix((np.linalg.inv(blocks.data), blocks.indices, blocks.indptr)).tocsr()
-    shapes = sp.vstack(
-        [sp.identity(len(outer)), -inverse @ stiffness[inner][:, outer]], format="csr"
-    )
+    # displacements of all rows for a displacement of one outer row
+    inner_shapes = -inverse @ stiffness[inner][:, outer]
+    shapes = sp.vstack([sp.identity(len(outer)), inner_shapes], format="csr")
     order = np.concatenate([outer, inner])
-    k, m = ((shapes.T @ matrix[order][:, order] @ shapes).tocsr() for matrix in (stiffness, mass))
-    return (0.5 * (k + k.T)).tocsr(), (0.5 * (m + m.T)).tocsr()
+    condensed_stiffness = (shapes.T @ stiffness[order][:, order] @ shapes).tocsr()
+    condensed_mass = (shapes.T @ mass[order][:, order] @ shapes).tocsr()
+    # the products are symmetric except for rounding
+    return (
+        (0.5 * (condensed_stiffness + condensed_stiffness.T)).tocsr(),
+        (0.5 * (condensed_mass + condensed_mass.T)).tocsr(),
+    )
 
 
 def read_calculix(
@@ -151,8 +163,8 @@ def read_calculix(
     job : path-like
         Name of the job, with or without ending; ``job.sti``, ``job.mas`` and ``job.dof`` are read.
     mesh : path-like, optional
-        File with nodes and elements for :func:`read_body`; by default ``job.inp``, or ``job.frd`` if it does
-        not exist.
+        File with nodes and elements for :func:`read_body`; by default ``job.inp``, or ``job.frd``
+        if it does not exist.
     modes : path-like or tuple of path-like
         Result files (.frd) of modal analyses to compare with.
 
@@ -168,36 +180,38 @@ def read_calculix(
     base = Path(job)
     if base.suffix.lower() in (".inp", ".sti", ".mas", ".dof", ".frd"):
         base = base.with_suffix("")
-    deck, results, table, *matrices = (
-        base.with_name(base.name + end) for end in (".inp", ".frd", ".dof", ".sti", ".mas")
-    )
-    mesh = mesh or (results if results.is_file() and not deck.is_file() else deck)
+    if not mesh:
+        mesh = base.with_name(base.name + ".inp")
+        results = base.with_name(base.name + ".frd")
+        if results.is_file() and not mesh.is_file():
+            mesh = results
     body = read_inp(mesh) if Path(mesh).suffix == "" else read_body(mesh)
-    dofs = read_dofs(table)
-    stiffness, mass = (_triplets(path, len(dofs)) for path in matrices)
+    dofs = read_dofs(base.with_name(base.name + ".dof"))
+    stiffness = _triplets(base.with_name(base.name + ".sti"), len(dofs))
+    mass = _triplets(base.with_name(base.name + ".mas"), len(dofs))
     internal = ~np.isin(dofs[:, 0], body.numbers)
     if internal.any() and any(kind.name == "C3D8I" for kind in body.element_kinds):
         stiffness, mass = _condensed(stiffness, mass, internal, body)
         dofs = dofs[~internal]
-    # CalculiX integrates wedges at two points.
-    kinds = body.element_kinds or tuple(
-        ElementKind(f"C3D{elements.shape[1]}") for elements in body.elements
-    )
-    kinds = tuple(replace(kind, name="C3D6R") if kind.name == "C3D6" else kind for kind in kinds)
-    files = (modes,) if isinstance(modes, str | os.PathLike) else modes
-    compared, source = (
-        tuple(mode for path in files for mode in read_frd(path).modes),
-        f"{base} (.sti, .mas, .dof), {mesh}",
-    )
+    result_files = (modes,) if isinstance(modes, str | os.PathLike) else modes
+    compared_modes = tuple(mode for path in result_files for mode in read_frd(path).modes)
     return replace(
         body,
         stiffness=stiffness,
         mass=mass,
         dofs=dofs,
-        modes=compared,
-        source=source,
-        element_kinds=kinds,
+        modes=compared_modes,
+        source=f"{base} (.sti, .mas, .dof), {mesh}",
+        element_kinds=_as_integrated(body),
     )
+
+
+def _as_integrated(body: FEBody) -> tuple[ElementKind, ...]:
+    """Return the kinds of the elements; CalculiX integrates wedges at two points."""
+    kinds = body.element_kinds
+    if not kinds:
+        kinds = tuple(ElementKind(f"C3D{elements.shape[1]}") for elements in body.elements)
+    return tuple(replace(kind, name="C3D6R") if kind.name == "C3D6" else kind for kind in kinds)
 
 
 @reader("Abaqus matrix text of rows node, component, node, component, value")
@@ -210,49 +224,73 @@ def _labelled(path: Path, deck: Deck) -> tuple[sp.csr_matrix, NDArray]:
     dofs : (n, 2) int
         Code of the node and component of each row.
     """
-    with open(path, encoding="ascii") as file:
-        first = next((line for line in file if line.strip() and not line.startswith("*")), "0")
-    if first.split(",")[0].strip().lstrip("-").isdigit():
+    code_of: dict[Any, int | None] = {}
+    if _has_numbers(path):
         table = number_table(path, 5)
-        own = {number: code for code, number in deck.numbers().items()}
         labels = as_integers(table[:, [0, 2]], str(path))
-        names = {label: own.get(label) for label in np.unique(labels).tolist()}
+        code_of_number = {number: code for code, number in deck.numbers().items()}
+        for label in np.unique(labels).tolist():
+            code_of[label] = code_of_number.get(label)
     else:
-        lines = data_lines(path.read_text(encoding="ascii"), "*")
-        words = [[word.strip().replace('"', "") for word in line.split(",")] for _, line in lines]
-        for (k, _), row in zip(lines, words):
-            check(len(row) == 5, f"{path}: line {k}", "five values", len(row))
+        words = []
+        for number, line in data_lines(path.read_text(encoding="ascii"), "*"):
+            row = [word.strip().replace('"', "") for word in line.split(",")]
+            check(len(row) == 5, f"{path}: line {number}", "five values", len(row))
+            words.append(row)
         labels = np.array([[row[0], row[2]] for row in words])
-        names = {label: deck.code(label) for label in np.unique(labels).tolist()}
-        names = {label: code if code in deck.model.nodes else None for label, code in names.items()}
+        for label in np.unique(labels).tolist():
+            code = deck.code(label)
+            code_of[label] = code if code in deck.model.nodes else None
+        # zeros replace the labels, so that both forms have the same columns
         table = np.array([["0", row[1], "0", *row[3:]] for row in words], float)
-    unknown = [label for label, code in names.items() if code is None]
-    internal = [label for label in unknown if str(label).startswith("-")]
-    cure = "*MATRIX GENERATE, STIFFNESS, MASS, PUBLIC NODES without contact and constraints writes those of the deck alone"
-    check(
-        not internal,
-        str(path),
-        f"nodes of the deck ({cure})",
-        f"internal node {(internal or [0])[0]}",
-    )
-    cure = "a job with noPartsInputFile=ON, or one for each instance, writes the labels of its deck"
-    check(not unknown, str(path), f"nodes of {deck.source} ({cure})", f"node {(unknown or [0])[0]}")
-    known, inverse = np.unique(labels, return_inverse=True)
-    codes = np.array([names[label] for label in known.tolist()], np.int64)[inverse].reshape(-1, 2)
+    _check_labels(code_of, deck, path)
+    distinct, inverse = np.unique(labels, return_inverse=True)
+    code_of_distinct = np.array([code_of[label] for label in distinct.tolist()], np.int64)
+    codes = code_of_distinct[inverse].reshape(-1, 2)
     components = as_integers(table[:, [1, 3]], str(path))
     return entries_by_node(np.stack([codes, components], axis=2), table[:, 4], path)
 
 
+def _has_numbers(path: Path) -> bool:
+    """Return whether the first line of data begins with a number instead of a label."""
+    with open(path, encoding="ascii") as file:
+        for line in file:
+            if line.strip() and not line.startswith("*"):
+                return line.split(",")[0].strip().lstrip("-").isdigit()
+    return True
+
+
+def _check_labels(code_of: Mapping[Any, int | None], deck: Deck, path: Path) -> None:
+    """Raise ModelError if a label of a matrix has no code, hence no node in the deck."""
+    unknown = [label for label, code in code_of.items() if code is None]
+    # Abaqus gives negative numbers to the nodes that it adds
+    internal = [label for label in unknown if str(label).startswith("-")]
+    if internal:
+        cure = (
+            "*MATRIX GENERATE, STIFFNESS, MASS, PUBLIC NODES without contact and constraints "
+            "writes those of the deck alone"
+        )
+        raise mismatch(str(path), f"nodes of the deck ({cure})", f"internal node {internal[0]}")
+    if unknown:
+        cure = (
+            "a job with noPartsInputFile=ON, or one for each instance, "
+            "writes the labels of its deck"
+        )
+        raise mismatch(str(path), f"nodes of {deck.source} ({cure})", f"node {unknown[0]}")
+
+
 def read_abaqus(job: FilePath, instance: str | None = None) -> FEBody:
-    """Read a body from a job with ``*MATRIX GENERATE`` and ``*MATRIX OUTPUT``, in the formats MATRIX INPUT or LABELS.
+    """Read a body from a job with ``*MATRIX GENERATE`` and ``*MATRIX OUTPUT``, in the formats
+    MATRIX INPUT or LABELS.
 
     Parameters
     ----------
     job : path-like
-        Name of the job, with or without ending; ``job.inp`` and the only ``job_STIF*.mtx`` and ``job_MASS*.mtx`` are read.
+        Name of the job, with or without ending; ``job.inp`` and the only ``job_STIF*.mtx`` and
+        ``job_MASS*.mtx`` are read.
     instance : str, optional
-        Instance to read, which must not be coupled to others; by default all.  See :func:`read_inp` for the numbers of its
-        nodes and the names of its sets.
+        Instance to read, which must not be coupled to others; by default all.  See :func:`read_inp`
+        for the numbers of its nodes and the names of its sets.
 
     Returns
     -------
@@ -261,95 +299,103 @@ def read_abaqus(job: FilePath, instance: str | None = None) -> FEBody:
     Raises
     ------
     FileNotFoundError, ModelError
-        If a file does not exist or is damaged, or the nodes of the matrices are not those of the deck.
+        If a file does not exist or is damaged, or the nodes of the matrices are not those of the
+        deck.
     """
-    path = (
-        Path(job).with_suffix(".inp")
-        if Path(job).suffix.lower() in ("", ".inp", ".mtx")
-        else Path(f"{job}.inp")
-    )
+    path = Path(job)
+    if path.suffix.lower() in ("", ".inp", ".mtx"):
+        path = path.with_suffix(".inp")
+    else:
+        path = Path(f"{job}.inp")
     deck = _deck(path)
     body = deck.body(instance)
-    number, matrices = deck.numbers(instance.upper() if instance else None), []
-    for kind in ("STIF", "MASS"):
-        found = sorted(path.parent.glob(f"{path.stem}_{kind}*.mtx"))
-        if not found:
-            raise FileNotFoundError(
-                f"there is no file '{path.stem}_{kind}1.mtx' of *MATRIX OUTPUT, {kind} at '{path}'"
-            )
-        check(
-            len(found) == 1,
-            str(path),
-            f"one file {path.stem}_{kind}*.mtx",
-            ", ".join(file.name for file in found),
-        )
-        matrix, dofs = _labelled(found[0], deck)
-        held = dofs[matrix.diagonal() > 1e30][:1]
-        check(
-            not len(held),
-            str(found[0]),
-            "a job without *BOUNDARY (Sector.fixed holds nodes)",
-            f"held: {held}",
-        )
-        own = np.isin(dofs[:, 0], list(number))
-        coupled = matrix[own][:, ~own].nnz
-        check(
-            coupled == 0,
-            str(found[0]),
-            f"instance {instance} without contact or ties",
-            f"{coupled} entries with others",
-        )
-        table = np.array([[number[code], component] for code, component in dofs[own].tolist()])
-        matrices.append((matrix[own][:, own], table, found[0]))
-    (stiffness, table, file), (mass, others, second) = matrices
-    _check_numbering(stiffness, table, body, str(file))
-    mass = reordered(mass, others, table, str(second))
+    number_of_code = deck.numbers(instance.upper() if instance else None)
+    stiffness_file = _only_matrix_file(path, "STIF")
+    stiffness, dofs = _matrix_of_nodes(stiffness_file, deck, number_of_code, instance)
+    mass_file = _only_matrix_file(path, "MASS")
+    mass, mass_dofs = _matrix_of_nodes(mass_file, deck, number_of_code, instance)
+    _check_numbering(stiffness, dofs, body, str(stiffness_file))
     return replace(
         body,
         stiffness=stiffness,
-        mass=mass,
-        dofs=table,
-        source=f"{file}, {second.name}, {path.name}",
+        mass=reordered(mass, mass_dofs, dofs, str(mass_file)),
+        dofs=dofs,
+        source=f"{stiffness_file}, {mass_file.name}, {path.name}",
     )
+
+
+def _only_matrix_file(deck_path: Path, kind: str) -> Path:
+    """Return the only file of *MATRIX OUTPUT, STIF or MASS, of a job."""
+    files = sorted(deck_path.parent.glob(f"{deck_path.stem}_{kind}*.mtx"))
+    if not files:
+        raise FileNotFoundError(
+            f"there is no file '{deck_path.stem}_{kind}1.mtx' of *MATRIX OUTPUT, {kind} "
+            f"at '{deck_path}'"
+        )
+    expected = f"one file {deck_path.stem}_{kind}*.mtx"
+    check(len(files) == 1, str(deck_path), expected, ", ".join(file.name for file in files))
+    return files[0]
+
+
+def _matrix_of_nodes(
+    file: Path, deck: Deck, number_of_code: Mapping[int, int], instance: str | None
+) -> tuple[sp.csr_matrix, NDArray]:
+    """Read the part of a matrix that belongs to the nodes with a number.
+
+    Returns
+    -------
+    matrix : (n, n) sparse
+    dofs : (n, 2) int
+        Node number and component of each row.
+    """
+    matrix, coded_dofs = _labelled(file, deck)
+    # Abaqus holds a component by a large number on the diagonal
+    held = coded_dofs[matrix.diagonal() > 1e30][:1]
+    expected = "a job without *BOUNDARY (Sector.fixed holds nodes)"
+    check(not len(held), str(file), expected, f"held: {held}")
+    wanted = np.isin(coded_dofs[:, 0], list(number_of_code))
+    n_coupled = matrix[wanted][:, ~wanted].nnz
+    expected = f"instance {instance} without contact or ties"
+    check(n_coupled == 0, str(file), expected, f"{n_coupled} entries with others")
+    dofs = [[number_of_code[code], component] for code, component in coded_dofs[wanted].tolist()]
+    return matrix[wanted][:, wanted], np.array(dofs)
 
 
 def _check_numbering(matrix: sp.csr_matrix, dofs: NDArray, body: FEBody, item: str) -> None:
     """Raise ModelError unless most of the coupled nodes of a matrix belong to the same element."""
     if not body.elements:
         return
-    order = np.sort(body.numbers)
-    count = len(order)
-    missing = np.setdiff1d(np.concatenate([nodes.ravel() for nodes in body.elements]), order)
-    check(
-        not len(missing),
-        body.source,
-        "elements with existing nodes",
-        f"nodes {missing[:3].tolist()}",
-    )
-    elements = [np.searchsorted(order, nodes) for nodes in body.elements]
-    row = np.repeat(
-        np.arange(sum(map(len, elements))), [nodes.shape[1] for nodes in elements for _ in nodes]
-    )
+    ascending = np.sort(body.numbers)
+    n_nodes = len(ascending)
+    missing = np.setdiff1d(np.concatenate([nodes.ravel() for nodes in body.elements]), ascending)
+    found = f"nodes {missing[:3].tolist()}"
+    check(not len(missing), body.source, "elements with existing nodes", found)
+
+    # pairs of nodes that share an element
+    elements = [np.searchsorted(ascending, nodes) for nodes in body.elements]
+    n_elements = sum(map(len, elements))
+    nodes_per_element = [nodes.shape[1] for nodes in elements for _ in nodes]
+    row = np.repeat(np.arange(n_elements), nodes_per_element)
     column = np.concatenate([nodes.ravel() for nodes in elements])
-    touching = sp.csr_matrix((np.ones(len(row)), (row, column)), shape=(row[-1] + 1, count))
+    touching = sp.csr_matrix((np.ones(len(row)), (row, column)), shape=(n_elements, n_nodes))
+    sharing = touching.T @ touching
+
+    # pairs of nodes that the matrix couples
     entries = matrix.tocoo()
-    pairs = np.searchsorted(order, dofs[:, 0])[np.stack([entries.row, entries.col])]
-    joined = sp.csr_matrix((np.ones(len(pairs[0])), pairs), shape=(count, count))
-    joined.setdiag(0.0)
-    joined.eliminate_zeros()
-    together = touching.T @ touching
-    alone = joined.nnz - joined.multiply(together > 0).nnz
+    node_of_row = np.searchsorted(ascending, dofs[:, 0])
+    pairs = node_of_row[np.stack([entries.row, entries.col])]
+    coupled = sp.csr_matrix((np.ones(len(pairs[0])), pairs), shape=(n_nodes, n_nodes))
+    coupled.setdiag(0.0)
+    coupled.eliminate_zeros()
+
+    n_apart = coupled.nnz - coupled.multiply(sharing > 0).nnz
     cure = "*MATRIX OUTPUT, FORMAT=LABELS or one job for each instance names them"
     expected = f"coupled nodes that share an element of the deck ({cure})"
-    check(
-        alone <= BOUNDS.odd_ones * joined.nnz,
-        item,
-        expected,
-        f"{alone} of {joined.nnz} pairs that share none",
-    )
+    found = f"{n_apart} of {coupled.nnz} pairs that share none"
+    check(n_apart <= BOUNDS.odd_ones * coupled.nnz, item, expected, found)
 
 
-# -----------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 # Results
 
 
@@ -385,8 +431,9 @@ def read_frd_stress(path: Path) -> list[tuple[NDArray, NDArray]]:
     Returns
     -------
     list of (numbers, stress)
-        Node numbers (n,) and stress (n, 6) of each step or mode, with the components xx, yy, zz, xy, yz, xz in the unit of
-        the file.  The stress is complex if the file has an imaginary part.
+        Node numbers (n,) and stress (n, 6) of each step or mode, with the components xx, yy, zz,
+        xy, yz, xz in the unit of the file.  The stress is complex if the file has an imaginary
+        part.
 
     Raises
     ------
@@ -395,12 +442,39 @@ def read_frd_stress(path: Path) -> list[tuple[NDArray, NDArray]]:
     """
     file = _Frd(path, stress=True)
     file.body()
-    stress = [(numbers, values) for _, numbers, values in file.results["STRESS"]]
-    check(len(stress) > 0, str(path), "blocks of stress (STRESS)", "none")
-    for k, (numbers, _) in enumerate(stress):
-        good = len(np.unique(numbers)) == len(numbers) and np.isin(numbers, file.numbers).all()
-        check(good, f"{path}: stress {k + 1}", "nodes of the mesh, each once", numbers)
-    return stress
+    blocks = file.results["STRESS"]
+    check(len(blocks) > 0, str(path), "blocks of stress (STRESS)", "none")
+    for k, block in enumerate(blocks):
+        numbers = block.numbers
+        once = len(np.unique(numbers)) == len(numbers)
+        check(
+            once and np.isin(numbers, file.numbers).all(),
+            f"{path}: stress {k + 1}",
+            "nodes of the mesh, each once",
+            numbers,
+        )
+    return [(block.numbers, block.values) for block in blocks]
+
+
+@dataclass(frozen=True)
+class _Result:
+    """Values at nodes of one step or mode.
+
+    Parameters
+    ----------
+    diameter, mode : int
+        Nodal diameter, and number of the mode.
+    frequency : float, Hz
+    numbers : (n,) int
+        Node numbers.
+    values : (n, 3 or 6) float or complex
+    """
+
+    diameter: int
+    mode: int
+    frequency: float
+    numbers: NDArray
+    values: NDArray
 
 
 class _Frd:
@@ -408,53 +482,57 @@ class _Frd:
 
     def __init__(self, source: Path, stress: bool = False) -> None:
         with open(source, "rb") as raw:
-            if b"\x00" in raw.read(100_000):
-                raise mismatch(
-                    str(source), "text (*NODE FILE, not the binary form)", "bytes that are no text"
-                )
-        lines = Lines(source, "ascii")
-        self.source, self.lines = str(lines.source), lines
+            binary = b"\x00" in raw.read(100_000)
+        if binary:
+            expected = "text (*NODE FILE, not the binary form)"
+            raise mismatch(str(source), expected, "bytes that are no text")
+        self.lines = Lines(source, "ascii")
+        self.source = str(self.lines.source)
         self.numbers: NDArray = np.empty(0, np.int64)
         self.nodes: NDArray = np.empty((0, 3))
         self.elements: list[list[int]] = []
-        # by the name of the result: (nodal diameter, number, frequency in Hz), node numbers, values
-        self.results: dict[str, list[tuple[tuple[int, int, float], NDArray, NDArray]]] = {
-            "DISP": []
-        }
+        # by the name of the result
+        self.results: dict[str, list[_Result]] = {"DISP": []}
         if stress:
             self.results["STRESS"] = []
 
     def _rows(self, head: str, n_values: int) -> tuple[NDArray, NDArray]:
-        """Read node numbers and values up to the end of a block; the last character of its head defines the format."""
+        """Read node numbers and values up to the end of a block with the line ``head``."""
         numbers, values = [], []
-        start = 8 if head.rstrip().endswith("0") else 13
-        while not (line := self.lines.take("the end of a block (-3)")).startswith(" -3"):
+        # the last character of the head defines the width of the node number: 5 or 10 columns
+        end_of_number = 8 if head.rstrip().endswith("0") else 13
+        starts = range(end_of_number, end_of_number + 12 * n_values, 12)
+        while True:
+            line = self.lines.take("the end of a block (-3)")
+            if line.startswith(" -3"):
+                break
             self.lines.require(line.startswith(" -1"), "a line of values (-1)", f"'{line[:40]}'")
             with parsing(self.lines.item, f"a node number and {n_values} values", line):
-                numbers.append(int(line[3:start]))
-                values.append(
-                    [float(line[start + 12 * k : start + 12 * k + 12]) for k in range(n_values)]
-                )
-        out = np.array(values, float).reshape(-1, n_values)
-        self.lines.require(
-            np.isfinite(out).all(), "finite values in the block above", out[~np.isfinite(out)][:1]
-        )
-        return np.array(numbers, np.int64), out
+                numbers.append(int(line[3:end_of_number]))
+                values.append([float(line[start : start + 12]) for start in starts])
+        table = np.array(values, float).reshape(-1, n_values)
+        finite = np.isfinite(table)
+        self.lines.require(finite.all(), "finite values in the block above", table[~finite][:1])
+        return np.array(numbers, np.int64), table
 
     def _element_block(self) -> None:
-        while not (line := self.lines.take("the end of a block (-3)")).startswith(" -3"):
+        while True:
+            line = self.lines.take("the end of a block (-3)")
+            if line.startswith(" -3"):
+                break
             words = line[3:].split()
-            self.lines.require(
-                line.startswith(" -1") and len(words) >= 2, "an element (-1)", f"'{line[:40]}'"
-            )
-            n = _FRD_SOLIDS.get(int(words[1]))
+            begins_element = line.startswith(" -1") and len(words) >= 2
+            self.lines.require(begins_element, "an element (-1)", f"'{line[:40]}'")
             nodes: list[int] = []
+            n_nodes = _FRD_SOLIDS.get(int(words[1]))
             while self.lines.follows(" -2"):
                 text = self.lines.take("nodes")[3:].rstrip()
-                nodes += [int(text[k : k + 10]) for k in range(0, len(text), 10)]
-            self.lines.require(n in (None, len(nodes)), f"{n} nodes of an element", len(nodes))
-            if n is not None:
-                self.elements.append(nodes)
+                nodes += [int(text[start : start + 10]) for start in range(0, len(text), 10)]
+            # elements other than solids are skipped
+            if n_nodes is None:
+                continue
+            self.lines.require(len(nodes) == n_nodes, f"{n_nodes} nodes of an element", len(nodes))
+            self.elements.append(nodes)
 
     def body(self) -> FEBody:
         diameter, mode = 0, 0
@@ -470,17 +548,18 @@ class _Frd:
                 mode = int(line[10:].split()[0])
             elif key.startswith("100C"):
                 self._result(line, diameter, mode)
-        shapes = self.results["DISP"]
-        modes = modes_by_diameter(
-            ((d, hertz, 1.0, nodes, shape) for (d, _, hertz), nodes, shape in shapes), self.source
-        )
+        # the modal mass is one over the sector
+        listed = [
+            (shape.diameter, shape.frequency, 1.0, shape.numbers, shape.values)
+            for shape in self.results["DISP"]
+        ]
         return mesh_body(
             self.source,
             "a block of nodes (2C)",
             self.numbers,
             self.nodes,
             self.elements,
-            modes=modes,
+            modes=modes_by_diameter(listed, self.source),
         )
 
     def _result(self, head: str, diameter: int, mode: int) -> None:
@@ -491,22 +570,23 @@ class _Frd:
             line = self.lines.take("the head of a result")
             if line.startswith(" -4"):
                 name = line[5:13].strip()
-        kind, imaginary = name.removesuffix("I"), name.endswith("I")
+        kind = name.removesuffix("I")
         if kind not in self.results:
             return
-        blocks, n_values = self.results[kind], {"DISP": 3, "STRESS": 6}[kind]
-        if not imaginary:
-            blocks.append(((diameter, mode, frequency), *self._rows(head, n_values)))
-        elif blocks and blocks[-1][0][:2] == (
-            diameter,
-            mode,
-        ):  # the imaginary part follows the real one
-            key, numbers, real = blocks[-1]
-            nodes, values = self._rows(head, n_values)
-            check(
-                np.array_equal(numbers, nodes),
-                f"{self.source}: mode {mode}",
-                f"nodes {numbers} in both parts",
-                nodes,
-            )
-            blocks[-1] = (key, numbers, real + 1j * values)
+        blocks = self.results[kind]
+        n_values = 6 if kind == "STRESS" else 3
+        if not name.endswith("I"):
+            numbers, values = self._rows(head, n_values)
+            blocks.append(_Result(diameter, mode, frequency, numbers, values))
+            return
+        # the imaginary part follows the real one
+        if not blocks:
+            return
+        real = blocks[-1]
+        if (real.diameter, real.mode) != (diameter, mode):
+            return
+        numbers, values = self._rows(head, n_values)
+        same = np.array_equal(real.numbers, numbers)
+        expected = f"nodes {real.numbers} in both parts"
+        check(same, f"{self.source}: mode {mode}", expected, numbers)
+        blocks[-1] = replace(real, values=real.values + 1j * values)

@@ -1,23 +1,27 @@
-"""Ansys MAPDL: matrices of a ``.full`` file, mesh and components of a ``.cdb`` archive, modes of a ``.rst`` file.
+"""Ansys MAPDL: matrices of a ``.full`` file, mesh and components of a ``.cdb`` archive, modes of a
+``.rst`` file.
 
-Binary files consist of records: the number of 32-bit words, a word of flags, the words, and their number again.  The
-highest byte of the flags has a bit for integers (0x80, otherwise floating point) and one for short numbers (0x40: 16-bit
-integers or single precision).  Other bits mark three compressed forms: zlib (0x20), windows of non-zero values
-(0x10), and one bit per non-zero value (0x08).  Pointers count words from the start of the file or of a data set.  The
-first record is the standard header, the second the header of the kind of file.
+Binary files consist of records: the number of 32-bit words, a word of flags, the words, and their
+number again.  The highest byte of the flags has a bit for integers (0x80, otherwise floating point)
+and one for short numbers (0x40: 16-bit integers or single precision).  Other bits mark three
+compressed forms: zlib (0x20), windows of non-zero values (0x10), and one bit per non-zero value
+(0x08).  Pointers count words from the start of the file or of a data set.  The first record is the
+standard header, the second the header of the kind of file.
 
-Only the records that an import needs are read.  Each length is checked against the size of the file, so that a damaged
-file causes an error.
+Only the records that an import needs are read.  Each length is checked against the size of the
+file, so that a damaged file causes an error.
 
-A ``.full`` file has rows for fixed components.  They contain a one on the diagonal only and are dropped.
+A ``.full`` file has rows for fixed components.  They contain a one on the diagonal only and are
+dropped.
 
 A cyclic analysis writes real shapes of the base sector, two for each travelling wave.
-:mod:`bdamper.fem.cyclic_symmetry` finds their pairing and direction.  Their modal mass is one over base and duplicate
-sector, which equals the modal mass of ``a + i b`` of a pair over one sector.
+:mod:`bdamper.fem.cyclic_symmetry` finds their pairing and direction.  Their modal mass is one over
+base and duplicate sector, which equals the modal mass of ``a + i b`` of a pair over one sector.
 
 References
 ----------
-Ansys, *Programmer's Reference*, "Format of Binary Data Files", with the include files ``fdfull.inc`` and ``fdresu.inc``.
+Ansys, *Programmer's Reference*, "Format of Binary Data Files", with the include files
+``fdfull.inc`` and ``fdresu.inc``.
 Ansys, *Command Reference*, commands CDWRITE, NBLOCK, EBLOCK and CMBLOCK.
 """
 
@@ -55,6 +59,7 @@ from bdamper.util.records import check_all
 from bdamper.util.storage import FilePath
 
 _INTEGERS, _SHORT, _ZLIB, _WINDOWS, _BITS = 0x80, 0x40, 0x20, 0x10, 0x08
+_DTYPES = {0x80: "<i4", 0xC0: "<i2", 0x00: "<f8", 0x40: "<f4"}  # by the first two bits
 _HEADER = 103  # word at which the second record starts
 _FULL, _RESULT = 4, 12
 _KINDS = {_FULL: "matrices (.full)", _RESULT: "results (.rst)"}
@@ -65,7 +70,7 @@ _ONE_STAGE = "solve a sector of each stage alone, with CYCLIC"
 _SOLIDS = {"45": 8, "185": 8, "95": 20, "186": 20, "90": 20, "92": 10, "187": 10, "285": 4}
 
 
-# -----------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 # Records
 
 
@@ -76,19 +81,12 @@ class _Binary:
         self.source = source
         self.data = source.read_bytes()
         head = self.record(0, "standard header")
-        check(
-            len(head) >= 2 and head.dtype.kind == "i",
-            str(source),
-            "a binary file of Ansys",
-            "another beginning",
-        )
-        found = _KINDS.get(int(head[0]), "another kind")
-        check(
-            int(head[0]) == kind,
-            str(source),
-            f"a file of {_KINDS[kind]}: number {kind}",
-            f"{int(head[0])}, {found}",
-        )
+        is_header = len(head) >= 2 and head.dtype.kind == "i"
+        check(is_header, str(source), "a binary file of Ansys", "another beginning")
+        number = int(head[0])
+        expected = f"a file of {_KINDS[kind]}: number {kind}"
+        found = f"{number}, {_KINDS.get(number, 'another kind')}"
+        check(number == kind, str(source), expected, found)
 
     def record(self, word: int, item: str) -> NDArray:
         """Return the numbers of the record at a word of the file."""
@@ -102,80 +100,84 @@ class _Binary:
 
     def _record(self, word: int, item: str) -> tuple[NDArray, int]:
         where = f"{self.source}: {item} at word {word}"
+        n_words = len(self.data) // 4
         start = 4 * int(word)
-        within, words = 0 <= start <= len(self.data) - 12, len(self.data) // 4
-        check(
-            within, where, f"a record within {words} words", "a pointer beyond its end: truncated"
-        )
+        # a record has at least its length, its flags and its length again
+        within = 0 <= start <= len(self.data) - 12
+        expected = f"a record within {n_words} words"
+        check(within, where, expected, "a pointer beyond its end: truncated")
         size, flags = struct.unpack_from("<iI", self.data, start)
         end = start + 8 + 4 * size
-        within, found = (
-            size >= 0 and end + 4 <= len(self.data),
-            f"a length of {size} words: damaged or truncated",
-        )
+        within = size >= 0 and end + 4 <= len(self.data)
+        found = f"a length of {size} words: damaged or truncated"
         check(within, where, "a record that ends within the file", found)
-        again = struct.unpack_from("<i", self.data, end)[0]
-        check(again == size, where, f"the length {size} again at its end", f"{again}: damaged")
+        size_again = struct.unpack_from("<i", self.data, end)[0]
+        expected = f"the length {size} again at its end"
+        check(size_again == size, where, expected, f"{size_again}: damaged")
         kind = flags >> 24
-        dtype = np.dtype(
-            {0x80: "<i4", 0xC0: "<i2", 0x00: "<f8", 0x40: "<f4"}[kind & (_INTEGERS | _SHORT)]
-        )
-        check(
-            not kind & _ZLIB,
-            where,
-            "a record without zlib compression (/FCOMP,FULL,0 or /FCOMP,RST,0)",
-            "one with it",
-        )
+        dtype = np.dtype(_DTYPES[kind & (_INTEGERS | _SHORT)])
+        expected = "a record without zlib compression (/FCOMP,FULL,0 or /FCOMP,RST,0)"
+        check(not kind & _ZLIB, where, expected, "one with it")
         raw = self.data[start + 8 : end]
         if kind & _BITS:
             values = self._bits(raw, dtype, where)
         elif kind & _WINDOWS:
             values = self._windows(raw, dtype, where)
         else:
-            values = np.frombuffer(raw[: len(raw) // dtype.itemsize * dtype.itemsize], dtype)
+            # an odd number of short values leaves half a word
+            n_values = len(raw) // dtype.itemsize
+            values = np.frombuffer(raw[: n_values * dtype.itemsize], dtype)
         return values, word + size + 3
 
     @staticmethod
     def _head(raw: bytes, where: str) -> tuple[int, int]:
+        """Return the number of values of a compressed record, and the word that follows it."""
         check(len(raw) >= 8, where, "the head of a compressed record", "less than two words")
         size, second = struct.unpack_from("<ii", raw, 0)
         return check_count(size, where, "a length", largest=100_000_000), second
 
     def _bits(self, raw: bytes, dtype: np.dtype, where: str) -> NDArray:
-        """Decompress at most 32 values.  The bit of a value is set if the value follows; otherwise the value is 0."""
-        size, code = self._head(raw, where)
+        """Decompress at most 32 values; a value is 0 unless its bit is set."""
+        size, bits = self._head(raw, where)
         check(size <= 32, where, "at most 32 values in a record compressed by bits", size)
-        nonzero = np.array([(code >> k) & 1 for k in range(size)], bool)
+        nonzero = np.array([(bits >> k) & 1 for k in range(size)], bool)
         count = int(nonzero.sum())
         check(8 + count * dtype.itemsize <= len(raw), where, f"{count} values", "fewer: damaged")
-        out = np.zeros(size, dtype)
-        out[nonzero] = np.frombuffer(raw, dtype, count, 8)
-        return out
+        values = np.zeros(size, dtype)
+        values[nonzero] = np.frombuffer(raw, dtype, count, 8)
+        return values
 
     def _windows(self, raw: bytes, dtype: np.dtype, where: str) -> NDArray:
         """Decompress windows of a sparse record.
 
-        A positive index precedes a single value.  Any other index (with its sign reversed) precedes a length and a run of
-        this length, or one repeated value if the length is negative.
+        A positive index precedes a single value.  Any other index (with its sign reversed) precedes
+        a length and a run of this length, or one repeated value if the length is negative.
         """
-        size, count = self._head(raw, where)
-        step = max(dtype.itemsize, 4)
-        out = np.zeros(size, dtype)
-        at = 8
-        for _ in range(count):
-            check(at + 8 <= len(raw), where, f"{count} windows", "the end of the record")
-            index, length = struct.unpack_from("<ii", raw, at)
+        size, n_windows = self._head(raw, where)
+        values = np.zeros(size, dtype)
+        position = 8
+        for _ in range(n_windows):
+            expected = f"{n_windows} windows"
+            check(position + 8 <= len(raw), where, expected, "the end of the record")
+            index, length = struct.unpack_from("<ii", raw, position)
             if index > 0:
+                position += 4
                 length = 1
-            at += 4 if index > 0 else 8
-            taken = 1 if length < 0 else length
-            first, length = abs(index), abs(length)
-            stored = step if taken == 1 else taken * dtype.itemsize
-            within = first + length <= size and at + taken * dtype.itemsize <= len(raw)
+            else:
+                position += 8
+            first = abs(index)
+            n_stored = 1 if length < 0 else length
+            length = abs(length)
+            within_record = position + n_stored * dtype.itemsize <= len(raw)
+            within = first + length <= size and within_record
             check(within, where, f"windows within {size} values", f"one of {length} from {first}")
-            out[first : first + length] = np.frombuffer(raw, dtype, taken, at)
-            at += stored
-        return out
+            values[first : first + length] = np.frombuffer(raw, dtype, n_stored, position)
+            # a single short value occupies a whole word
+            if n_stored == 1:
+                position += max(dtype.itemsize, 4)
+            else:
+                position += n_stored * dtype.itemsize
+        return values
 
 
 def _long(low: int, high: int) -> int:
@@ -184,11 +186,14 @@ def _long(low: int, high: int) -> int:
 
 
 class _Header:
-    """Record of integers with positions from 1, as in the include files of Ansys; absent positions are 0."""
+    """Record of integers with positions from 1, as in the include files of Ansys; absent positions
+    are 0.
+    """
 
     def __init__(self, file: _Binary, word: int, name: str) -> None:
         self.item = f"{file.source}: {name}"
-        self.values, self.largest = file.record(word, name), len(file.data)
+        self.values = file.record(word, name)
+        self.largest = len(file.data)
         check(self.values.dtype.kind == "i", self.item, "whole numbers", str(self.values.dtype))
 
     def count(self, position: int, what: str, smallest: int = 1) -> int:
@@ -196,13 +201,16 @@ class _Header:
         return check_count(self[position], self.item, what, smallest, self.largest)
 
     def pointer(self, low: int, high: int) -> int:
+        """Return a position in the file from the positions of its two words."""
         return _long(self[low], self[high])
 
     def __getitem__(self, position: int) -> int:
-        return int(self.values[position - 1]) if position <= len(self.values) else 0
+        if position > len(self.values):
+            return 0
+        return int(self.values[position - 1])
 
 
-# -----------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 # Matrices
 
 
@@ -243,92 +251,95 @@ def read_full(path: Path) -> FullMatrices:
     Raises
     ------
     FileNotFoundError, ModelError
-        If the file does not exist or is damaged, or has unsymmetric or lumped matrices, constraint equations, or rotations.
+        If the file does not exist or is damaged, or has unsymmetric or lumped matrices, constraint
+        equations, or rotations.
     """
     file = _Binary(path, _FULL)
     head = _Header(file, _HEADER, "header")
-    for refused, expected, found in (
-        (head[1] != -4, "a symbolically assembled matrix (-4)", head[1]),
-        (head[14], "symmetric matrices", "unsymmetric ones"),
-        (head[11], "a consistent mass matrix (LUMPM,OFF)", "a lumped one"),
-        (
-            head[21],
-            "no constraint equations (CE, CP, CERIG, RBE3) in the matrices",
-            f"{head[21]} of them",
-        ),
-    ):
-        check(not refused, head.item, expected, found)
-    n_eq, n_nodes = head.count(2, "a number of equations"), head.count(33, "a number of nodes")
+    item = head.item
+    check(head[1] == -4, item, "a symbolically assembled matrix (-4)", head[1])
+    check(not head[14], item, "symmetric matrices", "unsymmetric ones")
+    check(not head[11], item, "a consistent mass matrix (LUMPM,OFF)", "a lumped one")
+    expected = "no constraint equations (CE, CP, CERIG, RBE3) in the matrices"
+    check(not head[21], item, expected, f"{head[21]} of them")
+    n_eq = head.count(2, "a number of equations")
+    n_nodes = head.count(33, "a number of nodes")
     n_eq_of_model = head[62]  # 0 in files of older releases
-    check(
-        n_eq_of_model <= n_eq,
-        head.item,
-        f"all {n_eq_of_model} equations of the model ({_COMBINE}FULL)",
-        n_eq,
-    )
+    expected = f"all {n_eq_of_model} equations of the model ({_COMBINE}FULL)"
+    check(n_eq_of_model <= n_eq, item, expected, n_eq)
+
     _, dof_names, node_numbers = file.run(_HEADER, 3, "header, degrees of freedom and nodes")
     counts, constraint = file.run(head.pointer(36, 37), 2, "degrees of freedom of each node")
     dofs = _full_dofs(path, dof_names, node_numbers, counts, n_nodes, n_eq)
-    check(
-        len(constraint) >= n_eq,
-        f"{path}: table of fixed components",
-        f"{n_eq} entries",
-        len(constraint),
+    item = f"{path}: table of fixed components"
+    check(len(constraint) >= n_eq, item, f"{n_eq} entries", len(constraint))
+    stiffness = _full_matrix(file, head.pointer(19, 20), n_eq, "stiffness")
+    mass = _full_matrix(file, head.pointer(27, 28), n_eq, "mass")
+
+    free = np.flatnonzero(constraint[:n_eq] >= 0)
+    # components without stiffness are dropped like fixed ones
+    free = free[stiffness.diagonal()[free] != 0.0]
+    check(len(free) > 0, str(path), "free components", "none")
+    highest = dofs[free, 1].max()
+    item = f"{path}: degrees of freedom"
+    check(highest <= 3, item, "UX, UY, UZ only", f"number {highest}")
+    return FullMatrices(
+        stiffness=stiffness[free][:, free].tocsr(),
+        mass=mass[free][:, free].tocsr(),
+        dofs=dofs[free],
+        dropped=n_eq - len(free),
+        nodes=np.unique(dofs[:, 0]),
     )
-    pointers = {"stiffness": head.pointer(19, 20), "mass": head.pointer(27, 28)}
-    matrices = [_full_matrix(file, word, n_eq, name) for name, word in pointers.items()]
-    keep = np.flatnonzero(constraint[:n_eq] >= 0)
-    empty = matrices[0].diagonal()[keep] == 0.0
-    keep = keep[~empty]
-    check(len(keep) > 0, str(path), "free components", "none")
-    kept = [m[keep][:, keep].tocsr() for m in matrices]
-    highest = dofs[keep, 1].max()
-    check(highest <= 3, f"{path}: degrees of freedom", "UX, UY, UZ only", f"number {highest}")
-    return FullMatrices(kept[0], kept[1], dofs[keep], n_eq - len(keep), np.unique(dofs[:, 0]))
 
 
 def _full_dofs(
     source: Path, dof_names: NDArray, numbers: NDArray, counts: NDArray, n_nodes: int, n_eq: int
 ) -> NDArray:
     """Return node number and component (n_eq, 2) of each equation."""
+    expected = f"{n_nodes} entries, one for each node"
     for what, table in (("node numbers", numbers), ("degrees of freedom of each node", counts)):
-        check(
-            len(table) >= n_nodes,
-            f"{source}: table of {what}",
-            f"{n_nodes} entries, one for each node",
-            len(table),
-        )
-    numbers, counts = numbers[:n_nodes].astype(np.int64), counts[:n_nodes].astype(np.int64)
-    good = counts.min() >= 0 and counts.max() <= len(dof_names) and counts.sum() == n_eq
-    check(good, f"{source}: degrees of freedom of each node", f"{n_eq} in all", int(counts.sum()))
-    first = np.repeat(np.cumsum(counts) - counts, counts)
-    within_node = np.arange(n_eq) - first
-    return np.column_stack([np.repeat(numbers, counts), dof_names.astype(np.int64)[within_node]])
+        check(len(table) >= n_nodes, f"{source}: table of {what}", expected, len(table))
+    numbers = numbers[:n_nodes].astype(np.int64)
+    counts = counts[:n_nodes].astype(np.int64)
+    in_range = counts.min() >= 0 and counts.max() <= len(dof_names)
+    check(
+        in_range and counts.sum() == n_eq,
+        f"{source}: degrees of freedom of each node",
+        f"{n_eq} in all",
+        int(counts.sum()),
+    )
+    # the equations of a node follow each other
+    first_of_node = np.cumsum(counts) - counts
+    within_node = np.arange(n_eq) - np.repeat(first_of_node, counts)
+    components = dof_names.astype(np.int64)[within_node]
+    return np.column_stack([np.repeat(numbers, counts), components])
 
 
 def _full_matrix(file: _Binary, word: int, n_eq: int, name: str) -> sp.csr_matrix:
     """Read one triangle, stored by rows as a record of columns and a record of values."""
-    item = f"{name} matrix"
-    check(word > 0, f"{file.source}: {item}", "a matrix", "none in the file")
+    item = f"{file.source}: {name} matrix"
+    check(word > 0, item, "a matrix", "none in the file")
     rows, columns, values = [], [], []
-    records = file.run(word, 2 * n_eq, item)
+    records = file.run(word, 2 * n_eq, f"{name} matrix")
     for row in range(n_eq):
-        column, value = next(records), next(records)
-        where = f"{file.source}: {item}, row {row + 1}"
-        good = column.dtype.kind == "i" and value.dtype.kind == "f" and len(column) == len(value)
-        check(
-            good,
-            where,
-            "records of columns and values of the same length",
-            f"{len(column)} and {len(value)}",
-        )
-        low, high = column.min(initial=1), column.max(initial=1)
-        check(low >= 1 and high <= n_eq, where, f"columns 1 to {n_eq}", f"{low} to {high}")
+        column = next(records)
+        value = next(records)
+        where = f"{item}, row {row + 1}"
+        right_types = column.dtype.kind == "i" and value.dtype.kind == "f"
+        expected = "records of columns and values of the same length"
+        found = f"{len(column)} and {len(value)}"
+        check(right_types and len(column) == len(value), where, expected, found)
+        lowest = column.min(initial=1)
+        highest = column.max(initial=1)
+        within = lowest >= 1 and highest <= n_eq
+        check(within, where, f"columns 1 to {n_eq}", f"{lowest} to {highest}")
         rows.append(np.full(len(column), row))
         columns.append(column.astype(np.int64) - 1)
         values.append(value.astype(float))
-    i, j, entries = np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
-    check_all(np.isfinite(entries), entries, "finite numbers", f"{file.source}: {item}")
+    i = np.concatenate(rows)
+    j = np.concatenate(columns)
+    entries = np.concatenate(values)
+    check_all(np.isfinite(entries), entries, "finite numbers", item)
     return triangle_to_full(np.minimum(i, j), np.maximum(i, j), entries, n_eq)
 
 
@@ -353,25 +364,38 @@ def read_ansys(full: FilePath, archive: FilePath, results: FilePath | None = Non
     FileNotFoundError, ModelError
         If a file does not exist or is damaged, or matrices and archive do not have the same nodes.
     """
-    body, found = read_cdb(archive), read_full(full)
-    solid = np.unique(np.concatenate([np.zeros(0, np.int64), *(e.ravel() for e in body.elements)]))
-    for file, nodes, others, other in (
-        (archive, body.numbers, found.nodes, full),
-        (full, found.nodes, solid, archive),
-    ):
-        missing = np.setdiff1d(others, nodes)
-        some = ", ".join(map(str, missing[:5])) + ", ..." * (len(missing) > 5)
-        wanted = f"the nodes of {other}, from the same model"
-        check(
-            not len(missing), str(file), wanted, f"{len(missing)} of {len(others)} missing: {some}"
-        )
+    body = read_cdb(archive)
+    matrices = read_full(full)
+    no_node = np.zeros(0, np.int64)
+    node_lists = [no_node, *(elements.ravel() for elements in body.elements)]
+    nodes_of_solids = np.unique(np.concatenate(node_lists))
+    _check_contains(archive, body.numbers, full, matrices.nodes)
+    _check_contains(full, matrices.nodes, archive, nodes_of_solids)
     modes = read_rst(results).modes if results is not None else ()
-    notes = (*body.notes, f"{found.dropped} rows of fixed components dropped from {full}")
-    matrices = {"stiffness": found.stiffness, "mass": found.mass, "dofs": found.dofs}
-    return replace(body, **matrices, modes=modes, source=f"{full}, {archive}", notes=notes)
+    note = f"{matrices.dropped} rows of fixed components dropped from {full}"
+    return replace(
+        body,
+        stiffness=matrices.stiffness,
+        mass=matrices.mass,
+        dofs=matrices.dofs,
+        modes=modes,
+        source=f"{full}, {archive}",
+        notes=(*body.notes, note),
+    )
 
 
-# -----------------------------------------------------------------------------------------------------------
+def _check_contains(file: FilePath, nodes: NDArray, other: FilePath, required: NDArray) -> None:
+    """Raise ModelError unless the nodes of a file include the required nodes of another file."""
+    missing = np.setdiff1d(required, nodes)
+    listed = ", ".join(map(str, missing[:5]))
+    if len(missing) > 5:
+        listed += ", ..."
+    expected = f"the nodes of {other}, from the same model"
+    found = f"{len(missing)} of {len(required)} missing: {listed}"
+    check(not len(missing), str(file), expected, found)
+
+
+# --------------------------------------------------------------------------------------------------
 # Archive
 
 
@@ -399,7 +423,8 @@ class _Archive:
     """Parser of an archive."""
 
     def __init__(self, lines: Lines) -> None:
-        self.source, self.lines = str(lines.source), lines
+        self.lines = lines
+        self.source = str(lines.source)
         self.numbers: list[int] = []
         self.positions: list[list[float]] = []
         self.angles: list[list[float]] = []
@@ -412,10 +437,10 @@ class _Archive:
         self.passed_over: Counter[str] = Counter()
 
     def _integers(self, what: str, fields: list[tuple[bool, slice]]) -> list[int]:
+        """Return the whole numbers of the next line; blank fields are left out."""
         text = self.lines.take(what)
-        with parsing(
-            self.lines.item, "whole numbers in the columns of the format of the block", text
-        ):
+        expected = "whole numbers in the columns of the format of the block"
+        with parsing(self.lines.item, expected, text):
             return [int(text[columns]) for _, columns in fields if text[columns].strip()]
 
     def _fields(self, block: str) -> list[tuple[bool, slice]]:
@@ -427,14 +452,15 @@ class _Archive:
             Whether a field contains an integer, and its columns.
         """
         text = self.lines.take(f"the format of {block}")
+        item = self.lines.item
         fields: list[tuple[bool, slice]] = []
+        start = 0
         for count, letter, width in re.findall(r"(\d*)([iedfg])(\d+)", text.lower()):
-            size = check_count(int(width), self.lines.item, "a width of fields", 1, 100)
-            for _ in range(
-                check_count(int(count or 1), self.lines.item, "a repetition of fields", 1, 100)
-            ):
-                start = fields[-1][1].stop if fields else 0
+            size = check_count(int(width), item, "a width of fields", 1, 100)
+            repetitions = check_count(int(count or 1), item, "a repetition of fields", 1, 100)
+            for _ in range(repetitions):
                 fields.append((letter == "i", slice(start, start + size)))
+                start += size
         self.lines.require(bool(fields), "a format like (3i9,6e21.13e3)", f"'{text[:40]}'")
         return fields
 
@@ -443,39 +469,45 @@ class _Archive:
         for line in self.lines:
             for command in _commands(line):
                 self._read(command)
-        axes = {n: _node_axes(np.array(a)) for n, a in zip(self.numbers, self.angles) if any(a)}
-        kinds = map(self._kind, self.owners, self.elements)
+        node_axes = {}
+        for number, angles in zip(self.numbers, self.angles):
+            if any(angles):
+                node_axes[number] = _node_axes(np.array(angles))
         notes = [
             f"{count} elements of type {name} are not solids and are not read"
             for name, count in self.skipped.items()
         ]
         if self.passed_over:
-            notes.append(
-                f"commands of the archive that are not read: {', '.join(self.passed_over)}"
-            )
+            names = ", ".join(self.passed_over)
+            notes.append(f"commands of the archive that are not read: {names}")
         return mesh_body(
-            self.source, "a block of nodes (NBLOCK)", self.numbers, self.positions, self.elements, kinds,
-            node_sets=self.sets, node_axes=axes, notes=tuple(notes),
-        )  # fmt: skip
+            self.source,
+            "a block of nodes (NBLOCK)",
+            self.numbers,
+            self.positions,
+            self.elements,
+            map(self._kind, self.owners, self.elements),
+            node_sets=self.sets,
+            node_axes=node_axes,
+            notes=tuple(notes),
+        )
 
     def _leave_out_iges(self) -> None:
-        """Advance to the commands behind geometry in IGES form, with which an archive of the solid model begins."""
+        """Skip the geometry in IGES form with which an archive of the solid model begins."""
         if not self.lines.follows_match(_IGES_START):
             return
-        while (
-            not self.lines.take("the line :CDWRITE behind the geometry (IGES)")
-            .upper()
-            .startswith(":CDWRITE")
-        ):
-            pass
+        line = ""
+        while not line.upper().startswith(":CDWRITE"):
+            line = self.lines.take("the line :CDWRITE behind the geometry (IGES)")
 
     def _read(self, command: str) -> None:
-        words = [w.strip() for w in command.split(",")]
+        """Read a command with the block that follows it."""
+        words = [word.strip() for word in command.split(",")]
         key = words[0].split(" ")[0].upper()
         if key == "NBLOCK":
             self._nodes()
         elif key == "EBLOCK":
-            self._elements("SOLID" in (w.upper() for w in words))
+            self._elements("SOLID" in (word.upper() for word in words))
         elif key == "CMBLOCK" and len(words) >= 4:
             self._component(words)
         elif key == "ET" and len(words) >= 3 and words[1].isdigit():
@@ -483,22 +515,27 @@ class _Archive:
         elif key == "ETBLOCK":
             self._types()
         elif key == "MPDATA" and len(words) >= 7 and words[4].isdigit():
-            self.constants.setdefault(words[3].upper(), {}).setdefault(
-                int(words[4]), float(words[6])
-            )
+            # keep the first of several values over temperature
+            by_material = self.constants.setdefault(words[3].upper(), {})
+            by_material.setdefault(int(words[4]), float(words[6]))
         elif not _ends_block(words):
             self._pass_over(key, words, command)
 
     def _pass_over(self, key: str, words: list[str], command: str) -> None:
-        """Keep the name of a command for the note; raise ModelError if it changes the mesh or a set of nodes."""
+        """Keep the name of a command for the note.
+
+        Raises
+        ------
+        ModelError
+            If the command changes the mesh or a set of nodes.
+        """
         numbers_of_a_block = not re.match(r"[*/~]?[A-Z_]", key)
         if numbers_of_a_block or _ASSIGNMENT.match(command):
             return
         incomplete = key in ("ET", "CMBLOCK")
         names_nodes = key == "CM" and (len(words) < 3 or words[2].upper().startswith("NODE"))
-        renumbers = key.startswith("NUMO") and bool(
-            self.numbers
-        )  # NUMOFF; an archive begins with it
+        # an archive begins with NUMOFF, which has no effect before there are nodes
+        renumbers = key.startswith("NUMO") and bool(self.numbers)
         if changes_mesh(key) or incomplete or names_nodes or renumbers:
             refuse(command.strip()[:40], self.lines.item, CDB_READ)
         self.passed_over[key] += 1
@@ -506,87 +543,107 @@ class _Archive:
     def _types(self) -> None:
         """Read numbers and names of element types."""
         fields = self._fields("ETBLOCK")
-        while (words := self._integers("the end of ETBLOCK (-1)", fields))[:1] != [-1]:
+        while True:
+            words = self._integers("the end of ETBLOCK (-1)", fields)
+            if words[:1] == [-1]:
+                return
             self.lines.require(len(words) >= 2, "number and name of an element type", words)
             self.types[words[0]] = str(words[1])
 
     def _kind(self, owner: tuple[str, int], nodes: list[int]) -> ElementKind:
-        name, material = owner
-        poisson = self.constants.get("PRXY", {}) | self.constants.get("NUXY", {})
-        plain = f"C3D{len(nodes)}" + ("R" if name == "186" and len(nodes) == 20 else "")
-        young, density = (self.constants.get(key, {}).get(material) for key in ("EX", "DENS"))
-        return ElementKind(plain, young, poisson.get(material), density)
+        """Return type and material of an element from its element type and material number."""
+        type_name, material = owner
+        name = f"C3D{len(nodes)}"
+        # SOLID186 has reduced integration
+        if type_name == "186" and len(nodes) == 20:
+            name += "R"
+        poisson_ratio = self.constants.get("PRXY", {}) | self.constants.get("NUXY", {})
+        return ElementKind(
+            name,
+            self.constants.get("EX", {}).get(material),
+            poisson_ratio.get(material),
+            self.constants.get("DENS", {}).get(material),
+        )
 
     def _nodes(self) -> None:
-        (whole, first), *fields = self._fields("NBLOCK")
-        self.lines.require(whole, "a format that begins with a whole number", "another one")
-        reals = [columns for is_whole, columns in fields if not is_whole]
+        """Read a block of nodes: number, position and angles of the axes of each."""
+        (is_whole, number_columns), *fields = self._fields("NBLOCK")
+        self.lines.require(is_whole, "a format that begins with a whole number", "another one")
+        real_columns = [columns for is_integer, columns in fields if not is_integer]
         while True:
             line = self.lines.take("the end of NBLOCK (-1)")
-            words = [w.strip() for w in line.split(",")]
+            words = [word.strip() for word in line.split(",")]
             if line.startswith("-1") or not line.strip() or _ends_block(words):
                 break
             with parsing(self.lines.item, "a node", line):
-                number = int(line[first])
-                values = [
-                    float(line[columns].replace("D", "E"))
-                    for columns in reals
-                    if line[columns].strip()
-                ]
+                number = int(line[number_columns])
+                texts = [line[columns] for columns in real_columns if line[columns].strip()]
+                values = [float(text.replace("D", "E")) for text in texts]
             if number < 0:
                 break
             good = len(values) <= 6 and np.isfinite(values).all()
             self.lines.require(good, "at most six finite numbers", f"'{line[:60]}'")
+            # numbers of 0 at the end of a line are left out
             values += [0.0] * (6 - len(values))
             self.numbers.append(number)
             self.positions.append(values[:3])
             self.angles.append(values[3:])
 
     def _elements(self, solid: bool) -> None:
+        """Read a block of elements; elements other than solids are counted and skipped."""
         fields = self._fields("EBLOCK")
-        while (words := self._integers("the end of EBLOCK (-1)", fields))[:1] != [-1]:
-            self.lines.require(
-                solid and len(words) >= 12, "an element of a block of SOLID form", words
-            )
-            kind, count, nodes = words[1], words[8], words[11:]
-            while len(nodes) < count:
+        while True:
+            words = self._integers("the end of EBLOCK (-1)", fields)
+            if words[:1] == [-1]:
+                return
+            complete = solid and len(words) >= 12
+            self.lines.require(complete, "an element of a block of SOLID form", words)
+            material, kind, n_nodes = words[0], words[1], words[8]
+            nodes = words[11:]
+            while len(nodes) < n_nodes:
                 nodes += self._integers("the nodes of an element", fields)
             name = self.types.get(kind, "")
-            known = _SOLIDS.get(name, count if not name else 0)
-            if known not in (4, 8, 10, 20) or len(nodes) != count:
-                self.skipped[name or f"{count} nodes"] += 1
+            # without a name of the type the number of nodes decides
+            n_of_type = _SOLIDS.get(name, 0) if name else n_nodes
+            if n_of_type not in (4, 8, 10, 20) or len(nodes) != n_nodes:
+                self.skipped[name or f"{n_nodes} nodes"] += 1
                 continue
-            if 0 in nodes or count != known:  # without some mid-side nodes
-                nodes = nodes[: N_CORNER[known]]
+            without_some_mid_side_nodes = 0 in nodes or n_nodes != n_of_type
+            if without_some_mid_side_nodes:
+                nodes = nodes[: N_CORNER[n_of_type]]
             self.elements.append(_without_repeats(nodes))
-            self.owners.append((name, words[0]))
+            self.owners.append((name, material))
 
     def _component(self, words: list[str]) -> None:
+        """Read a component; a component of nodes becomes a set."""
         name, kind = words[1].strip(), words[2].strip().upper()
         item = self.lines.item
         with parsing(item, "a number of items in CMBLOCK", words[3]):
             count = int(re.findall(r"^\d+", words[3].strip())[0])
-        total = check_count(count, item, "a number of items", 0, 50_000_000)
+        n_items = check_count(count, item, "a number of items", 0, 50_000_000)
         fields = self._fields("CMBLOCK")
-        found: list[int] = []
-        wanted = f"{total} items of component '{name}'"
-        while len(found) < total:
-            more = self._integers(wanted, fields)
-            self.lines.require(bool(more), wanted, len(found))
-            found += more
-        members, last = [np.zeros(0, np.int64)], 0
-        for number in found[:total]:  # a negative number ends a range
-            good = number >= 0 or 0 < last <= -number <= last + 50_000_000
-            check(good, item, f"ranges in component '{name}'", number)
-            members.append(np.arange(last + 1 if number < 0 else number, abs(number) + 1))
-            last = abs(number)
-        if kind.startswith("NODE") and total:
+        items: list[int] = []
+        expected = f"{n_items} items of component '{name}'"
+        while len(items) < n_items:
+            more = self._integers(expected, fields)
+            self.lines.require(bool(more), expected, len(items))
+            items += more
+
+        members = [np.zeros(0, np.int64)]
+        previous = 0
+        for number in items[:n_items]:
+            ends_range = number < 0
+            in_order = 0 < previous <= -number <= previous + 50_000_000
+            check(not ends_range or in_order, item, f"ranges in component '{name}'", number)
+            first = previous + 1 if ends_range else number
+            members.append(np.arange(first, abs(number) + 1))
+            previous = abs(number)
+        if kind.startswith("NODE") and n_items:
             self.sets[name] = np.concatenate(members)
 
 
-_IGES_START = re.compile(
-    r".{72}S {0,6}\d+\s*$"
-)  # the letter of the section and a number in columns 73 to 80
+# the letter of the section and a number in columns 73 to 80
+_IGES_START = re.compile(r".{72}S {0,6}\d+\s*$")
 _TEXT = re.compile(r"\s*(/COM|/TIT|/STI|C\*\*\*)", re.IGNORECASE)
 _QUOTED_OR_COMMENT = re.compile(r"'[^']*'|!.*")
 _ASSIGNMENT = re.compile(r"\s*\w+(\([^)]*\))?\s*=")
@@ -608,23 +665,34 @@ def _ends_block(words: list[str]) -> bool:
 
 
 def _without_repeats(nodes: list[int]) -> list[int]:
-    """Return the distinct nodes of a wedge or tetrahedron that is stored as a hexahedron; other elements are unchanged."""
-    corners = (
-        {6: (0, 1, 2, 4, 5, 6), 4: (0, 1, 2, 4)}.get(len(set(nodes[:8])))
-        if len(nodes) in (8, 20)
-        else None
-    )
-    distinct = [nodes[k] for k in corners or ()]
-    out = distinct + [n for n in dict.fromkeys(nodes[8:]) if n not in distinct]
-    return out if len(out) in N_CORNER and set(distinct) == set(nodes[:8]) else nodes
+    """Return the distinct nodes of a wedge or tetrahedron that is stored as a hexahedron.
+
+    Other elements are unchanged.
+    """
+    if len(nodes) not in (8, 20):
+        return nodes
+    corners = set(nodes[:8])
+    # places of the distinct corners of a wedge and of a tetrahedron
+    places = {6: (0, 1, 2, 4, 5, 6), 4: (0, 1, 2, 4)}.get(len(corners))
+    if places is None:
+        return nodes
+    distinct_corners = [nodes[place] for place in places]
+    if set(distinct_corners) != corners:
+        return nodes
+    mid_side = [node for node in dict.fromkeys(nodes[8:]) if node not in distinct_corners]
+    distinct = distinct_corners + mid_side
+    return distinct if len(distinct) in N_CORNER else nodes
 
 
 def _node_axes(angles: NDArray) -> NDArray:
-    """Return the axes of a node as rows (3, 3), rotated about Z, the new X and the new Y by three angles (degrees)."""
+    """Return the axes of a node as rows (3, 3) from three angles (degrees).
+
+    They are rotated about Z, the new X and the new Y.
+    """
     return Rotation.from_euler("ZXY", angles, degrees=True).as_matrix().T
 
 
-# -----------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 # Results
 
 
@@ -639,24 +707,26 @@ def read_rst(path: Path) -> FEBody:
     Returns
     -------
     FEBody
-        Body without matrices.  Its modes are standing waves of the base sector in the axes of the file, two for each
-        travelling wave of a nodal diameter between 0 and N/2.
+        Body without matrices.  Its modes are standing waves of the base sector in the axes of the
+        file, two for each travelling wave of a nodal diameter between 0 and N/2.
 
     Raises
     ------
     FileNotFoundError, ModelError
-        If the file does not exist, is damaged, or has no modal analysis with displacements UX, UY, UZ.
+        If the file does not exist, is damaged, or has no modal analysis with displacements UX, UY,
+        UZ.
     """
     file = _Binary(path, _RESULT)
     head = _Header(file, _HEADER, "header")
     check(head[8] == _MODAL, head.item, f"a modal analysis: number {_MODAL}", head[8])
-    n_nodes, n_sets = head.count(3, "a number of nodes"), head.count(9, "a number of result sets")
+    n_nodes = head.count(3, "a number of nodes")
+    n_sets = head.count(9, "a number of result sets")
     # 0 in files of releases without distributed solution
     n_nodes_of_model = head[49] or n_nodes
     if n_nodes_of_model != n_nodes:
-        raise mismatch(
-            head.item, f"all {n_nodes_of_model} nodes of the model ({_COMBINE}RST)", n_nodes
-        )
+        expected = f"all {n_nodes_of_model} nodes of the model ({_COMBINE}RST)"
+        raise mismatch(head.item, expected, n_nodes)
+    # the index has the low words of all positions, then the high words
     room = head.count(4, "room for result sets", n_sets)
     index = file.record(head.pointer(11, 41), "index of result sets")
     if len(index) < 2 * room or index.dtype.kind != "i":
@@ -669,10 +739,11 @@ def read_rst(path: Path) -> FEBody:
         raise mismatch(str(path), f"{n_sets} result sets of {n_nodes} nodes", "shorter tables")
     body, axes = _rst_mesh(file, head.pointer(16, 47))
     shapes = [_rst_shape(file, word, numbers, axes, k) for k, word in enumerate(words)]
-    each = zip(diameter.tolist(), frequency.tolist(), shapes)
-    modes = modes_by_diameter(
-        ((d, hertz, 1.0, numbers, shape) for d, hertz, shape in each), str(path)
-    )
+    listed = [
+        (d, hertz, 1.0, numbers, shape)
+        for d, hertz, shape in zip(diameter.tolist(), frequency.tolist(), shapes)
+    ]
+    modes = modes_by_diameter(listed, str(path))
     notes = (f"{n_sectors} sectors",) if n_sectors > 1 else ()
     return replace(body, modes=modes, notes=notes)
 
@@ -680,66 +751,59 @@ def read_rst(path: Path) -> FEBody:
 def _rst_diameters(file: _Binary, head: _Header, n_sets: int) -> tuple[int, NDArray]:
     """Return the number of sectors and the nodal diameter of each result set."""
     n_stages = _Header(file, head.pointer(16, 47), "geometry header")[54]
-    check(
-        n_stages <= 1,
-        head.item,
-        f"sectors of one stage ({_ONE_STAGE})",
-        f"a multistage result with {n_stages} stages",
-    )
-    n_sectors, pointer = head[21], head.pointer(17, 44)
+    one_stage = f"sectors of one stage ({_ONE_STAGE})"
+    check(n_stages <= 1, head.item, one_stage, f"a multistage result with {n_stages} stages")
+    n_sectors = head[21]
+    pointer = head.pointer(17, 44)
     diameter = np.zeros(n_sets, int)
     if pointer > 0:
         diameter = np.abs(file.record(pointer, "harmonic indices")[:n_sets].astype(int))
     if n_sectors > 1:
-        check(
-            pointer > 0,
-            head.item,
-            f"the nodal diameters of a disk with {n_sectors} sectors",
-            "none",
-        )
+        expected = f"the nodal diameters of a disk with {n_sectors} sectors"
+        check(pointer > 0, head.item, expected, "none")
     else:
         # each stage of a multistage model has its own number of sectors
         several = f"harmonic indices up to {diameter.max(initial=0)} without a number of sectors"
-        check(not diameter.any(), head.item, f"sectors of one stage ({_ONE_STAGE})", several)
+        check(not diameter.any(), head.item, one_stage, several)
     return n_sectors, diameter
 
 
 def _rst_mesh(file: _Binary, word: int) -> tuple[FEBody, dict[int, NDArray]]:
     """Return nodes and solid elements, and the axes of nodes with rotated axes."""
     head = _Header(file, word, "geometry header")
-    n_nodes, n_elements = (
-        head.count(4, "a number of nodes"),
-        head.count(5, "a number of elements", 0),
-    )
+    n_nodes = head.count(4, "a number of nodes")
+    n_elements = head.count(5, "a number of elements", 0)
+    # number, position and angles of each node
     table = np.empty((n_nodes, 7))
     for k, row in enumerate(file.run(head.pointer(27, 28) or head[9], n_nodes, "nodes")):
         if len(row) < 7 or row.dtype.kind != "f" or not np.isfinite(row[:7]).all():
-            raise mismatch(
-                f"{file.source}: nodes, record {k + 1}", "seven finite numbers", len(row)
-            )
+            item = f"{file.source}: nodes, record {k + 1}"
+            raise mismatch(item, "seven finite numbers", len(row))
         table[k] = row[:7]
     numbers = table[:, 0].astype(np.int64)
-    elements = []
-    if n_elements:
-        start = head.pointer(29, 30) or head[11]
-        offsets = file.record(start, "index of elements")
-        words = (
-            np.ascontiguousarray(offsets).astype("<i4").view("<i8")
-            if len(offsets) >= 2 * n_elements
-            else offsets
-        )
-        for k in range(n_elements):
-            check(
-                k < len(words),
-                f"{file.source}: index of elements",
-                f"{n_elements} entries",
-                len(words),
-            )
-            element = file.record(start + int(words[k]), f"element {k + 1}")[10:].astype(np.int64)
-            if len(element) in (8, 10, 20) and np.isin(element, numbers).all():
-                elements.append(np.array(_without_repeats(element.tolist())))
+    elements = _rst_elements(file, head, n_elements, numbers) if n_elements else []
     body = mesh_body(str(file.source), "nodes", numbers, table[:, 1:4], elements)
-    return body, {int(row[0]): _node_axes(row[4:7]) for row in table if row[4:7].any()}
+    axes = {int(row[0]): _node_axes(row[4:7]) for row in table if row[4:7].any()}
+    return body, axes
+
+
+def _rst_elements(file: _Binary, head: _Header, n_elements: int, numbers: NDArray) -> list[NDArray]:
+    """Return the node numbers of each solid element whose nodes are all among ``numbers``."""
+    start = head.pointer(29, 30) or head[11]
+    words = file.record(start, "index of elements")
+    if len(words) >= 2 * n_elements:
+        # positions of 64 bits
+        words = np.ascontiguousarray(words).astype("<i4").view("<i8")
+    elements = []
+    for k in range(n_elements):
+        item = f"{file.source}: index of elements"
+        check(k < len(words), item, f"{n_elements} entries", len(words))
+        record = file.record(start + int(words[k]), f"element {k + 1}")
+        # ten numbers on type and material come first
+        nodes = record[10:].astype(np.int64)
+        if len(nodes) in (8, 10, 20) and np.isin(nodes, numbers).all():
+            elements.append(np.array(_without_repeats(nodes.tolist())))
+    return elements
 
 
 def _rst_shape(
@@ -747,19 +811,18 @@ def _rst_shape(
 ) -> NDArray:
     """Return the displacements (n_nodes, 3) of a result set in the axes of the file."""
     head = _Header(file, word, f"result set {k + 1}")
-    item, n = head.item, head.count(3, "a number of nodes")
+    item = head.item
+    n_nodes = head.count(3, "a number of nodes")
     per_node = check_count(head[20] + head[98], item, "a number of values of each node", 3, 64)
     names = [head[21 + j] for j in range(head[20])] if 0 < head[20] <= 30 else []
     check(names[:3] == [1, 2, 3], item, "displacements UX, UY, UZ", f"degrees of freedom {names}")
-    values = file.record(
-        word + (head.pointer(105, 106) or head[11]), f"displacements of result set {k + 1}"
-    ).astype(float)
-    if len(values) < n * per_node or n != len(numbers):
-        raise mismatch(
-            item, f"{per_node} values of each of {len(numbers)} nodes", f"{len(values)} values"
-        )
-    out = values[: n * per_node].reshape(n, per_node)[:, :3].copy()
-    out[out == 2.0**100] = 0.0  # number of Ansys for "no value"
-    check_all(np.isfinite(out), out, "finite displacements", item)
-    rotate_to_file(out, numbers, axes)
-    return out
+    start = word + (head.pointer(105, 106) or head[11])
+    values = file.record(start, f"displacements of result set {k + 1}").astype(float)
+    if len(values) < n_nodes * per_node or n_nodes != len(numbers):
+        expected = f"{per_node} values of each of {len(numbers)} nodes"
+        raise mismatch(item, expected, f"{len(values)} values")
+    shape = values[: n_nodes * per_node].reshape(n_nodes, per_node)[:, :3].copy()
+    shape[shape == 2.0**100] = 0.0  # number of Ansys for "no value"
+    check_all(np.isfinite(shape), shape, "finite displacements", item)
+    rotate_to_file(shape, numbers, axes)
+    return shape

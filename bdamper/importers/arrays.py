@@ -1,15 +1,17 @@
 """Matrices and tables from plain files: NumPy, MATLAB, Abaqus coordinate text and CSV.
 
-MATLAB files of version 5 to 7.2 are read by this module, since the reader of SciPy crashes on damaged files.  After a
-header of 128 bytes a file consists of data elements.  Each has a type and a length in eight bytes (four bytes for at most
-four bytes of data), then the data, padded to eight bytes.  Type 15 contains other elements, compressed by zlib.  Type 14 is
-an array: flags with its class, dimensions, name, then the numbers by columns.  A sparse array has row indices, column
+MATLAB files of version 5 to 7.2 are read by this module, since the reader of SciPy crashes on
+damaged files.  After a header of 128 bytes a file consists of data elements.  Each has a type and a
+length in eight bytes (four bytes for at most four bytes of data), then the data, padded to eight
+bytes.  Type 15 contains other elements, compressed by zlib.  Type 14 is an array: flags with its
+class, dimensions, name, then the numbers by columns.  A sparse array has row indices, column
 pointers and numbers instead.
 
 References
 ----------
 MathWorks, *MAT-File Format*, version 5 (MATLAB documentation).
-Dassault Systèmes, *Abaqus Analysis User's Guide*, "Generating matrices" (formats COORDINATE and MATRIX INPUT).
+Dassault Systèmes, *Abaqus Analysis User's Guide*, "Generating matrices" (formats COORDINATE and
+MATRIX INPUT).
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
@@ -80,130 +82,137 @@ def read_mat(source: Path) -> dict[str, NDArray | sp.spmatrix]:
     if len(data) < 128 or data[126:128] not in (b"IM", b"MI"):
         raise mismatch(str(source), "a MATLAB file of version 5 to 7.3", "no such header")
     order = "<" if data[126:128] == b"IM" else ">"
-    if struct.unpack_from(order + "H", data, 124)[0] != 0x0100:
+    version = struct.unpack_from(order + "H", data, 124)[0]
+    if version != 0x0100:
         raise mismatch(str(source), "a MATLAB file of version 5 to 7.3", "another version")
-    out: dict[str, NDArray | sp.spmatrix] = {}
+    matrices: dict[str, NDArray | sp.spmatrix] = {}
     room = MOST_BYTES
     for kind, content in _elements(data[128:], order, str(source)):
-        if kind == _COMPRESSED:
-            stream = zlib.decompressobj()
-            head = stream.decompress(content, 8)  # type and length
-            length = int.from_bytes(head[4:], "little" if order == "<" else "big")
-            room -= check_count(
-                length, f"{source}: compressed variable", "bytes, with those before it,", 0, room
-            )
-            inner = head + stream.decompress(stream.unconsumed_tail, length + 1)
-            for part, array in _elements(inner, order, str(source)):
-                if part == _ARRAY:
-                    _array(array, order, str(source), out)
-        elif kind == _ARRAY:
-            _array(content, order, str(source), out)
-    return out
+        if kind == _ARRAY:
+            _add_array(matrices, content, order, str(source))
+        if kind != _COMPRESSED:
+            continue
+        # the length before the content tells how much memory it needs
+        stream = zlib.decompressobj()
+        type_and_length = stream.decompress(content, 8)
+        length = int.from_bytes(type_and_length[4:], "little" if order == "<" else "big")
+        item = f"{source}: compressed variable"
+        room -= check_count(length, item, "bytes, with those before it,", 0, room)
+        inner = type_and_length + stream.decompress(stream.unconsumed_tail, length + 1)
+        for inner_kind, array in _elements(inner, order, str(source)):
+            if inner_kind == _ARRAY:
+                _add_array(matrices, array, order, str(source))
+    return matrices
 
 
 def _read_mat_73(source: Path) -> dict[str, NDArray | sp.spmatrix]:
-    """Read the real matrices of a MATLAB file of version 7.3, which is an HDF5 file; rows are its last dimension."""
-    out, room = dict[str, NDArray | sp.spmatrix](), MOST_BYTES
+    """Read the real matrices of a MATLAB file of version 7.3, which is an HDF5 file."""
+    matrices: dict[str, NDArray | sp.spmatrix] = {}
+    room = MOST_BYTES
     with h5py.File(source, "r") as file:
         for name in file:
+            # a link may lead to another file
             if not isinstance(file.get(name, getlink=True), h5py.HardLink):
                 continue
-            item, found = f"{source}: {name!r}", file[name]
-            rows = found.attrs.get("MATLAB_sparse")
-            parts = [found] if rows is None else [found.get(key) for key in ("data", "ir", "jc")]
-            if not all(
-                isinstance(part, h5py.Dataset) and part.dtype.kind in "fiub" for part in parts
-            ):
+            item = f"{source}: {name!r}"
+            variable = file[name]
+            n_rows = variable.attrs.get("MATLAB_sparse")
+            if n_rows is None:
+                parts = [variable]
+            else:
+                parts = [variable.get(key) for key in ("data", "ir", "jc")]
+            if not all(map(_is_real, parts)):
                 continue
-            room -= check_count(
-                sum(part.nbytes for part in parts), item, "bytes, with those before it,", 0, room
-            )
+            size = sum(part.nbytes for part in parts)
+            room -= check_count(size, item, "bytes, with those before it,", 0, room)
             arrays = [part[()] for part in parts]
-            if rows is None:
-                if arrays[0].ndim == 2:
-                    out[name] = arrays[0].T.astype(float)
-                continue
-            shape = check_count(int(rows), item, "a size"), len(arrays[2]) - 1
-            value, row, pointer = (
-                arrays[0].astype(float),
-                *(array.astype(np.int64) for array in arrays[1:]),
-            )
-            out[name] = sp.csc_matrix(
-                (value, row, pointer), shape=shape
-            )  # checked by square_matrix
-    return out
+            if n_rows is not None:
+                value = arrays[0].astype(float)
+                row = arrays[1].astype(np.int64)
+                pointer = arrays[2].astype(np.int64)
+                shape = check_count(int(n_rows), item, "a size"), len(pointer) - 1
+                # square_matrix checks the indices
+                matrices[name] = sp.csc_matrix((value, row, pointer), shape=shape)
+            elif arrays[0].ndim == 2:
+                # rows are the last dimension
+                matrices[name] = arrays[0].T.astype(float)
+    return matrices
+
+
+def _is_real(part: Any) -> bool:
+    return isinstance(part, h5py.Dataset) and part.dtype.kind in "fiub"
 
 
 def _elements(data: bytes, order: str, item: str) -> Iterator[tuple[int, bytes]]:
     """Iterate over type and content of data elements."""
-    at = 0
-    while at + 8 <= len(data):
-        kind, length = struct.unpack_from(order + "II", data, at)
-        if kind >> 16:  # small element: length and type in the first word, data in the second
-            length, kind, start, step = kind >> 16, kind & 0xFFFF, at + 4, 8
+    position = 0
+    while position + 8 <= len(data):
+        kind, length = struct.unpack_from(order + "II", data, position)
+        is_small = kind >> 16 > 0
+        if is_small:
+            # length and type share the first word, and the data are the second
+            length, kind = kind >> 16, kind & 0xFFFF
+            start = position + 4
+            step = 8
             check(length <= 4, item, "small elements of at most four bytes", length)
         else:
-            start = at + 8
-            step = 8 + (length if kind == _COMPRESSED else (length + 7) // 8 * 8)
-        check(
-            start + length <= len(data),
-            item,
-            f"{length} bytes of data",
-            f"{len(data) - start}: damaged or truncated",
-        )
+            start = position + 8
+            padded = length if kind == _COMPRESSED else (length + 7) // 8 * 8
+            step = 8 + padded
+        found = f"{len(data) - start}: damaged or truncated"
+        check(start + length <= len(data), item, f"{length} bytes of data", found)
         yield kind, data[start : start + length]
-        at += step
+        position += step
 
 
 def _numbers(part: tuple[int, bytes], order: str, item: str) -> NDArray:
+    """Return the numbers of a data element."""
     kind, content = part
     check(kind in _TYPES, item, "numbers", f"data of type {kind}")
     dtype = np.dtype(order + _TYPES[kind])
-    check(
-        not len(content) % dtype.itemsize,
-        item,
-        f"numbers of {dtype.itemsize} bytes",
-        f"{len(content)} bytes",
-    )
+    whole = len(content) % dtype.itemsize == 0
+    check(whole, item, f"numbers of {dtype.itemsize} bytes", f"{len(content)} bytes")
     return np.frombuffer(content, dtype)
 
 
-def _array(content: bytes, order: str, item: str, out: dict[str, NDArray | sp.spmatrix]) -> None:
-    """Add a real two-dimensional array to ``out``; skip arrays of other kinds."""
+def _add_array(
+    matrices: dict[str, NDArray | sp.spmatrix], content: bytes, order: str, item: str
+) -> None:
+    """Add a real two-dimensional array to ``matrices``; skip arrays of other kinds."""
     parts = _elements(content, order, item)
-    head = [next(parts, None) for _ in range(3)]
-    if any(part is None for part in head):
+    head = list(islice(parts, 3))
+    if len(head) < 3:
         return
-    flags = _numbers(head[0], order, item)  # type: ignore[arg-type]
-    size = _numbers(head[1], order, item)  # type: ignore[arg-type]
-    name = head[2][1].decode("ascii", errors="replace")  # type: ignore[index]
+    flags = _numbers(head[0], order, item)
+    size = _numbers(head[1], order, item)
+    name = head[2][1].decode("ascii", errors="replace")
     item = f"{item}: {name!r}"
-    kind = int(flags[0]) & 0xFF if len(flags) else 0
-    if (
-        len(flags) == 0
-        or int(flags[0]) >> 8 & _COMPLEX
-        or len(size) != 2
-        or not (kind == _SPARSE or kind in _NUMERIC)
-    ):
+    if len(flags) == 0 or len(size) != 2:
         return
-    rows, columns = (check_count(int(n), item, "a size") for n in size)
-    rest = [_numbers(part, order, item) for part in parts]
+    kind = int(flags[0]) & 0xFF
+    is_complex = int(flags[0]) >> 8 & _COMPLEX
+    if is_complex or not (kind == _SPARSE or kind in _NUMERIC):
+        return
+    n_rows = check_count(int(size[0]), item, "a size")
+    n_columns = check_count(int(size[1]), item, "a size")
+    numbers = [_numbers(part, order, item) for part in parts]
     if kind != _SPARSE:
-        check(
-            len(rest) == 1 and len(rest[0]) == rows * columns,
-            item,
-            f"{rows} x {columns} numbers",
-            sum(map(len, rest)),
-        )
-        out[name] = rest[0].reshape(columns, rows).T.astype(float)
+        expected = f"{n_rows} x {n_columns} numbers"
+        complete = len(numbers) == 1 and len(numbers[0]) == n_rows * n_columns
+        check(complete, item, expected, sum(map(len, numbers)))
+        # stored by columns
+        matrices[name] = numbers[0].reshape(n_columns, n_rows).T.astype(float)
         return
-    good = len(rest) == 3 and len(rest[1]) > 0
-    check(good, item, "rows, pointers and numbers of a sparse matrix", [len(part) for part in rest])
-    row, pointer, value = rest[0].astype(np.int64), rest[1].astype(np.int64), rest[2].astype(float)
-    count = max(int(pointer[-1]), 0)  # the arrays may be longer
-    out[name] = sp.csc_matrix(
-        (value[:count], row[:count], pointer), shape=(rows, columns)
-    )  # checked by square_matrix
+    complete = len(numbers) == 3 and len(numbers[1]) > 0
+    expected = "rows, pointers and numbers of a sparse matrix"
+    check(complete, item, expected, [len(part) for part in numbers])
+    row = numbers[0].astype(np.int64)
+    pointer = numbers[1].astype(np.int64)
+    value = numbers[2].astype(float)
+    n_entries = max(int(pointer[-1]), 0)  # the arrays may be longer
+    entries = (value[:n_entries], row[:n_entries], pointer)
+    # square_matrix checks the indices
+    matrices[name] = sp.csc_matrix(entries, shape=(n_rows, n_columns))
 
 
 # ---- Matrices and tables from plain files ----
@@ -220,7 +229,8 @@ def read_matrix(path: Path, name: str | None = None) -> sp.csr_matrix:
     Parameters
     ----------
     path : path-like
-        ``.npz`` of scipy.sparse.save_npz or of arrays, ``.npy``, ``.mat``, or ``.mtx`` (Abaqus coordinate text).
+        ``.npz`` of scipy.sparse.save_npz or of arrays, ``.npy``, ``.mat``, or ``.mtx`` (Abaqus
+        coordinate text).
     name : str, optional
         Name of the array in a file with several arrays.
 
@@ -235,12 +245,8 @@ def read_matrix(path: Path, name: str | None = None) -> sp.csr_matrix:
         If the file does not exist or has no such square matrix of finite real numbers.
     """
     kind = path.suffix.lower()
-    check(
-        kind in (".npz", ".npy", ".mat", ".mtx"),
-        str(path),
-        "the ending .npz, .npy, .mat or .mtx",
-        f"'{kind}'",
-    )
+    known = kind in (".npz", ".npy", ".mat", ".mtx")
+    check(known, str(path), "the ending .npz, .npy, .mat or .mtx", f"'{kind}'")
     if kind == ".mtx":
         matrix = read_abaqus_matrix(path)[0]
     elif kind == ".mat":
@@ -254,13 +260,16 @@ def read_matrix(path: Path, name: str | None = None) -> sp.csr_matrix:
 
 
 def _from_npz(source: Path, name: str | None) -> sp.spmatrix | NDArray:
+    """Return the sparse matrix of a file of SciPy, or one of the arrays of a file of NumPy."""
     with np.load(source, allow_pickle=False) as archive:
-        _check_bytes(sum(member.file_size for member in archive.zip.infolist()), source)
-        if name is None and {"format", "shape", "data"} <= set(archive):
-            for count in np.atleast_1d(archive["shape"]).tolist():
-                check_count(count, f"{source}: shape", "a count")
-            return sp.load_npz(source)
-        return _chosen(archive, name, source)
+        size = sum(member.file_size for member in archive.zip.infolist())
+        _check_bytes(size, source)
+        is_sparse = {"format", "shape", "data"} <= set(archive)
+        if name is not None or not is_sparse:
+            return _chosen(archive, name, source)
+        for count in np.atleast_1d(archive["shape"]).tolist():
+            check_count(count, f"{source}: shape", "a count")
+        return sp.load_npz(source)
 
 
 def _check_bytes(count: int, source: Path) -> None:
@@ -269,31 +278,40 @@ def _check_bytes(count: int, source: Path) -> None:
 
 
 def _chosen(arrays: Mapping[str, Any], name: str | None, source: Path) -> Any:
-    wanted, names = (
-        "the name of an array" if name is None else f"an array '{name}' of real numbers",
-        list(arrays),
-    )
-    if name is None and len(names) == 1:
-        (name,) = names
-    check(name in names, str(source), wanted, f"the arrays {names}")
+    """Return the array of a name; without a name, the only array."""
+    names = list(arrays)
+    expected = f"an array '{name}' of real numbers"
+    if name is None:
+        expected = "the name of an array"
+        if len(names) == 1:
+            name = names[0]
+    check(name in names, str(source), expected, f"the arrays {names}")
     return arrays[str(name)]
 
 
 def square_matrix(matrix: sp.spmatrix | NDArray, item: str) -> sp.csr_matrix:
-    """Return a matrix in CSR format; raise ModelError unless it is square, real and finite with valid indices."""
+    """Return a matrix in CSR format.
+
+    Raises
+    ------
+    ModelError
+        If it is not square, real and finite, or an index is not valid.
+    """
     matrix = matrix if sp.issparse(matrix) else np.asarray(matrix)
-    good = matrix.dtype.kind in "fiu" and matrix.ndim == 2
-    check(good, item, "a real matrix", f"an array {matrix.shape} of {matrix.dtype}")
-    check(matrix.shape[0] == matrix.shape[1] > 0, item, "a square matrix", f"shape {matrix.shape}")
+    real = matrix.dtype.kind in "fiu" and matrix.ndim == 2
+    check(real, item, "a real matrix", f"an array {matrix.shape} of {matrix.dtype}")
+    square = matrix.shape[0] == matrix.shape[1] > 0
+    check(square, item, "a square matrix", f"shape {matrix.shape}")
     if hasattr(matrix, "check_format"):
         matrix.check_format(full_check=True)
-    out = sp.coo_matrix(matrix)
-    wrong = np.flatnonzero(~np.isfinite(out.data))
+    entries = sp.coo_matrix(matrix)
+    wrong = np.flatnonzero(~np.isfinite(entries.data))
     if len(wrong):
-        k = wrong[0]
-        found = f"{out.data[k]} in row {out.row[k] + 1}, column {out.col[k] + 1}, one of {len(wrong)} wrong values"
+        first = wrong[0]
+        place = f"row {entries.row[first] + 1}, column {entries.col[first] + 1}"
+        found = f"{entries.data[first]} in {place}, one of {len(wrong)} wrong values"
         raise mismatch(item, "finite numbers", found)
-    return out.astype(float).tocsr()
+    return entries.astype(float).tocsr()
 
 
 def number_rows(
@@ -319,48 +337,62 @@ def number_rows(
         If a row is not numeric or has another length; the message names the line.
     """
     rows: list[list[float]] = []
-    for k, line in data_lines(source.read_text(errors="replace"), COMMENTS):
-        words = (
-            line.partition("#")[0]
-            .translate(str.maketrans(separators + "Dd", " " * len(separators) + "EE"))
-            .split()
-        )
+    # exponents of Fortran begin with D
+    translation = str.maketrans(separators + "Dd", " " * len(separators) + "EE")
+    for line_number, line in data_lines(source.read_text(errors="replace"), COMMENTS):
+        item = f"{source}: line {line_number}"
+        words = line.partition("#")[0].translate(translation).split()
         try:
             row = [float(word) for word in words]
         except ValueError:
-            if not rows and not any(
-                re.match(r"[-+.]*\d", word) for word in words
-            ):  # line of column names
-                continue
-            raise mismatch(f"{source}: line {k}", "numbers", line[:60]) from None
-        if len(row) not in columns or not (mixed or len(row) == len((rows or [row])[0])):
-            wanted = len(rows[0]) if rows and not mixed else " or ".join(map(str, columns))
-            raise mismatch(f"{source}: line {k}", f"{wanted} numbers", f"{len(row)}")
+            has_numbers = any(re.match(r"[-+.]*\d", word) for word in words)
+            if not rows and not has_numbers:
+                continue  # column names
+            raise mismatch(item, "numbers", line[:60]) from None
+        if rows and not mixed:
+            expected = f"{len(rows[0])} numbers"
+            good = len(row) == len(rows[0])
+        else:
+            expected = f"{' or '.join(map(str, columns))} numbers"
+            good = len(row) in columns
+        if not good:
+            raise mismatch(item, expected, f"{len(row)}")
         rows.append(row)
     check(bool(rows), str(source), "at least one line of numbers", "none")
     return rows
 
 
-def number_table(source: Path, *columns: int, **options: Any) -> NDArray:
+def number_table(source: Path, *columns: int, separators: str | None = None) -> NDArray:
     """Read a table of finite numbers; parameters as for :func:`number_rows`."""
-    table = np.empty((0, 0))
-    with (
-        suppress(ValueError),
-        open(source, encoding="ascii") as file,
-    ):  # plain tables, in a tenth of the time
-        lines = (line for line in file if line.strip() and not line.startswith(COMMENTS))
-        if not options and (first := next(lines, "")):
-            table = np.loadtxt(chain([first], lines), delimiter=",", comments=None, ndmin=2)
-    if table.shape[1] not in columns:
-        table = np.array(number_rows(source, *columns, **options))
+    if separators is not None:
+        table = np.array(number_rows(source, *columns, separators=separators))
+    else:
+        table = _plain_table(source)
+        if table.shape[1] not in columns:
+            table = np.array(number_rows(source, *columns))
     check_all(np.isfinite(table), table, "finite numbers", str(source))
     return table
 
 
+def _plain_table(source: Path) -> NDArray:
+    """Return a table of numbers between commas, read in a tenth of the time of other forms.
+
+    A file of another form gives an array without columns.
+    """
+    with suppress(ValueError), open(source, encoding="ascii") as file:
+        lines = (line for line in file if line.strip() and not line.startswith(COMMENTS))
+        first = next(lines, "")
+        if first:
+            return np.loadtxt(chain([first], lines), delimiter=",", comments=None, ndmin=2)
+    return np.empty((0, 0))
+
+
 def as_integers(values: NDArray, item: str) -> NDArray:
     """Convert an array of floats to integers; raise ModelError if a number is not an integer."""
-    for wrong in values[(values != np.round(values)) | (np.abs(values) > 2**53)][:1]:
-        raise mismatch(item, "whole numbers", wrong)
+    # beyond 2^53 not every integer is a float
+    wrong = values[(values != np.round(values)) | (np.abs(values) > 2**53)]
+    if len(wrong):
+        raise mismatch(item, "whole numbers", wrong[0])
     return values.astype(np.int64)
 
 
@@ -368,8 +400,9 @@ def as_integers(values: NDArray, item: str) -> NDArray:
 def read_abaqus_matrix(path: Path) -> tuple[sp.csr_matrix, NDArray | None]:
     """Read a matrix from Abaqus coordinate text.
 
-    The lines contain ``row, column, value`` (``FORMAT=COORDINATE``) or ``node, dof, node, dof, value``
-    (``FORMAT=MATRIX INPUT``).  If the file contains one triangle only, the matrix is symmetric.
+    The lines contain ``row, column, value`` (``FORMAT=COORDINATE``) or ``node, dof, node, dof,
+    value`` (``FORMAT=MATRIX INPUT``).  If the file contains one triangle only, the matrix is
+    symmetric.
 
     Returns
     -------
@@ -382,57 +415,62 @@ def read_abaqus_matrix(path: Path) -> tuple[sp.csr_matrix, NDArray | None]:
     FileNotFoundError, ModelError
         If the file does not exist or is damaged.
     """
-    market = path.read_bytes()[:14].lower() == b"%%matrixmarket"
-    check(
-        not market,
-        str(path),
-        "Abaqus coordinate text",
-        "a Matrix Market file; pass the matrix of scipy.io.mmread",
-    )
+    is_matrix_market = path.read_bytes()[:14].lower() == b"%%matrixmarket"
+    found = "a Matrix Market file; pass the matrix of scipy.io.mmread"
+    check(not is_matrix_market, str(path), "Abaqus coordinate text", found)
     table = number_table(path, 3, 5)
     if table.shape[1] == 5:
-        return entries_by_node(
-            as_integers(table[:, :4], str(path)).reshape(-1, 2, 2), table[:, 4], path
-        )
-    row, column = (as_integers(table[:, k], f"{path}: column {k + 1}") - 1 for k in (0, 1))
+        pairs = as_integers(table[:, :4], str(path)).reshape(-1, 2, 2)
+        return entries_by_node(pairs, table[:, 4], path)
+    row = as_integers(table[:, 0], f"{path}: column 1") - 1
+    column = as_integers(table[:, 1], f"{path}: column 2") - 1
     n = int(max(row.max(), column.max())) + 1
+    # each row needs an entry; a row number far above the number of entries is a mistake
     if min(row.min(), column.min()) < 0 or n > 10 * len(row) or n > LARGEST_COUNT:
-        raise mismatch(
-            str(path),
-            "rows and columns counted from 1, all of them used",
-            f"{n} from {len(row)} entries",
-        )
+        expected = "rows and columns counted from 1, all of them used"
+        raise mismatch(str(path), expected, f"{n} from {len(row)} entries")
     return triangle_to_full(row, column, table[:, -1], n), None
 
 
 def entries_by_node(pairs: NDArray, value: NDArray, path: Path) -> tuple[sp.csr_matrix, NDArray]:
-    """Return a matrix from node and component of the rows and columns (n, 2, 2) of its entries (n,), and its table."""
+    """Return a matrix and the table of its rows from entries with node and component.
+
+    Parameters
+    ----------
+    pairs : (n, 2, 2) int
+        Node and component of the row and of the column of each entry.
+    value : (n,) float
+    path : Path
+        File, for messages.
+
+    Returns
+    -------
+    matrix : (n_eq, n_eq) sparse
+    dofs : (n_eq, 2) int
+    """
     internal = pairs[pairs[:, :, 0] < 0][:1]
     cure = "a job without contact and constraints, with *MATRIX GENERATE, PUBLIC NODES"
-    check(
-        not len(internal),
-        str(path),
-        f"nodes of the mesh: {cure}",
-        f"internal nodes {internal[:, 0].tolist()}",
-    )
-    (nodes, node), (components, component) = (
-        np.unique(pairs[:, :, k], return_inverse=True) for k in (0, 1)
-    )
-    keys, inverse = np.unique(
-        node * len(components) + component, return_inverse=True
-    )  # faster than np.unique of rows
-    dofs = np.column_stack([nodes[keys // len(components)], components[keys % len(components)]])
+    found = f"internal nodes {internal[:, 0].tolist()}"
+    check(not len(internal), str(path), f"nodes of the mesh: {cure}", found)
+    nodes, node = np.unique(pairs[:, :, 0], return_inverse=True)
+    components, component = np.unique(pairs[:, :, 1], return_inverse=True)
+    # a single number for each pair is faster than np.unique of rows
+    keys, inverse = np.unique(node * len(components) + component, return_inverse=True)
+    node_of_key = nodes[keys // len(components)]
+    component_of_key = components[keys % len(components)]
+    dofs = np.column_stack([node_of_key, component_of_key])
     row, column = inverse.reshape(-1, 2).T
     check(len(dofs) <= 10 * len(row), str(path), "entries of every row", len(row))
     return triangle_to_full(row, column, value, len(dofs)), dofs
 
 
 def triangle_to_full(row: NDArray, column: NDArray, value: NDArray, n: int) -> sp.csr_matrix:
-    """Return a matrix (n, n) from its entries; if all are in one triangle, mirror them at the diagonal."""
+    """Return a matrix (n, n) from its entries, or from the entries of one of its triangles."""
     matrix = sp.coo_matrix((value, (row, column)), shape=(n, n)).tocsr()
-    if np.all(row <= column) or np.all(row >= column):
-        matrix = (matrix + matrix.T - sp.diags(matrix.diagonal())).tocsr()
-    return matrix
+    is_triangle = np.all(row <= column) or np.all(row >= column)
+    if not is_triangle:
+        return matrix
+    return (matrix + matrix.T - sp.diags(matrix.diagonal())).tocsr()
 
 
 @reader("CSV with the columns number, x, y, z")
@@ -455,7 +493,8 @@ def read_nodes(path: Path) -> tuple[NDArray, NDArray]:
 
 @reader("CSV with the columns node, component")
 def read_dofs(path: Path) -> NDArray:
-    """Read node number and component (1, 2, 3) of each equation from CSV, or from lines such as ``12.3``.
+    """Read node number and component (1, 2, 3) of each equation from CSV, or from lines such as
+    ``12.3``.
 
     Returns
     -------
@@ -476,20 +515,25 @@ def read_set(path: Path) -> NDArray:
     Returns
     -------
     (n,) int or (n, 3 | 4 | 6 | 8) int
-        Node numbers from a file with one number per line; otherwise the node numbers of one face per line.
+        Node numbers from a file with one number per line; otherwise the node numbers of one face
+        per line.
 
     Raises
     ------
     FileNotFoundError, ModelError
-        If the file does not exist, or its lines do not all contain the same number of integers, 1, 3, 4, 6 or 8.
+        If the file does not exist, or its lines do not all contain the same number of integers, 1,
+        3, 4, 6 or 8.
     """
-    whole: Any = as_integers(number_table(path, 1, 3, 4, 6, 8), str(path))
-    return whole[:, 0] if whole.shape[1] == 1 else whole
+    table: Any = as_integers(number_table(path, 1, 3, 4, 6, 8), str(path))
+    if table.shape[1] == 1:
+        return table[:, 0]
+    return table
 
 
 @reader("CSV of the node numbers of solid elements")
 def read_elements(path: Path) -> tuple[NDArray, ...]:
-    """Read solid elements from CSV, with the node numbers of one element (4, 6, 8, 10, 15 or 20) per line.
+    """Read solid elements from CSV, with the node numbers of one element (4, 6, 8, 10, 15 or 20)
+    per line.
 
     The corners are first, in the order of :class:`FEBody`.
 
@@ -504,7 +548,8 @@ def read_elements(path: Path) -> tuple[NDArray, ...]:
         If the file does not exist, or a line does not contain 4, 6, 8, 10, 15 or 20 integers.
     """
     rows = number_rows(path, *N_CORNER, mixed=True)
-    return tuple(by_kind(as_integers(np.array(row), str(path)) for row in rows)["elements"])
+    elements = [as_integers(np.array(row), str(path)) for row in rows]
+    return tuple(by_kind(elements)["elements"])
 
 
 @validation.check_arguments
@@ -517,20 +562,22 @@ def read_arrays(
     elements: FilePath | NDArray | tuple[NDArray, ...] = (),
     source: str = "",
 ) -> FEBody:
-    """Make a body from matrices, nodes, a table of equations, sets and elements, given as arrays or as files.
+    """Make a body from matrices, nodes, a table of equations, sets and elements, given as arrays or
+    as files.
 
     Parameters
     ----------
     stiffness, mass : path-like or (n_eq, n_eq) sparse
         Matrices, or files for :func:`read_matrix`.
     nodes : path-like, (n, 3) array, (numbers, positions) or FEBody
-        File for :func:`read_nodes`, positions of nodes numbered from 0, numbers and positions, or a mesh.  A mesh is an
-        FEBody or a file for :func:`read_body`; its elements and sets are used.
+        File for :func:`read_nodes`, positions of nodes numbered from 0, numbers and positions, or a
+        mesh.  A mesh is an FEBody or a file for :func:`read_body`; its elements and sets are used.
     dofs : path-like or (n_eq, 2) int, optional
-        Node number and component of each equation, or a file for :func:`read_dofs`.  By default the table in Abaqus text,
-        or three equations per node.
+        Node number and component of each equation, or a file for :func:`read_dofs`.  By default the
+        table in Abaqus text, or three equations per node.
     sets : mapping of name to path-like or array, optional
-        Node numbers (one-dimensional) or faces of elements (two-dimensional), or files for :func:`read_set`.
+        Node numbers (one-dimensional) or faces of elements (two-dimensional), or files for
+        :func:`read_set`.
     elements : path-like, int array or tuple of int arrays
         Elements as in :class:`FEBody`, or a file for :func:`read_elements`.
     source : str
@@ -550,32 +597,56 @@ def read_arrays(
     m, m_dofs = _with_table(mass, f"{label}: mass matrix")
     if dofs is None and k_dofs is not None and m_dofs is not None:
         m = reordered(m, m_dofs, k_dofs, str(mass))
-    dofs = k_dofs if dofs is None else np.asarray(_loaded(dofs, read_dofs))
+    if dofs is None:
+        dofs = k_dofs
+    else:
+        dofs = np.asarray(_loaded(dofs, read_dofs))
+    mesh = _mesh(nodes)
+    node_sets, face_sets = dict(mesh.node_sets), dict(mesh.face_sets)
+    for name, members in (sets or {}).items():
+        values = np.asarray(_loaded(members, read_set))
+        if values.ndim == 1:
+            node_sets[name] = values
+        else:
+            face_sets[name] = (values,)
+    if isinstance(elements, np.ndarray):
+        elements = (elements,)
+    solids = _loaded(elements, read_elements)
+    if not source:
+        source = str(stiffness) if isinstance(stiffness, str | os.PathLike) else label
+    return replace(
+        mesh,
+        stiffness=k,
+        mass=m,
+        dofs=dofs,
+        source=source,
+        elements=solids or mesh.elements,
+        element_kinds=() if solids else mesh.element_kinds,
+        node_sets=node_sets,
+        face_sets=face_sets,
+    )
+
+
+def _mesh(nodes: FilePath | NDArray | tuple[NDArray, NDArray] | FEBody) -> FEBody:
+    """Return the nodes of ``read_arrays`` as a body, with the elements and sets of a mesh."""
     if isinstance(nodes, str | os.PathLike) and Path(nodes).suffix.lower() in BODIES:
         nodes = read_body(nodes)
     if isinstance(nodes, FEBody):
-        mesh = nodes
+        return nodes
+    if isinstance(nodes, np.ndarray):
+        numbers, positions = np.arange(len(nodes)), nodes
     else:
-        table = (np.arange(len(nodes)), nodes) if isinstance(nodes, np.ndarray) else nodes
-        numbers, positions = _loaded(table, read_nodes)
-        mesh = FEBody(np.asarray(numbers), np.asarray(positions, float))
-    loaded = {name: np.asarray(_loaded(given, read_set)) for name, given in (sets or {}).items()}
-    node_sets = {name: values for name, values in loaded.items() if values.ndim == 1}
-    face_sets = {name: (values,) for name, values in loaded.items() if values.ndim != 1}
-    solids = _loaded((elements,) if isinstance(elements, np.ndarray) else elements, read_elements)
-    source = source or (str(stiffness) if isinstance(stiffness, str | os.PathLike) else label)
-    return replace(
-        mesh, stiffness=k, mass=m, dofs=dofs, source=source, elements=solids or mesh.elements,
-        element_kinds=() if solids else mesh.element_kinds, node_sets={**mesh.node_sets, **node_sets},
-        face_sets={**mesh.face_sets, **face_sets},
-    )  # fmt: skip
+        numbers, positions = _loaded(nodes, read_nodes)
+    return FEBody(np.asarray(numbers), np.asarray(positions, float))
 
 
 def _loaded(values: Any, read: Callable[[FilePath], Any]) -> Any:
+    """Return arrays, read from their file if ``values`` is a path."""
     return read(values) if isinstance(values, str | os.PathLike) else values
 
 
 def _with_table(matrix: FilePath | sp.spmatrix, item: str) -> tuple[sp.csr_matrix, NDArray | None]:
+    """Return a matrix, and the table of nodes and components if its file has one."""
     if not isinstance(matrix, str | os.PathLike):
         return square_matrix(matrix, item), None
     path = Path(matrix)
@@ -586,11 +657,11 @@ def _with_table(matrix: FilePath | sp.spmatrix, item: str) -> tuple[sp.csr_matri
 
 def reordered(matrix: sp.csr_matrix, dofs: NDArray, order: NDArray, item: str) -> sp.csr_matrix:
     """Return the matrix with its rows in the order of another table of nodes and components."""
-    index = {tuple(pair): k for k, pair in enumerate(order.tolist())}
+    row_of_pair = {tuple(pair): row for row, pair in enumerate(order.tolist())}
     pairs = [tuple(pair) for pair in dofs.tolist()]
-    unknown = sorted(set(pairs) - set(index))
+    unknown = sorted(set(pairs) - set(row_of_pair))
     check(not unknown, item, "nodes and components of the stiffness matrix", f"also {unknown[:3]}")
-    row, entries = np.array([index[pair] for pair in pairs]), matrix.tocoo()
-    return sp.csr_matrix(
-        (entries.data, (row[entries.row], row[entries.col])), shape=(len(order), len(order))
-    )
+    new_row = np.array([row_of_pair[pair] for pair in pairs])
+    entries = matrix.tocoo()
+    places = (new_row[entries.row], new_row[entries.col])
+    return sp.csr_matrix((entries.data, places), shape=(len(order), len(order)))

@@ -1,21 +1,23 @@
-r"""Bodies of an imported model, from matrices or from modes, with data over rotor speed and local basis.
+r"""Bodies of an imported model, from matrices or from modes, with data over rotor speed and local
+basis.
 
-**Modes.**  Modes of a file become travelling waves toward +X with unit modal mass.  Their modal masses come from the file
-or the user.  Static receptances do not follow from a few modes.  Without matrices the user therefore gives the contact
-stiffness, and a damper is rigid.
+**Modes.** Modes of a file become travelling waves toward +X with unit modal mass.  Their modal
+masses come from the file or the user.  Static receptances do not follow from a few modes.  Without
+matrices the user therefore gives the contact stiffness, and a damper is rigid.
 
-**Rotor speed.**  Matrices at two speeds give the stiffness per squared speed as a difference quotient.  If a program gives
-modes only, the modes of the second speed are combinations of the modes of the first.  With the unitary polar factor A of
-their overlap,
+**Rotor speed.** Matrices at two speeds give the stiffness per squared speed as a difference
+quotient.  If a program gives modes only, the modes of the second speed are combinations of the
+modes of the first.  With the unitary polar factor A of their overlap,
 
 .. math:: K(\Omega_1) = \omega_1^2, \qquad K(\Omega_2) = A\,\omega_2^2 A^H
 
-on the modes of the first speed.  Pairing the modes in the order of their frequencies would fail at veerings.
+on the modes of the first speed.  Pairing the modes in the order of their frequencies would fail at
+veerings.
 
 References
 ----------
-K. Fan, A. J. Hoffman, "Some metric inequalities in the space of matrices", *Proceedings of the American Mathematical
-Society* 6 (1955): the polar factor is the nearest unitary matrix.
+K. Fan, A. J. Hoffman, "Some metric inequalities in the space of matrices", *Proceedings of the
+American Mathematical Society* 6 (1955): the polar factor is the nearest unitary matrix.
 """
 
 from __future__ import annotations
@@ -63,8 +65,8 @@ def over_speed(bodies: Mapping[float, FEBody]) -> FEBody:
     Parameters
     ----------
     bodies : mapping of rotor speed (rad/s) to FEBody
-        For example ``{0.0: read_calculix("standstill"), 600.0: read_calculix("running")}``.  The modes of the model are the
-        modes of the lower speed.
+        For example ``{0.0: read_calculix("standstill"), 600.0: read_calculix("running")}``.  The
+        modes of the model are the modes of the lower speed.
 
     Returns
     -------
@@ -74,7 +76,8 @@ def over_speed(bodies: Mapping[float, FEBody]) -> FEBody:
     Raises
     ------
     SettingError, ModelError
-        If there are not two speeds, the nodes differ, or one speed has matrices and the other has modes only.
+        If there are not two speeds, the nodes differ, or one speed has matrices and the other has
+        modes only.
     """
     if not isinstance(bodies, Mapping) or len(bodies) != 2:
         raise validation.invalid("over_speed", "a mapping of two rotor speeds to FEBody", bodies)
@@ -84,45 +87,47 @@ def over_speed(bodies: Mapping[float, FEBody]) -> FEBody:
         body = validation.instance(f"body at {omega:g} rad/s", value, FEBody)
         checked.append(replace(body, rotor_speed=omega, faster=None))
     slower, faster = sorted(checked, key=lambda body: body.rotor_speed)
-    same, item = (
-        np.array_equal(slower.numbers, faster.numbers),
-        f"{faster.source} at {faster.rotor_speed:g} rad/s",
-    )
-    check(same, item, f"the nodes of {slower.source}", "other numbers")
+    same_nodes = np.array_equal(slower.numbers, faster.numbers)
+    item = f"{faster.source} at {faster.rotor_speed:g} rad/s"
+    check(same_nodes, item, f"the nodes of {slower.source}", "other numbers")
     if (slower.stiffness is None) != (faster.stiffness is None):
         raise SettingError(
-            "over_speed: expected matrices at both speeds, or modes at both speeds, found one of each"
+            "over_speed: expected matrices at both speeds, or modes at both speeds, "
+            "found one of each"
         )
     return replace(slower, faster=faster)
 
 
 def rotation_of(body: PreparedBody) -> Rotation | None:
-    """Return the change of stiffness with rotor speed of a body with matrices, or None for a single speed.
+    """Return the change of stiffness with rotor speed of a body with matrices, or None for a single
+    speed.
 
     Raises
     ------
     ModelError
         If the mass matrix changes with speed.
     """
-    if (other := body.faster) is None:
+    faster = body.faster
+    if faster is None:
         return None
-    first, last = body.raw.rotor_speed, other.raw.rotor_speed
-    norm, mass = scipy.sparse.linalg.norm, body.structure.mass
-    same = norm(other.structure.mass - mass) <= 1e-6 * norm(mass)
-    body.require(
-        same, f"mass matrix at {last:g} rad/s", "the mass matrix of the other speed", "another one"
-    )
-    per_squared_speed = (
-        (other.structure.stiffness - body.structure.stiffness) / (last**2 - first**2)
-    ).tocsr()
+    first, last = body.raw.rotor_speed, faster.raw.rotor_speed
+    norm = scipy.sparse.linalg.norm
+    mass = body.structure.mass
+    same_mass = norm(faster.structure.mass - mass) <= 1e-6 * norm(mass)
+    item = f"mass matrix at {last:g} rad/s"
+    body.require(same_mass, item, "the mass matrix of the other speed", "another one")
+    difference = faster.structure.stiffness - body.structure.stiffness
+    per_squared_speed = (difference / (last**2 - first**2)).tocsr()
     softening = _spin_softening(body, per_squared_speed)
     if softening < 0.5:
         body.report.missing.append(
-            f"spin softening of the {body.name}: the matrices at {last:g} rad/s take {100 * softening:.3g} % of its mass "
-            "in the plane of rotation from the stiffness; frequencies of bending in this plane come out too high"
+            f"spin softening of the {body.name}: the matrices at {last:g} rad/s take "
+            f"{100 * softening:.3g} % of its mass in the plane of rotation from the stiffness; "
+            "frequencies of bending in this plane come out too high"
         )
     body.passed(
-        f"{body.name}: stiffness at {first:g} and {last:g} rad/s, spin softening {100 * softening:.4g} %"
+        f"{body.name}: stiffness at {first:g} and {last:g} rad/s, "
+        f"spin softening {100 * softening:.4g} %"
     )
     return Rotation(per_squared_speed, first, last, body.raw.source)
 
@@ -130,23 +135,33 @@ def rotation_of(body: PreparedBody) -> Rotation | None:
 def _spin_softening(body: PreparedBody, per_squared_speed: NDArray) -> float:
     """Return the fraction of the mass in the plane of rotation that is missing from the stiffness.
 
-    A translation in this plane causes no force of the elastic and geometric stiffness on inner nodes.  Nodes next to a held
-    node are not inner, with or without held components in the matrices.
+    A translation in this plane causes no force of the elastic and geometric stiffness on inner
+    nodes.  Nodes next to a held node are not inner, with or without held components in the
+    matrices.
     """
     structure = body.structure
     translations = np.tile(IN_PLANE[:, :2], (len(structure.nodes), 1))
     standstill = structure.stiffness - body.raw.rotor_speed**2 * per_squared_speed
-    most = np.abs(standstill).sum(axis=1).A1
-    moved = (np.abs(standstill @ translations).max(axis=1) > 1e-6 * most).reshape(-1, 3).any(axis=1)
-    inner = np.repeat(~(moved | body.fixed(None).any(axis=1)), 3)
+    force = np.abs(standstill @ translations).max(axis=1)
+    largest_force = np.abs(standstill).sum(axis=1).A1
+    loaded = (force > 1e-6 * largest_force).reshape(-1, 3).any(axis=1)
+    inner = np.repeat(~(loaded | body.fixed(None).any(axis=1)), 3)
     inertia = inner[:, None] * (structure.mass @ translations)
-    mass = float(np.square(inertia).sum())
-    return -float((inertia * (per_squared_speed @ translations)).sum()) / mass if mass else 1.0
+    squared_mass = float(np.square(inertia).sum())
+    # without inner nodes nothing is missing
+    if not squared_mass:
+        return 1.0
+    return -float((inertia * (per_squared_speed @ translations)).sum()) / squared_mass
 
 
 def basis_from_modes(
-    body: PreparedBody, d: int, basis: ModalBasis, shapes: NDArray, omega2: NDArray, moved: NDArray,
-) -> ModalBasis:  # fmt: skip
+    body: PreparedBody,
+    d: int,
+    basis: ModalBasis,
+    shapes: NDArray,
+    omega2: NDArray,
+    moved: NDArray,
+) -> ModalBasis:
     """Add data over rotor speed to a basis of a nodal diameter d.
 
     Parameters
@@ -164,43 +179,47 @@ def basis_from_modes(
     assert body.raw.faster is not None
     first, omega = body.raw.rotor_speed, body.raw.faster.rotor_speed
     item = f"modes of nodal diameter {d} at {omega:g} rad/s"
-    body.require(
-        moved.shape[1] == basis.n_modes,
-        item,
-        f"{basis.n_modes} modes as at {first:g} rad/s",
-        moved.shape[1],
-    )
-    known = ~(np.isnan(shapes).any(axis=1) | np.isnan(moved).any(axis=1))
-    overlap = np.linalg.lstsq(shapes[known], moved[known], rcond=None)[0]
+    n_moved = moved.shape[1]
+    expected = f"{basis.n_modes} modes as at {first:g} rad/s"
+    body.require(n_moved == basis.n_modes, item, expected, n_moved)
+    has_values = ~(np.isnan(shapes).any(axis=1) | np.isnan(moved).any(axis=1))
+    overlap = np.linalg.lstsq(shapes[has_values], moved[has_values], rcond=None)[0]
+    # a rotation of the modes has singular values of 1
     sizes = svdvals(overlap)
-    expected = f"combinations of the modes at {first:g} rad/s (singular values of the overlap within 1 % of 1)"
-    overlaps = f"{sizes[-1]:.4g} to {sizes[0]:.4g}; use fewer modes, or speeds nearer together"
-    body.require(np.abs(sizes - 1.0).max() <= BOUNDS.agreement, item, expected, overlaps)
-    turning = polar(overlap)[0]
-    stiffness2 = ((turning * omega2) @ turning.conj().T - np.diag(basis.omega2)) / (
-        omega**2 - first**2
+    expected = (
+        f"combinations of the modes at {first:g} rad/s "
+        "(singular values of the overlap within 1 % of 1)"
     )
+    found = f"{sizes[-1]:.4g} to {sizes[0]:.4g}; use fewer modes, or speeds nearer together"
+    body.require(np.abs(sizes - 1.0).max() <= BOUNDS.agreement, item, expected, found)
+    turning = polar(overlap)[0]
+    change = (turning * omega2) @ turning.conj().T - np.diag(basis.omega2)
+    per_squared_speed = change / (omega**2 - first**2)
     body.passed(
         f"{body.name}, nodal diameter {d}: overlap of modes over speed at least {sizes[-1]:.5g}"
     )
-    return basis.with_speed(
-        0.5 * (stiffness2 + stiffness2.conj().T), omega_ref=first, source=body.raw.source
-    )
+    hermitian = 0.5 * (per_squared_speed + per_squared_speed.conj().T)
+    return basis.with_speed(hermitian, omega_ref=first, source=body.raw.source)
 
 
 # ---- Bodies from modes ----
 
 
 NO_RECEPTANCE = (
-    "static receptances of the {} (no matrices): contact stiffness cannot be derived; give it as numbers "
-    "(ContactFaces(stiffness=...), or Study(contact_stiffness=...))"
+    "static receptances of the {} (no matrices): contact stiffness cannot be derived; "
+    "give it as numbers (ContactFaces(stiffness=...), or Study(contact_stiffness=...))"
 )
 
 
 def _pictures(body: PreparedBody, d: int, shapes: NDArray) -> dict[int, NDArray]:
-    """Return the first shapes (n_nodes, 3, n) of (3 n_nodes, n_modes) by nodal diameter, if elements can show them."""
+    """Return the first shapes (n_nodes, 3, n) of (3 n_nodes, n_modes) by nodal diameter.
+
+    Without elements, or without values at some of their nodes, there are none.
+    """
     pictured = shapes.reshape(-1, 3, shapes.shape[1])[..., :PICTURED_MODES].copy()
-    return {d: pictured} if body.elements and np.isfinite(pictured[body.used]).all() else {}
+    if not body.elements or not np.isfinite(pictured[body.used]).all():
+        return {}
+    return {d: pictured}
 
 
 def _waves(body: PreparedBody, modes: Modes, ring: Ring) -> Waves:
@@ -208,20 +227,23 @@ def _waves(body: PreparedBody, modes: Modes, ring: Ring) -> Waves:
     d = modes.nodal_diameter
     item = f"modes of nodal diameter {d} ({modes.source or 'given'})"
     shapes = body.shapes(np.asarray(modes.numbers), np.asarray(modes.shapes), item)
+    n_modes = shapes.shape[1]
     if ring.faces.n_sectors == 1:
-        waves = Waves(np.arange(shapes.shape[1]), shapes.real, np.zeros(shapes.shape[1]), 0, 0)
+        waves = Waves(np.arange(n_modes), shapes.real, np.zeros(n_modes), 0, 0)
     else:
-        known = ~np.isnan(shapes[:, 0].real).reshape(-1, 3).any(axis=1)
-        faces = ring.faces.among(known)
-        body.require(
-            len(faces.dependent), item, "values at matching nodes of the two sector faces", "none"
-        )
+        has_values = ~np.isnan(shapes[:, 0].real).reshape(-1, 3).any(axis=1)
+        faces = ring.faces.among(has_values)
+        expected = "values at matching nodes of the two sector faces"
+        body.require(len(faces.dependent), item, expected, "none")
+        frequency = np.asarray(modes.frequency, float)
         with body.refusing(item, "travelling waves"):
-            waves = travelling_waves(
-                np.asarray(modes.frequency, float), np.nan_to_num(shapes), faces, d
-            )
-        waves = replace(waves, shapes=np.where(np.repeat(known, 3)[:, None], waves.shapes, np.nan))
-    text = f"{body.name}, nodal diameter {d}: {len(waves.index)} modes are waves of it within {waves.mismatch.max():.1g}"
+            waves = travelling_waves(frequency, np.nan_to_num(shapes), faces, d)
+        has_component = np.repeat(has_values, 3)[:, None]
+        waves = replace(waves, shapes=np.where(has_component, waves.shapes, np.nan))
+    text = (
+        f"{body.name}, nodal diameter {d}: {len(waves.index)} modes are waves of it "
+        f"within {waves.mismatch.max():.1g}"
+    )
     if waves.turned:
         text += f"; {waves.turned} of them travelled the other way and were reversed"
     if waves.combined:
@@ -235,23 +257,21 @@ def compare_known(body: PreparedBody, d: int, omega2: NDArray, ring: Ring) -> No
 
     The squared natural frequencies ``omega2`` (n_modes,) are in rad2/s2.
     """
-    computed, item = (
-        np.sqrt(np.maximum(omega2, 0.0)) / (2.0 * np.pi),
-        f"{body.name}, nodal diameter {d}",
-    )
-    known = (
-        [(np.asarray(ring.expected[d], float), "expected_frequencies")]
-        if d in ring.expected
-        else []
-    )
-    for modes in body.raw.modes if body.has_matrices else ():
-        if modes.nodal_diameter == d:
+    item = f"{body.name}, nodal diameter {d}"
+    computed = np.sqrt(np.maximum(omega2, 0.0)) / (2.0 * np.pi)
+    # frequencies (Hz) with their source
+    references: list[tuple[NDArray, str]] = []
+    if d in ring.expected:
+        references.append((np.asarray(ring.expected[d], float), "expected_frequencies"))
+    if body.has_matrices:
+        for modes in body.raw.modes:
+            if modes.nodal_diameter != d:
+                continue
             with body.report.comparison():
                 index = _waves(body, modes, ring).index
-                known.append(
-                    (np.asarray(modes.frequency, float)[index], modes.source or "the modes")
-                )
-    for expected, source in known:
+                frequency = np.asarray(modes.frequency, float)[index]
+                references.append((frequency, modes.source or "the modes"))
+    for expected, source in references:
         with body.report.comparison():
             error = compare_frequencies(computed, expected, item, source)
             body.passed(f"{item}: frequencies agree with {source} to {100 * error:.2g} %")
@@ -259,46 +279,41 @@ def compare_known(body: PreparedBody, d: int, omega2: NDArray, ring: Ring) -> No
 
 def check_reached(body: PreparedBody, wanted: Wanted, absent: NDArray, content: str) -> None:
     """Raise ModelError if a contact face or location includes nodes (n,) that lack ``content``."""
-    parts = {"contact faces": wanted.contact.indices // 3}
-    parts |= {
-        f"location '{name}'": nodes_of(location) for name, location in wanted.locations.items()
-    }
-    for item, nodes in parts.items():
+    nodes_of_part = {"contact faces": wanted.contact.indices // 3}
+    for name, location in wanted.locations.items():
+        nodes_of_part[f"location '{name}'"] = nodes_of(location)
+    for item, nodes in nodes_of_part.items():
         wrong = body.raw.numbers[np.intersect1d(nodes, absent)]
-        body.require(
-            not len(wrong),
-            item,
-            f"nodes with {content}",
-            f"none at {', '.join(map(str, wrong[:5]))}",
-        )
+        found = f"none at {', '.join(map(str, wrong[:5]))}"
+        body.require(not len(wrong), item, f"nodes with {content}", found)
 
 
 def _normalised(body: PreparedBody, d: int, ring: Ring, n_modes: int) -> tuple[NDArray, NDArray]:
-    """Return squared frequencies (n,) and mass-normalised shapes (3 n_nodes, n) of the lowest modes."""
-    item, listed = (
-        f"modes of nodal diameter {d}",
-        [modes for modes in body.raw.modes if modes.nodal_diameter == d],
-    )
-    known = [modes.nodal_diameter for modes in body.raw.modes]
-    body.require(
-        len(listed) == 1, "modes", f"modes of nodal diameter {d} once", f"modes of {known}"
-    )
-    modes, waves = listed[0], _waves(body, listed[0], ring)
+    """Return the lowest modes of a nodal diameter d.
+
+    Returns
+    -------
+    omega2 : (n,) float
+        Squared natural frequencies, rad2/s2.
+    shapes : (3 n_nodes, n) complex
+        Mass-normalised shapes.
+    """
+    item = f"modes of nodal diameter {d}"
+    diameters = [modes.nodal_diameter for modes in body.raw.modes]
+    once = diameters.count(d) == 1
+    body.require(once, "modes", f"{item} once", f"modes of {diameters}")
+    modes = body.raw.modes[diameters.index(d)]
+    waves = _waves(body, modes, ring)
     expected = "modal masses (or matrices) to rescale the modes to unit modal mass over one sector"
     body.require(modes.modal_mass is not None, item, expected, "neither")
     mass = body.placement.units.mass * np.asarray(modes.modal_mass, float)[waves.index]
     frequency = np.asarray(modes.frequency, float)[waves.index]
-    body.require(
-        (frequency > 0.0).all(),
-        item,
-        "frequencies > 0 of a held sector",
-        frequency.min(initial=np.inf),
-    )
+    lowest = frequency.min(initial=np.inf)
+    body.require((frequency > 0.0).all(), item, "frequencies > 0 of a held sector", lowest)
     order = np.argsort(frequency, kind="stable")[:n_modes]
-    shapes = fix_phase(
-        (waves.shapes / np.sqrt(mass))[:, order], sp.identity(len(waves.shapes), format="csr")
-    )
-    return (2.0 * np.pi * frequency[order]) ** 2, shapes
+    normalised = (waves.shapes / np.sqrt(mass))[:, order]
+    every_component = sp.identity(len(waves.shapes), format="csr")
+    return (2.0 * np.pi * frequency[order]) ** 2, fix_phase(normalised, every_component)
 
 
 def constrained_from_modes(
@@ -317,18 +332,20 @@ def constrained_from_modes(
     ModelError
         If modes of a nodal diameter are missing, are not travelling waves, or have no modal mass.
     """
-    bases, pictures, faster = {}, dict[int, NDArray](), body.faster
+    bases: dict[int, ModalBasis] = {}
+    pictures: dict[int, NDArray] = {}
+    faster = body.faster
     for d in ring.diameters:
         omega2, shapes = _normalised(body, d, ring, wanted.n_modes)
         compare_known(body, d, omega2, ring)
-        unknown = np.isnan(shapes).reshape(len(body.nodes), -1).any(axis=1)
-        check_reached(body, wanted, np.flatnonzero(unknown), "values of the modes")
+        without_values = np.isnan(shapes).reshape(len(body.nodes), -1).any(axis=1)
+        check_reached(body, wanted, np.flatnonzero(without_values), "values of the modes")
         if d in ring.pictured:
             pictures |= _pictures(body, d, shapes)
         bases[d] = wanted.basis(omega2, shapes)
         if faster is not None:
-            moved = _normalised(faster, d, ring, len(omega2))
-            bases[d] = basis_from_modes(body, d, bases[d], shapes, *moved)
+            faster_omega2, faster_shapes = _normalised(faster, d, ring, len(omega2))
+            bases[d] = basis_from_modes(body, d, bases[d], shapes, faster_omega2, faster_shapes)
     body.passed(f"{body.name}: modes rescaled, modal mass from the file or the user (not checked)")
     body.report.missing.append(NO_RECEPTANCE.format(body.name))
     return Body(body.name, "constrained", wanted.ports, bases), pictures
@@ -342,31 +359,35 @@ def free_from_modes(body: PreparedBody, wanted: Wanted) -> Body:
     ModelError
         If the mass properties are missing or unphysical.
     """
-    rigid, units, q = body.raw.rigid, body.placement.units, body.placement.rotation
+    rigid = body.raw.rigid
     if rigid is None:
-        raise body.error(
-            "free body", "matrices, or mass, centre and inertia (MassProperties)", "neither"
-        )
-    item, expected = "mass properties", "a mass > 0, a centre (3,) and an inertia (3, 3)"
+        expected = "matrices, or mass, centre and inertia (MassProperties)"
+        raise body.error("free body", expected, "neither")
+    units = body.placement.units
+    to_model = body.placement.rotation
+    item = "mass properties"
+    expected = "a mass > 0, a centre (3,) and an inertia (3, 3)"
     with body.refusing(item, expected):
         mass = units.mass * float(rigid.mass)
-        centre = units.length * q @ (np.reshape(rigid.centre, 3) - body.placement.origin)
-        inertia = units.mass * units.length**2 * q @ rigid.inertia @ q.T
+        offset = np.reshape(rigid.centre, 3) - body.placement.origin
+        centre = units.length * to_model @ offset
+        inertia = units.mass * units.length**2 * to_model @ rigid.inertia @ to_model.T
         moments, principal = np.linalg.eigh(inertia)
+    # each moment is at most the sum of the two others
+    is_solid = moments[0] > 0 and moments[2] <= (moments[0] + moments[1]) * (1 + 1e-6)
     expected += " with principal moments > 0, none larger than the sum of the others"
-    solid = moments[0] > 0 and moments[2] <= (moments[0] + moments[1]) * (1 + 1e-6)
-    good = mass > 0 and solid and np.isfinite(centre).all()
-    body.require(good, item, expected, f"{mass} kg, {moments} kg m2")
+    found = f"{mass} kg, {moments} kg m2"
+    body.require(mass > 0 and is_solid and np.isfinite(centre).all(), item, expected, found)
     axes = body.damper_axes(centre)
-    shapes = rigid_motions(body.nodes, centre, axes, principal.T) / np.sqrt([*3 * [mass], *moments])
+    inertias = [mass, mass, mass, *moments]
+    shapes = rigid_motions(body.nodes, centre, axes, principal.T) / np.sqrt(inertias)
     basis = wanted.basis(np.zeros(6), shapes)
-    body.report.missing += [
-        NO_RECEPTANCE.format(body.name),
-        f"elastic deformation of the {body.name} (no matrices)",
-    ]
-    load = BodyLoad(
-        axes[1], np.eye(6)[1] / np.sqrt(mass), np.zeros((wanted.contact.shape[0] // 3, 3))
-    )
+    body.report.missing.append(NO_RECEPTANCE.format(body.name))
+    body.report.missing.append(f"elastic deformation of the {body.name} (no matrices)")
+    # the second rigid motion is the translation along the radial direction
+    modal_load = np.eye(6)[1] / np.sqrt(mass)
+    n_points = wanted.contact.shape[0] // 3
+    load = BodyLoad(axes[1], modal_load, np.zeros((n_points, 3)))
     return Body(
         body.name,
         "free",
@@ -387,8 +408,8 @@ def held_components(
 ) -> NDArray:
     """Return the mask (n_nodes, 3) of fixed components.
 
-    Images of fixed nodes on the other sector face are included.  Other programs fix one face only, since their cyclic
-    constraint holds the other.
+    Images of fixed nodes on the other sector face are included.  Other programs fix one face only,
+    since their cyclic constraint holds the other.
 
     Raises
     ------
@@ -396,20 +417,19 @@ def held_components(
         If a contact face or location has no rows in the matrices.
     """
     held = None if fixed is None else body.node_set(fixed, "fixed")
-    without = np.flatnonzero(body.fixed(None).all(axis=1))
-    check_reached(
-        body,
-        wanted,
-        without if held is None else np.setdiff1d(without, held),
-        "rows in the matrices",
-    )
+    without_rows = np.flatnonzero(body.fixed(None).all(axis=1))
+    if held is not None:
+        without_rows = np.setdiff1d(without_rows, held)
+    check_reached(body, wanted, without_rows, "rows in the matrices")
     mask = body.fixed(held)
-    out = np.stack([ring.faces.images(component) for component in mask.T], axis=1)
-    if added := int((out & ~mask).any(axis=1).sum()):
+    with_images = np.stack([ring.faces.images(component) for component in mask.T], axis=1)
+    n_added = int((with_images & ~mask).any(axis=1).sum())
+    if n_added:
         body.passed(
-            f"{body.name}: {added} nodes of a sector face held as images of held nodes of the other face"
+            f"{body.name}: {n_added} nodes of a sector face held as images of held nodes "
+            "of the other face"
         )
-    return out
+    return with_images
 
 
 def cyclic_sectors(body: PreparedBody, ring: Ring, mask: NDArray, kept: Collection[int]) -> Sectors:
@@ -425,24 +445,30 @@ def cyclic_sectors(body: PreparedBody, ring: Ring, mask: NDArray, kept: Collecti
         body.report.step(f"nodal diameter {d}")
         for other in made.values():
             other.forget_factors()
-        with body.refusing(
-            f"nodal diameter {d}", "a sector whose fixed components both sector faces can have"
-        ):
-            out = CyclicSector(body.structure, ring.faces, mask, d)
-        if d == 0 or ring.faces.n_sectors == 1:  # the frequencies show it at other nodal diameters
-            _check_held(body, out, bool(mask.any()))
+        expected = "a sector whose fixed components both sector faces can have"
+        with body.refusing(f"nodal diameter {d}", expected):
+            new = CyclicSector(body.structure, ring.faces, mask, d)
+        # at other nodal diameters the frequencies show whether the body is held
+        if d == 0 or ring.faces.n_sectors == 1:
+            _check_held(body, new, bool(mask.any()))
         if d in kept:
-            made[d] = out
-        return out
+            made[d] = new
+        return new
 
     return sector
 
 
 def constrained_from_matrices(
-    body: PreparedBody, wanted: Wanted, ring: Ring, sector: Sector, sizes: LocalSizes,
-    interfaces: Mapping[str, Interface], stress: Iterable[StressRows],
-) -> tuple[Body, dict[int, NDArray]]:  # fmt: skip
-    """Make a sector from its matrices at each nodal diameter, with a local basis if the sector names its blade.
+    body: PreparedBody,
+    wanted: Wanted,
+    ring: Ring,
+    sector: Sector,
+    sizes: LocalSizes,
+    interfaces: Mapping[str, Interface],
+    stress: Iterable[StressRows],
+) -> tuple[Body, dict[int, NDArray]]:
+    """Make a sector from its matrices at each nodal diameter, with a local basis if the sector
+    names its blade.
 
     The stress of each mode and static shape is added to the objects ``stress``.
 
@@ -457,14 +483,20 @@ def constrained_from_matrices(
     ModelError
         If the sector is not fixed, or a matrix is not positive definite.
     """
-    mask, part = held_components(body, wanted, sector.fixed, ring), None
+    mask = held_components(body, wanted, sector.fixed, ring)
+    part = None
     if sector.blade_nodes is not None:
         part = blade_part(body, wanted, ring, mask, sector.blade_nodes, interfaces)
-    cached = [0] if body.raw.faster else []  # for the displacement by rotation
-    cached += [] if part is None else sampled_waves(ring.faces.n_sectors)
-    at_diameter = cyclic_sectors(body, ring, mask, cached)
-    free, pictures = int((~mask).sum()), dict[int, NDArray]()
-    n_modes = min(wanted.n_modes, max(1, (free - 3 * len(ring.faces.dependent)) // 2))
+    kept = []
+    if body.raw.faster:
+        kept.append(0)  # for the displacement by rotation
+    if part is not None:
+        kept += sampled_waves(ring.faces.n_sectors)
+    at_diameter = cyclic_sectors(body, ring, mask, kept)
+    # an eigensolver needs more unknowns than modes
+    n_unknowns = int((~mask).sum()) - 3 * len(ring.faces.dependent)
+    n_modes = min(wanted.n_modes, max(1, n_unknowns // 2))
+    pictures: dict[int, NDArray] = {}
 
     def seen(made: CyclicSector, omega2: NDArray, shapes: NDArray) -> None:
         d = made.nodal_diameter
@@ -477,21 +509,14 @@ def constrained_from_matrices(
     expected = "a positive definite stiffness (fixed nodes?) and a positive definite mass matrix"
     with body.refusing("matrices", expected):
         fewer = replace(wanted, n_modes=n_modes)
-        built = constrained_body(
-            body.name, fewer, at_diameter, ring.diameters, rotation_of(body), seen
-        )
-    for (
-        d,
-        basis,
-    ) in (
-        built.bases.items()
-    ):  # six squared frequencies of a body that is not held are rounding errors
+        rotation = rotation_of(body)
+        built = constrained_body(body.name, fewer, at_diameter, ring.diameters, rotation, seen)
+    for d, basis in built.bases.items():
+        # six squared frequencies of a body that is not held are rounding errors
         low, high = basis.omega2[[0, -1]]
-        expected, found = (
-            "a sector that is held (fixed nodes)",
-            f"squared frequencies {low:.3g} to {high:.3g} rad2/s2",
-        )
-        body.require(low > max(1e-10 * high, 0.0), f"nodal diameter {d}", expected, found)
+        held = low > max(1e-10 * high, 0.0)
+        found = f"squared frequencies {low:.3g} to {high:.3g} rad2/s2"
+        body.require(held, f"nodal diameter {d}", "a sector that is held (fixed nodes)", found)
     body.passed("stiffness symmetric and positive definite at every nodal diameter, mass symmetric")
     if n_modes < wanted.n_modes:
         body.passed(
@@ -503,22 +528,28 @@ def constrained_from_matrices(
 
 
 def _check_held(body: PreparedBody, sector: CyclicSector, held: bool) -> None:
-    """Raise ModelError if the factorisation shows an indefinite stiffness or a body that is not fixed."""
+    """Raise ModelError if the factorisation shows an indefinite stiffness or a body that is not
+    fixed.
+    """
     item = f"stiffness matrix, nodal diameter {sector.nodal_diameter}"
     factor = sector.solver
     pivots = factor.U.diagonal().real
-    least = (
-        1e-13 * np.median(np.abs(sector.stiffness.diagonal()))
-        if held
-        else 1e-9 * np.median(np.abs(pivots))
+    if held:
+        least = 1e-13 * np.median(np.abs(sector.stiffness.diagonal()))
+    else:
+        least = 1e-9 * np.median(np.abs(pivots))
+    expected = (
+        "a body that is held: Sector(fixed=a set of nodes), "
+        "or components without rows in the matrices"
     )
-    expected = "a body that is held: Sector(fixed=a set of nodes), or components without rows in the matrices"
     found = f"{'fixed components' if held else 'neither'}, and a motion without force"
     body.require(np.abs(pivots).min() >= least, item, expected, found)
-    negative = int((pivots <= 0.0).sum()) if np.array_equal(factor.perm_r, factor.perm_c) else 0
-    body.require(
-        not negative, item, "a positive definite matrix", f"{negative} negative eigenvalues"
-    )
+    # with equal permutations of rows and columns the pivots have the signs of the eigenvalues
+    n_negative = 0
+    if np.array_equal(factor.perm_r, factor.perm_c):
+        n_negative = int((pivots <= 0.0).sum())
+    found = f"{n_negative} negative eigenvalues"
+    body.require(not n_negative, item, "a positive definite matrix", found)
 
 
 def free_from_matrices(body: PreparedBody, wanted: Wanted) -> Body:
@@ -527,31 +558,29 @@ def free_from_matrices(body: PreparedBody, wanted: Wanted) -> Body:
     Raises
     ------
     ModelError
-        If the stiffness fixes the body somewhere, or it has motions without force other than the six rigid ones.
+        If the stiffness fixes the body somewhere, or it has motions without force other than the
+        six rigid ones.
     """
     wrong = body.raw.numbers[body.fixed(None).any(axis=1)]
-    found = f"rows missing at {len(wrong)} nodes, such as node {', '.join(map(str, wrong[:1]))}"
-    body.require(
-        not len(wrong),
-        "matrices",
-        "rows for all three components of every node of a free body",
-        found,
-    )
+    some_node = ", ".join(map(str, wrong[:1]))
+    expected = "rows for all three components of every node of a free body"
+    found = f"rows missing at {len(wrong)} nodes, such as node {some_node}"
+    body.require(not len(wrong), "matrices", expected, found)
     body.report.step(body.name)
     structure = body.structure
     check_rigid_motion(body)
     with body.refusing("mass matrix", "a positive definite matrix"):
-        free = FreeBody(structure, np.eye(3))
-    axes = body.damper_axes(free.centre)
+        in_model_axes = FreeBody(structure, np.eye(3))
+    axes = body.damper_axes(in_model_axes.centre)
     free = FreeBody(structure, axes)
-    wanted = replace(wanted, n_modes=min(wanted.n_modes, max(6, structure.n_dof // 2)))
+    n_modes = min(wanted.n_modes, max(6, structure.n_dof // 2))
+    wanted = replace(wanted, n_modes=n_modes)
     with body.refusing("matrices", "a stiffness matrix with six rigid-body motions and no others"):
         built = free_body(body.name, wanted, free, axes[1])
-    omega2 = built.bases[0].omega2
-    found = f"omega2 = {omega2[6:].min(initial=np.inf):.3g}"
-    body.require(
-        (omega2[6:] > 0.0).all(), "stiffness matrix", "six rigid-body motions and no others", found
-    )
+    elastic = built.bases[0].omega2[6:]
+    expected = "six rigid-body motions and no others"
+    found = f"omega2 = {elastic.min(initial=np.inf):.3g}"
+    body.require((elastic > 0.0).all(), "stiffness matrix", expected, found)
     body.passed(f"{body.name}: six rigid-body motions without force")
     return built
 
@@ -560,9 +589,13 @@ def free_from_matrices(body: PreparedBody, wanted: Wanted) -> Body:
 
 
 def blade_part(
-    body: PreparedBody, wanted: Wanted, ring: Ring, fixed: NDArray, blade: NodeSet,
+    body: PreparedBody,
+    wanted: Wanted,
+    ring: Ring,
+    fixed: NDArray,
+    blade: NodeSet,
     interfaces: Mapping[str, Interface],
-) -> BladePart:  # fmt: skip
+) -> BladePart:
     """Return the blade within a sector, for mistuned bladed disks.
 
     Parameters
@@ -575,33 +608,36 @@ def blade_part(
     Raises
     ------
     ModelError, SettingError
-        If there is no cyclic sector with matrices, blades touch each other, or the set lacks contact points or locations.
+        If there is no cyclic sector with matrices, blades touch each other, or the set lacks
+        contact points or locations.
     """
     if ring.faces.n_sectors == 1:
         raise SettingError(
             "blade_nodes: expected a sector of a cyclic structure, found an acyclic structure"
         )
-    touching = [
-        name for name, face in interfaces.items() if face.body_a == face.body_b == body.name
-    ]
-    if touching:
-        raise SettingError(
-            f"blade_nodes: expected blades that touch dampers, found '{touching[0]}', where blades touch"
-        )
+    for name, interface in interfaces.items():
+        if interface.body_a == interface.body_b == body.name:
+            raise SettingError(
+                f"blade_nodes: expected blades that touch dampers, found '{name}', "
+                "where blades touch"
+            )
     nodes = body.node_set(blade, "blade_nodes")
-    with body.refusing(
-        "blade_nodes",
-        "the nodes of a blade from root to tip, with all its contact faces and locations",
-    ):
+    expected = "the nodes of a blade from root to tip, with all its contact faces and locations"
+    with body.refusing("blade_nodes", expected):
         part = BladePart(body.structure, nodes, fixed, step=body.report.step)
         part.check_wanted(wanted, ring.faces)
     return part
 
 
 def with_local_basis(
-    made: Body, body: PreparedBody, wanted: Wanted, sector: Sectors,
-    interfaces: Mapping[str, Interface], part: BladePart, sizes: LocalSizes,
-) -> Body:  # fmt: skip
+    made: Body,
+    body: PreparedBody,
+    wanted: Wanted,
+    sector: Sectors,
+    interfaces: Mapping[str, Interface],
+    part: BladePart,
+    sizes: LocalSizes,
+) -> Body:
     """Return the sector ``made`` with a local basis, for mistuned bladed disks.
 
     Raises
@@ -610,17 +646,20 @@ def with_local_basis(
         If the matrices of the blade clamped at its root are not positive definite.
     """
     with body.refusing("blade_nodes", "a blade that its root holds"):
-        local = local_basis(
-            part, sector, wanted, damper_motion(wanted.ports, interfaces), sizes, "set of nodes"
-        )
-    clamped = ", ".join(f"{f:.5g}" for f in np.sqrt(local.omega2[:3]) / (2.0 * np.pi))
-    worst = max(
-        np.sqrt(local.nodal_diameter(d).omega2[0] / basis.omega2[0]) - 1.0
-        for d, basis in made.bases.items()
-    )
+        motion = damper_motion(wanted.ports, interfaces)
+        local = local_basis(part, sector, wanted, motion, sizes, "set of nodes")
+    lowest_clamped = np.sqrt(local.omega2[:3]) / (2.0 * np.pi)
+    clamped = ", ".join(f"{hertz:.5g}" for hertz in lowest_clamped)
+    # relative errors of the lowest frequencies of the local basis
+    errors = []
+    for d, basis in made.bases.items():
+        squared_ratio = local.nodal_diameter(d).omega2[0] / basis.omega2[0]
+        errors.append(np.sqrt(squared_ratio) - 1.0)
     body.report.checks += [
-        f"wheel: blade of {len(part.nodes)} nodes, {len(part.root)} of them at its root; clamped there {clamped} ... Hz; "
-        f"{local.n_cantilever} such modes, {local.n_attachment} attachments, {local.n_interface} shapes of the root",
-        f"wheel: the lowest frequency of each nodal diameter at most {100.0 * worst:.2g} % too high",
+        f"wheel: blade of {len(part.nodes)} nodes, {len(part.root)} of them at its root; "
+        f"clamped there {clamped} ... Hz; {local.n_cantilever} such modes, "
+        f"{local.n_attachment} attachments, {local.n_interface} shapes of the root",
+        f"wheel: the lowest frequency of each nodal diameter at most {100.0 * max(errors):.2g} % "
+        "too high",
     ]
     return replace(made, local=local)

@@ -1,12 +1,15 @@
-"""Models from the finite element bodies of any program: checks, reduction, contact points and a report.
+"""Models from the finite element bodies of any program: checks, reduction, contact points and a
+report.
 
-The sector is called "blade" in the model, and a single free body "damper".  Several free bodies have their own names.  The
-reduction is the same as for the reference models (:mod:`bdamper.fem`).
+The sector is called "blade" in the model, and a single free body "damper".  Several free bodies
+have their own names.  The reduction is the same as for the reference models (:mod:`bdamper.fem`).
 
-The import computes quantities that are easily mistaken, and the report lists them: the sector face toward +X, the sector in
-which a damper meets its neighbour, the direction of travelling waves, and mass, centre of mass and inertia.
+The import computes quantities that are easily mistaken, and the report lists them: the sector face
+toward +X, the sector in which a damper meets its neighbour, the direction of travelling waves, and
+mass, centre of mass and inertia.
 
-:func:`force_fields` converts nodal forces, such as a pressure field on a blade, to SI units and the axes of the model.
+:func:`force_fields` converts nodal forces, such as a pressure field on a blade, to SI units and the
+axes of the model.
 """
 
 from __future__ import annotations
@@ -42,7 +45,15 @@ from bdamper.importers.contact_faces import (
     lay_contacts,
 )
 from bdamper.importers.fe_body import BOUNDS, FEBody
-from bdamper.importers.options import DAMPER_MODES, HARMONICS, Checks, Placement, Reduction, Sector
+from bdamper.importers.options import (
+    DAMPER_MODES,
+    HARMONICS,
+    Checks,
+    NodeSet,
+    Placement,
+    Reduction,
+    Sector,
+)
 from bdamper.importers.plausibility import check_bodies, check_lowest
 from bdamper.importers.prepared_body import ImportReport, PreparedBody, Ring
 from bdamper.importers.stress_sets import stress_rows
@@ -63,7 +74,10 @@ if TYPE_CHECKING:
 # ---- Fields of nodal forces ----
 
 
-EXPECTED = "(node numbers (n,), forces (n, 3)), or a CSV file of rows: node, Re x, Im x, Re y, Im y, Re z, Im z"
+EXPECTED = (
+    "(node numbers (n,), forces (n, 3)), or a CSV file of rows: "
+    "node, Re x, Im x, Re y, Im y, Re z, Im z"
+)
 
 
 def force_fields(fields: Mapping[str, object] | None, body: PreparedBody) -> dict[str, NDArray]:
@@ -72,44 +86,46 @@ def force_fields(fields: Mapping[str, object] | None, body: PreparedBody) -> dic
     Parameters
     ----------
     fields : mapping of name to (numbers, forces) or path, optional
-        Node numbers (n,) and complex forces (n, 3) in the axes and units of the file, or a CSV file with both.  Comments
-        start with ``#``.  Forces on the same node are added.
+        Node numbers (n,) and complex forces (n, 3) in the axes and units of the file, or a CSV file
+        with both.  Comments start with ``#``.  Forces on the same node are added.
     body : PreparedBody
         Body on which the forces act.
 
     Raises
     ------
     SettingError, ModelError
-        If a value is not a field of forces, all forces are zero, or a node does not exist.  The message names the field.
+        If a value is not a field of forces, all forces are zero, or a node does not exist.  The
+        message names the field.
     """
+    named = {} if fields is None else validation.instance("forces", fields, Mapping, "a mapping")
+    units = body.placement.units
     out = {}
-    for name, value in (
-        {} if fields is None else validation.instance("forces", fields, Mapping, "a mapping")
-    ).items():
-        numbers, forces = _table(f"forces '{name}'", value)
-        units, out[name] = body.placement.units, np.zeros((len(body.nodes), 3), complex)
+    for name, value in named.items():
+        item = f"forces '{name}'"
+        numbers, forces = _table(item, value)
         in_si = units.mass * units.length * forces @ body.placement.rotation.T
-        np.add.at(out[name], body.index(numbers, f"forces '{name}'"), in_si)
-        validation.check(out[name].any(), f"forces '{name}'", "forces other than 0", "zeros only")
+        field_of_forces = np.zeros((len(body.nodes), 3), complex)
+        # a node may be listed several times
+        np.add.at(field_of_forces, body.index(numbers, item), in_si)
+        validation.check(field_of_forces.any(), item, "forces other than 0", "zeros only")
+        out[name] = field_of_forces
     return out
 
 
 def _table(item: str, value: Any) -> tuple[NDArray, NDArray]:
+    """Return node numbers (n,) and complex forces (n, 3) from arrays or from a file."""
     if isinstance(value, str | os.PathLike):
         table = number_table(Path(value), 7)
         return as_integers(table[:, 0], item), table[:, 1::2] + 1j * table[:, 2::2]
-    validation.check_value(isinstance(value, tuple) and len(value) == 2, item, EXPECTED, value)
+    is_pair = isinstance(value, tuple) and len(value) == 2
+    validation.check_value(is_pair, item, EXPECTED, value)
     try:
-        numbers, forces = np.asarray(value[0]), np.asarray(value[1], complex)
+        numbers = np.asarray(value[0])
+        forces = np.asarray(value[1], complex)
     except (ValueError, TypeError) as error:
         raise validation.invalid(item, EXPECTED, value) from error
-    good = (
-        numbers.ndim == 1
-        and len(numbers)
-        and forces.shape == (len(numbers), 3)
-        and np.isfinite(forces).all()
-    )
-    validation.check_value(good, item, EXPECTED, value)
+    good = numbers.ndim == 1 and len(numbers) > 0 and forces.shape == (len(numbers), 3)
+    validation.check_value(good and np.isfinite(forces).all(), item, EXPECTED, value)
     return numbers, forces
 
 
@@ -165,48 +181,62 @@ class BuiltModel(Plottable):
         save_model(self.model, path)
 
     def __str__(self) -> str:
-        frequencies = []
-        for d, values in self.frequencies.items():
-            shown = "  ".join(f"{f:.6g}" for f in values[:6])
-            frequencies.append(
-                f"{d:4d}  {shown}{'  ...' if len(values) > 6 else ''}  ({len(values)} modes)"
-            )
-        parts: dict[str, list[str]] = {
-            "Comparisons that FAILED": [*self.failed],
+        parts: dict[str, Sequence[str]] = {
+            "Comparisons that FAILED": self.failed,
             "Read": [f"{name}: {text}" for name, text in self.sources.items()],
-            "Frequencies of the sector, Hz, for each nodal diameter": frequencies,
+            "Frequencies of the sector, Hz, for each nodal diameter": self._frequency_lines(),
         }
-        for free in self.model.bodies.values():
-            if free.centre is None or free.inertia is None:
-                continue
-            moments = np.linalg.eigvalsh(free.inertia)
-            parts[f"Free body {free.name}, recomputed"] = texts = [
-                f"mass {free.mass:.6g} kg, centre ({', '.join(f'{c:.6g}' for c in free.centre)}) m, "
-                f"radius {free.radius:.6g} m",
-                f"principal moments of inertia {', '.join(f'{m:.6g}' for m in moments)} kg m2",
-            ]
-            if len(elastic := frequencies_of(free.bases[0])[6:12]):
-                texts.append("elastic modes, Hz: " + "  ".join(f"{f:.6g}" for f in elastic))
-        damping = [
+        for body in self.model.bodies.values():
+            if body.centre is not None and body.inertia is not None:
+                parts[f"Free body {body.name}, recomputed"] = _free_body_lines(body)
+        parts["Modal damping ratio"] = [
             f"{body.name}: {body.damping_text}"
             for body in self.model.bodies.values()
             if body.damping_text
         ]
-        parts |= {"Modal damping ratio": damping}
-        parts |= {"Origin of these numbers": [*self.bases], "Interfaces": [*self.faces]}
-        parts |= {"Checks passed": [*self.checks], "Not in this model": [*self.missing]}
+        parts["Origin of these numbers"] = self.bases
+        parts["Interfaces"] = self.faces
+        parts["Checks passed"] = self.checks
+        parts["Not in this model"] = self.missing
         lines = ["Import report"]
         for title, texts in parts.items():
             if texts:
                 lines += ["", title, *(f"  {text}" for text in texts)]
         return "\n".join(lines)
 
+    def _frequency_lines(self) -> list[str]:
+        lines = []
+        for d, frequencies in self.frequencies.items():
+            shown = "  ".join(f"{hertz:.6g}" for hertz in frequencies[:6])
+            if len(frequencies) > 6:
+                shown += "  ..."
+            lines.append(f"{d:4d}  {shown}  ({len(frequencies)} modes)")
+        return lines
+
+
+def _free_body_lines(body: Body) -> list[str]:
+    """Return mass, centre, inertia and elastic frequencies of a free body as lines of text."""
+    assert body.centre is not None and body.inertia is not None
+    centre = ", ".join(f"{coordinate:.6g}" for coordinate in body.centre)
+    moments = ", ".join(f"{moment:.6g}" for moment in np.linalg.eigvalsh(body.inertia))
+    lines = [
+        f"mass {body.mass:.6g} kg, centre ({centre}) m, radius {body.radius:.6g} m",
+        f"principal moments of inertia {moments} kg m2",
+    ]
+    # the first six frequencies belong to the rigid motions
+    elastic = frequencies_of(body.bases[0])[6:12]
+    if len(elastic):
+        lines.append("elastic modes, Hz: " + "  ".join(f"{hertz:.6g}" for hertz in elastic))
+    return lines
+
 
 # ---- Model ----
 
 
 INTEGRATED = 33
-"""Largest period of an excitation, in sectors, for which a model has all nodal diameters for time integration."""
+"""Largest period of an excitation, in sectors, for which a model has all nodal diameters for time
+integration.
+"""
 
 
 @validation.check_arguments
@@ -229,7 +259,8 @@ def build_model(
     Parameters
     ----------
     blade, damper : FEBody, FEBody or mapping of name to FEBody
-        One sector (or a whole structure with ``Sector(n_blades=1)``), and optional free bodies in contact with a blade.
+        One sector (or a whole structure with ``Sector(n_blades=1)``), and optional free bodies in
+        contact with a blade.
     contacts : sequence of ContactFaces
         Pairs of faces in contact.
     sector : Sector
@@ -239,8 +270,8 @@ def build_model(
     reduction : Reduction
         Nodal diameters, or engine orders that determine them, and numbers of modes.
     locations : mapping of name to location
-        Points of excitation and response: a node number, a position (3,), or a tuple of the name of a body and one of
-        these.
+        Points of excitation and response: a node number, a position (3,), or a tuple of the name of
+        a body and one of these.
     forces : mapping of name to (node numbers, forces) or to a CSV file
         Fields of nodal forces (:func:`force_fields`).
     checks : Checks
@@ -253,43 +284,38 @@ def build_model(
     ModelError, SettingError
         If bodies, contacts and settings do not fit together, or a check fails.
     """
-    for name, option, kind in (
-        ("sector", sector, Sector), ("placement", placement, Placement), ("reduction", reduction, Reduction),
-        ("checks", checks, Checks),
-    ):  # fmt: skip
-        validation.instance(name, option, kind)
+    validation.instance("sector", sector, Sector)
+    validation.instance("placement", placement, Placement)
+    validation.instance("reduction", reduction, Reduction)
+    validation.instance("checks", checks, Checks)
     report = ImportReport(checks.strict)
     bodies = _prepared(blade, damper, placement, report)
     contacts = _checked_contacts(contacts)
     faces = _sector_faces(bodies["blade"], sector)
-    diameters, excited, reason = _diameters(faces.n_sectors, reduction, blade)
+    n_blades = faces.n_sectors
+    diameters, excited, reason = _diameters(n_blades, reduction, blade)
     report.checks.append(f"{len(diameters)} nodal diameters, {reason}")
     expected = checks.expected_frequencies or {}
     for d in expected:
-        check(
-            d in diameters, "expected_frequencies", f"nodal diameters out of {list(diameters)}", d
-        )
+        allowed = f"nodal diameters out of {list(diameters)}"
+        check(d in diameters, "expected_frequencies", allowed, d)
     ring = Ring(faces, diameters, excited or diameters, expected)
-    check_bodies(bodies, faces.n_sectors, checks.check_units, sector.elasticity)
-    contacts, bodies = from_first_sector(contacts, bodies, faces.n_sectors)
-    laid, places = (
-        lay_contacts(contacts, bodies, faces.n_sectors),
-        _locations(locations, bodies, forces),
-    )
+    check_bodies(bodies, n_blades, checks.check_units, sector.elasticity)
+    contacts, bodies = from_first_sector(contacts, bodies, n_blades)
+    laid = lay_contacts(contacts, bodies, n_blades)
+    places = _locations(locations, bodies, forces)
     rows = stress_rows(bodies["blade"], sector, laid, ring)
     with _shown(progress, len(bodies), ring, sector.blade_nodes is not None, report):
         made, shapes = _reduced(bodies, laid, places, ring, sector, reduction, rows)
     if checks.check_units:
         for name, body in bodies.items():
             check_lowest(body, made[name])
-    bases = [
-        *_origins(bodies, ring),
-        *(_largest_stress(bodies["blade"], row, ring) for row in rows),
-    ]
-    return _assembled(bodies, laid, places, made, shapes, rows, faces.n_sectors, report, bases)
+    bases = list(_origins(bodies, ring))
+    bases += [_largest_stress(bodies["blade"], row, ring) for row in rows]
+    return _assembled(bodies, laid, places, made, shapes, rows, n_blades, report, bases)
 
 
-# -----------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 # Settings
 
 
@@ -300,158 +326,246 @@ def _prepared(
     report: ImportReport,
 ) -> dict[str, PreparedBody]:
     """Return the bodies in SI units and in the axes of the model; the first one is the blade."""
-    free = damper if isinstance(damper, Mapping) else {} if damper is None else {"damper": damper}
+    free: Mapping[str, FEBody] = {}
+    if isinstance(damper, Mapping):
+        free = damper
+    elif damper is not None:
+        free = {"damper": damper}
     reserved = [name for name in free if name in ("blade", "ground") or not isinstance(name, str)]
     validation.check(not reserved, "free bodies", "names other than 'blade' and 'ground'", reserved)
-    out = {}
+    prepared = {}
     for name, raw in {"blade": blade, **free}.items():
         body = validation.instance(name, raw, FEBody, "an FEBody, as read_arrays returns it")
-        out[name] = PreparedBody(name, body, placement, report)
-    return out
+        prepared[name] = PreparedBody(name, body, placement, report)
+    return prepared
 
 
 def _counts(free: Sequence[str], reduction: Reduction) -> dict[str, int]:
     """Return the number of modes of each body."""
-    given = reduction.n_damper_modes
-    named = given if isinstance(given, Mapping) else dict.fromkeys(free, given)
-    validation.mapping("n_damper_modes", named, free, "free bodies")
-    return {"blade": reduction.n_modes, **dict.fromkeys(free, DAMPER_MODES), **named}
+    n_modes = reduction.n_damper_modes
+    by_name = n_modes if isinstance(n_modes, Mapping) else dict.fromkeys(free, n_modes)
+    validation.mapping("n_damper_modes", by_name, free, "free bodies")
+    return {"blade": reduction.n_modes, **dict.fromkeys(free, DAMPER_MODES), **by_name}
 
 
 def _checked_contacts(contacts: Sequence[ContactFaces]) -> tuple[ContactFaces, ...]:
-    several = isinstance(contacts, Iterable) and not isinstance(contacts, str)
-    out = (
-        tuple(validation.instance("contacts", contact, ContactFaces) for contact in contacts)
-        if several
-        else ()
-    )
-    validation.check_value(out, "contacts", "a sequence of one or more ContactFaces", contacts)
-    names = [contact.name for contact in out]
+    """Check type and name of each contact."""
+    checked: list[ContactFaces] = []
+    if isinstance(contacts, Iterable) and not isinstance(contacts, str):
+        for contact in contacts:
+            checked.append(validation.instance("contacts", contact, ContactFaces))
+    expected = "a sequence of one or more ContactFaces"
+    validation.check_value(checked, "contacts", expected, contacts)
+    names = [contact.name for contact in checked]
     validation.check_value(len(set(names)) == len(names), "contacts", "each name once", names)
-    return out
+    return tuple(checked)
 
 
 def _diameters(
     n_blades: int, reduction: Reduction, blade: FEBody
 ) -> tuple[tuple[int, ...], tuple[int, ...], str]:
-    """Return the nodal diameters of a model, the excited nodal diameters, and the reason for the choice."""
-    given, harmonics = reduction.nodal_diameters, reduction.harmonics
-    orders: Sequence[int] = reduction.engine_order or ()  # type: ignore[assignment]  # checked by the class
+    """Return the nodal diameters of a model, the excited nodal diameters, and the reason for the
+    choice.
+    """
+    chosen = reduction.nodal_diameters
+    harmonics = reduction.harmonics
+    orders: Sequence[int] = reduction.engine_order or ()  # type: ignore[assignment]
     excited = tuple(sorted({min(order % n_blades, -order % n_blades) for order in orders}))
-    listed = (
-        None
-        if blade.stiffness is not None or not blade.modes
-        else {modes.nodal_diameter for modes in blade.modes}
-    )
-    if given is not None or not orders:
-        if given is None and n_blades > 1 and listed is None:
+    # without matrices the model has at most the nodal diameters of the modes of the file
+    with_modes: set[int] | None = None
+    if blade.stiffness is None and blade.modes:
+        with_modes = {modes.nodal_diameter for modes in blade.modes}
+    if chosen is None and not orders:
+        if n_blades == 1:
+            chosen = [0]
+        elif with_modes is not None:
+            chosen = sorted(with_modes)
+        else:
             raise SettingError(
                 "nodal diameters: expected engine_order or nodal_diameters, found neither"
             )
-        chosen = given if given is not None else [0] if n_blades == 1 else sorted(listed or ())
-        return (
-            tuple(sorted({0, *validation.integers("nodal_diameters", chosen, most=n_blades // 2)})),
-            excited,
-            "given",
-        )
+    if chosen is not None:
+        checked = validation.integers("nodal_diameters", chosen, most=n_blades // 2)
+        return tuple(sorted({0, *checked})), excited, "given"
     most = harmonics or HARMONICS
-    reason = f"for {most} harmonics of engine order {', '.join(map(str, orders))}"
     wanted = set[int]()
     for order in orders:
-        distinct = n_blades // gcd(n_blades, order)  # period of the excitation in sectors
-        in_time = distinct if harmonics is None and distinct <= INTEGRATED else 1
-        wanted.update(needed_nodal_diameters(n_blades, order, max(most, in_time)))
+        n_harmonics = most
+        # period of the excitation in sectors
+        period = n_blades // gcd(n_blades, order)
+        if harmonics is None and period <= INTEGRATED:
+            n_harmonics = max(most, period)
+        wanted.update(needed_nodal_diameters(n_blades, order, n_harmonics))
+    reason = f"for {most} harmonics of engine order {', '.join(map(str, orders))}"
     if harmonics is None:
         reason += " and time integration"
-        wanted &= listed or wanted
+        if with_modes:
+            wanted &= with_modes
     return tuple(sorted({0, *wanted})), excited, reason
 
 
+@dataclass(frozen=True)
+class _FacePair:
+    """Two sets of nodes of the user at which the sector repeats.
+
+    Parameters
+    ----------
+    first, second : (n,) int
+        Node indices of the sets, in the order of the user.
+    angle : float
+        Angle between the centres of the sets, rad.
+    n_blades : int
+        Number of sectors, of the user or the nearest to the angle.
+    exact : bool
+        Whether the user gave the number of sectors.
+    alike : bool
+        Whether the angle is one pitch within the tolerance.
+    apart : str
+        The angle in words, for messages.
+    expected : str
+        Description of two faces that fit, for messages.
+    """
+
+    first: NDArray
+    second: NDArray
+    angle: float
+    n_blades: int
+    exact: bool
+    alike: bool
+    apart: str
+    expected: str
+
+    @property
+    def pitches(self) -> tuple[float | None, ...]:
+        """Pitches with which the faces may match: that of the number of sectors, then the angle."""
+        return (None, self.angle) if self.alike else (None,)
+
+
 def _sector_faces(body: PreparedBody, sector: Sector) -> SectorFaces:
-    """Return the sector faces, given or found in the mesh; faces with different meshes are tied by interpolation."""
-    n_blades = sector.n_blades
-    if n_blades == 1:
+    """Return the sector faces, given or found in the mesh.
+
+    Faces with different meshes are tied by interpolation.
+    """
+    if sector.n_blades == 1:
         return no_faces()
-    tolerance = BOUNDS.sector_faces * body.size
     if sector.faces is None:
-        faces = (
-            find_faces(body.nodes, body.boundary, n_blades, tolerance) if body.elements else None
+        return _found_faces(body, sector.n_blades)
+    pair = _face_pair(body, sector.faces, sector)
+    matched, problems = _matched_faces(body, pair)
+    if matched is not None:
+        return matched
+    found = f"{pair.apart}; {problems[0]}; the other way: {problems[1].split(': ')[-1]}"
+    body.require(body.elements, "sector faces", pair.expected, found)
+    return _tied_faces(body, pair, sector.face_tolerance, found)
+
+
+def _found_faces(body: PreparedBody, n_blades: int | None) -> SectorFaces:
+    """Return the sector faces found in the mesh."""
+    faces = None
+    if body.elements:
+        tolerance = BOUNDS.sector_faces * body.size
+        faces = find_faces(body.nodes, body.boundary, n_blades, tolerance)
+    if faces is None:
+        expected = "the two faces of the sector"
+        if not n_blades:
+            expected += ", and n_blades (1 if nothing repeats)"
+        raise SettingError(
+            f"sector faces: expected {expected}, as no rotation carries faces of elements "
+            "onto others"
         )
-        if faces is None:
-            expected = "the two faces of the sector" + (
-                "" if n_blades else ", and n_blades (1 if nothing repeats)"
-            )
-            raise SettingError(
-                f"sector faces: expected {expected}, as no rotation carries faces of elements onto others"
-            )
-        body.passed(f"sector faces: found from the geometry, {faces.n_sectors} sectors")
-        return faces
-    first, second = (body.node_set(s, "sector faces") for s in sector.faces)
-    angle, exact = _angle_between(body, first, second), n_blades is not None
+    body.passed(f"sector faces: found from the geometry, {faces.n_sectors} sectors")
+    return faces
+
+
+def _face_pair(body: PreparedBody, faces: tuple[NodeSet, NodeSet], sector: Sector) -> _FacePair:
+    """Return the faces of the user and the number of sectors; check the angle between them."""
+    first = body.node_set(faces[0], "sector faces")
+    second = body.node_set(faces[1], "sector faces")
+    angle = _angle_between(body, first, second)
     nearest = max(2, round(2.0 * np.pi / angle))
-    n_blades = n_blades or nearest
+    n_blades = sector.n_blades or nearest
+    exact = sector.n_blades is not None
     apart = f"the faces are {np.rad2deg(angle):.6g} degrees apart, nearest are {nearest} sectors"
     deviation = 1.0 - 2.0 * np.pi / n_blades / angle
     alike = n_blades == nearest and abs(deviation) <= sector.angle_tolerance
-    body.require(
-        exact or alike,
-        "sector faces",
-        f"360/N degrees within {100 * sector.angle_tolerance:g} %",
-        apart,
-    )
+    expected = f"360/N degrees within {100 * sector.angle_tolerance:g} %"
+    body.require(exact or alike, "sector faces", expected, apart)
     if not exact:
-        body.passed(
-            f"{n_blades} sectors, from the {np.rad2deg(angle):.4g} degrees between the sector faces"
-        )
-    problems, pitches = [], (None, angle) if alike else (None,)
-    for pitch in pitches:
+        degrees = np.rad2deg(angle)
+        body.passed(f"{n_blades} sectors, from the {degrees:.4g} degrees between the sector faces")
+    expected = (
+        f"two sets of nodes of which a rotation by 2 pi/{n_blades} about the axis carries one "
+        "onto the other"
+    )
+    return _FacePair(first, second, angle, n_blades, exact, alike, apart, expected)
+
+
+def _matched_faces(body: PreparedBody, pair: _FacePair) -> tuple[SectorFaces | None, list[str]]:
+    """Return faces whose nodes match in pairs, or None, with the reasons why others do not."""
+    tolerance = BOUNDS.sector_faces * body.size
+    problems = []
+    for pitch in pair.pitches:
         for left, right, words in (
-            (first, second, "the first set lies toward -X"), (second, first, "the sets were exchanged"),
-        ):  # fmt: skip
+            (pair.first, pair.second, "the first set lies toward -X"),
+            (pair.second, pair.first, "the sets were exchanged"),
+        ):
             try:
-                matched = match_faces(body.nodes, left, right, n_blades, tolerance, pitch)
+                matched = match_faces(body.nodes, left, right, pair.n_blades, tolerance, pitch)
             except ValueError as error:
                 problems.append(str(error))
                 continue
             body.passed(
                 f"sector faces: {len(left)} pairs of nodes match within {tolerance:.2g} m; {words}"
             )
-            _report_deviation(body, pitch, n_blades)
-            return matched
-    expected = f"two sets of nodes of which a rotation by 2 pi/{n_blades} about the axis carries one onto the other"
-    found = f"{apart}; {problems[0]}; the other way: {problems[1].split(': ')[-1]}"
-    body.require(body.elements, "sector faces", expected, found)
-    # if the meshes differ, the angle between the centres of the faces is biased; one sector more or less may fit better
-    counts = [(n, None) for n in range(max(n_blades - 1, 2), n_blades + 2)] + [
-        (n_blades, pitch) for pitch in pitches[1:]
+            _report_deviation(body, pitch, pair.n_blades)
+            return matched, problems
+    return None, problems
+
+
+def _tied_faces(
+    body: PreparedBody, pair: _FacePair, face_tolerance: float, found: str
+) -> SectorFaces:
+    """Return faces with different meshes, tied by interpolation.
+
+    The angle between the centres of such faces is biased, so that one sector more or less may fit
+    better.
+
+    Parameters
+    ----------
+    face_tolerance : float
+        Largest distance of the faces, divided by the mean edge of their elements.
+    found : str
+        Why the nodes do not match, for messages.
+    """
+    n_blades = pair.n_blades
+    ways: list[tuple[int, float | None]] = [
+        (n, None) for n in range(max(n_blades - 1, 2), n_blades + 2)
     ]
-    with body.refusing("sector faces", expected):
-        ways = [
-            (n, pitch, pair) for n, pitch in counts for pair in ((first, second), (second, first))
-        ]
-        tied = [
-            (tie_faces(body.nodes, body.boundary, *pair, n, pitch), pitch)
-            for n, pitch, pair in ways
-        ]
+    ways += [(n_blades, pitch) for pitch in pair.pitches[1:]]
+    tied = []
+    with body.refusing("sector faces", pair.expected):
+        for n, pitch in ways:
+            for left, right in ((pair.first, pair.second), (pair.second, pair.first)):
+                faces = tie_faces(body.nodes, body.boundary, left, right, n, pitch)
+                tied.append((faces, pitch))
     best, pitch = min(tied, key=lambda way: way[0].distance)
-    if exact:
-        fits = best.n_sectors != n_blades and best.distance <= BOUNDS.tied_faces * body.size
-        body.require(not fits, "sector faces", expected, f"faces that fit {best.n_sectors} sectors")
-        best, pitch = min(
-            (way for way in tied if way[0].n_sectors == n_blades), key=lambda way: way[0].distance
-        )
+    if pair.exact:
+        other = best.n_sectors != n_blades and best.distance <= BOUNDS.tied_faces * body.size
+        fit = f"faces that fit {best.n_sectors} sectors"
+        body.require(not other, "sector faces", pair.expected, fit)
+        of_user = [way for way in tied if way[0].n_sectors == n_blades]
+        best, pitch = min(of_user, key=lambda way: way[0].distance)
     elif best.n_sectors != n_blades:
         n_blades = best.n_sectors
         body.passed(f"{n_blades} sectors fit best")
-    limit = (
-        sector.face_tolerance * _mean_edge(body, best.independent)
-        if alike
-        else BOUNDS.tied_faces * body.size
-    )
+    if pair.alike:
+        limit = face_tolerance * _mean_edge(body, best.independent)
+    else:
+        limit = BOUNDS.tied_faces * body.size
     found += (
         f"; meshes that differ are at best {best.distance:.3g} m apart, tolerance {limit:.3g} m"
     )
-    body.require(best.distance <= limit, "sector faces", expected, found)
+    body.require(best.distance <= limit, "sector faces", pair.expected, found)
     tied_nodes = f"{len(best.dependent)} nodes tied by interpolation to {len(best.independent)}"
     body.passed(
         f"sector faces: meshes that differ, {tied_nodes}, at most {best.distance:.2g} m apart"
@@ -462,65 +576,70 @@ def _sector_faces(body: PreparedBody, sector: Sector) -> SectorFaces:
 
 def _angle_between(body: PreparedBody, first: NDArray, second: NDArray) -> float:
     """Return the angle between the centres of two faces, rad."""
-    angles = [np.arctan2(*body.nodes[nodes, :2].mean(axis=0)) for nodes in (first, second)]
-    return max(float(abs((angles[1] - angles[0] + np.pi) % (2.0 * np.pi) - np.pi)), 1e-3)
+    # measured from Y, the direction to the blade
+    first_angle = np.arctan2(*body.nodes[first, :2].mean(axis=0))
+    second_angle = np.arctan2(*body.nodes[second, :2].mean(axis=0))
+    difference = (second_angle - first_angle + np.pi) % (2.0 * np.pi) - np.pi
+    # a disk with thousands of sectors has the smallest angle
+    return max(float(abs(difference)), 1e-3)
 
 
 def _report_deviation(body: PreparedBody, angle: float | None, n_blades: int) -> None:
-    if angle is not None:
-        degrees, pitch = np.rad2deg(angle), 360.0 / n_blades
-        found = f"{degrees:.6g} degrees apart, {100.0 * (degrees / pitch - 1.0):+.2g} % from {pitch:.6g}"
-        body.passed(f"sector faces: {found}; tied as if they were one pitch apart")
+    """Report faces that are tied although their angle (rad) differs from one pitch."""
+    if angle is None:
+        return
+    degrees = np.rad2deg(angle)
+    pitch = 360.0 / n_blades
+    deviation = 100.0 * (degrees / pitch - 1.0)
+    body.passed(
+        f"sector faces: {degrees:.6g} degrees apart, {deviation:+.2g} % from {pitch:.6g}; "
+        "tied as if they were one pitch apart"
+    )
 
 
 def _mean_edge(body: PreparedBody, nodes: NDArray) -> float:
     """Return the mean edge of the outer faces of elements on some nodes, m."""
-    groups = facets_on_nodes(body.boundary, nodes).groups
-    corners = [body.nodes[group[:, : corner_count(group.shape[1])]] for group in groups]
-    return float(
-        np.concatenate(
-            [np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).ravel() for x in corners]
-        ).mean()
-    )
+    lengths = []
+    for facets in facets_on_nodes(body.boundary, nodes).groups:
+        corners = body.nodes[facets[:, : corner_count(facets.shape[1])]]
+        edges = corners - np.roll(corners, 1, axis=1)
+        lengths.append(np.linalg.norm(edges, axis=2).ravel())
+    return float(np.concatenate(lengths).mean())
 
 
 def _locations(
-    locations: Mapping[str, object] | None, bodies: Mapping[str, PreparedBody], forces: Mapping[str, object] | None,
-) -> dict[str, tuple[str, Place]]:  # fmt: skip
+    locations: Mapping[str, object] | None,
+    bodies: Mapping[str, PreparedBody],
+    forces: Mapping[str, object] | None,
+) -> dict[str, tuple[str, Place]]:
     """Return body and node (or field of forces) of each named location."""
-    out: dict[str, tuple[str, Place]] = {
-        name: ("blade", f) for name, f in force_fields(forces, bodies["blade"]).items()
-    }
-    named = (
-        {}
-        if locations is None
-        else validation.instance("locations", locations, Mapping, "a mapping")
-    )
+    places: dict[str, tuple[str, Place]] = {}
+    for name, forces_at_nodes in force_fields(forces, bodies["blade"]).items():
+        places[name] = ("blade", forces_at_nodes)
+    if locations is None:
+        return places
+    named = validation.instance("locations", locations, Mapping, "a mapping")
     for name, value in named.items():
+        item = f"location '{name}'"
         body = "blade"
         if isinstance(value, tuple) and len(value) == 2 and isinstance(value[0], str):
             body, value = value
-        validation.check(
-            body in bodies, f"location '{name}'", f"a body out of {sorted(bodies)}", f"'{body}'"
-        )
-        validation.check(
-            name not in out,
-            f"location '{name}'",
-            "a name that forces do not have",
-            f"'{name}' twice",
-        )
-        out[name] = (body, bodies[body].node(value, f"location '{name}'"))
-    return out
+        validation.check(body in bodies, item, f"a body out of {sorted(bodies)}", f"'{body}'")
+        unique = name not in places
+        validation.check(unique, item, "a name that forces do not have", f"'{name}' twice")
+        places[name] = (body, bodies[body].node(value, item))
+    return places
 
 
 def _location(name: str, body: PreparedBody, place: Place) -> Location:
+    """Return the location of a node, or of a field of forces at their mean position."""
     if not isinstance(place, np.ndarray):
         return Location(name, body.name, body.nodes[place].copy())
     sizes = np.linalg.norm(place, axis=1)
     return Location(name, body.name, sizes @ body.nodes / sizes.sum(), "forces")
 
 
-# -----------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 # Model
 
 
@@ -529,81 +648,91 @@ def _shown(
     progress: bool | None, n_bodies: int, ring: Ring, local: bool, report: ImportReport
 ) -> Iterator[None]:
     """Show a progress bar with the steps of the work."""
-    waves = {*ring.diameters, *sampled_waves(ring.faces.n_sectors)} if local else ring.diameters
-    total, done = (
-        len(waves) + n_bodies - 1 + (ring.faces.n_sectors // 2 + 1 if local else 0),
-        count(),
-    )
+    n_sectors = ring.faces.n_sectors
+    n_free_bodies = n_bodies - 1
+    if local:
+        n_diameters = len({*ring.diameters, *sampled_waves(n_sectors)})
+        n_local = n_sectors // 2 + 1
+    else:
+        n_diameters = len(ring.diameters)
+        n_local = 0
+    n_steps = n_diameters + n_free_bodies + n_local
+    step = count()
     with progress_stages(shows_progress(progress), "import", "step") as show:
-        report.step = lambda text: show(text, next(done), total)
+        report.step = lambda text: show(text, next(step), n_steps)
         yield
 
 
 def _reduced(
-    bodies: Mapping[str, PreparedBody], laid: LaidContacts, places: Mapping[str, tuple[str, Place]], ring: Ring,
-    sector: Sector, reduction: Reduction, rows: Sequence[StressRows],
-) -> tuple[dict[str, Body], dict[int, NDArray]]:  # fmt: skip
-    """Reduce all bodies, from matrices or from modes; return them with the mode shapes for pictures."""
-    made, pictures = {}, dict[int, NDArray]()
-    counts = _counts([name for name in bodies if name != "blade"], reduction)
+    bodies: Mapping[str, PreparedBody],
+    laid: LaidContacts,
+    places: Mapping[str, tuple[str, Place]],
+    ring: Ring,
+    sector: Sector,
+    reduction: Reduction,
+    rows: Sequence[StressRows],
+) -> tuple[dict[str, Body], dict[int, NDArray]]:
+    """Reduce all bodies, from matrices or from modes; return the mode shapes for pictures too."""
+    reduced: dict[str, Body] = {}
+    pictures: dict[int, NDArray] = {}
+    n_modes = _counts([name for name in bodies if name != "blade"], reduction)
     for name, body in bodies.items():
-        located = {key: place for key, (owner, place) in places.items() if owner == name}
         wanted = Wanted(
             laid.ports[name],
             laid.rows[name],
-            located,
-            counts[name],
+            {key: place for key, (owner, place) in places.items() if owner == name},
+            n_modes[name],
             reduction.damping_ratio,
             static_shapes=True,
         )
-        if name == "blade" and body.has_matrices:
-            options = sector, reduction.local_sizes, laid.interfaces, rows
-            made[name], pictures = constrained_from_matrices(body, wanted, ring, *options)
-        elif name == "blade":
-            alone = sector.blade_nodes is None
+        if name != "blade":
+            reduce = free_from_matrices if body.has_matrices else free_from_modes
+            reduced[name] = reduce(body, wanted)
+        elif body.has_matrices:
+            reduced[name], pictures = constrained_from_matrices(
+                body, wanted, ring, sector, reduction.local_sizes, laid.interfaces, rows
+            )
+        else:
             validation.check(
-                alone,
+                sector.blade_nodes is None,
                 "blade_nodes",
                 "a sector of a cyclic structure with its matrices",
                 "modes alone",
             )
-            made[name], pictures = constrained_from_modes(body, wanted, ring)
-        else:
-            made[name] = (free_from_matrices if body.has_matrices else free_from_modes)(
-                body, wanted
-            )
+            reduced[name], pictures = constrained_from_modes(body, wanted, ring)
     if laid.ports["ground"]:
-        made["ground"] = Body("ground", "ground", laid.ports["ground"])
-    return made, pictures
+        reduced["ground"] = Body("ground", "ground", laid.ports["ground"])
+    return reduced, pictures
 
 
 def _origins(bodies: Mapping[str, PreparedBody], ring: Ring) -> Iterator[str]:
-    """Return the sources of masses and frequencies of the report, and of the frequencies compared with them."""
+    """Iterate over the sources of masses and frequencies, and of the frequencies compared."""
     for name, body in bodies.items():
-        files = "stiffness and mass matrix of the files"
-        if name != "blade":
+        if name == "blade":
+            yield f"{name}: frequencies from {_origin_of_frequencies(body, ring)}"
+        else:
             source = "mass matrix" if body.has_matrices else "given MassProperties"
             yield f"{name}: mass, centre and inertia from the {source}"
-            continue
-        own = sorted(
-            {
-                *ring.expected,
-                *(modes.nodal_diameter for modes in body.raw.modes if body.has_matrices),
-            }
+
+
+def _origin_of_frequencies(body: PreparedBody, ring: Ring) -> str:
+    if not body.has_matrices:
+        return "the modes of the file"
+    files = "stiffness and mass matrix of the files"
+    compared = sorted({*ring.expected, *(modes.nodal_diameter for modes in body.raw.modes)})
+    if not compared:
+        return (
+            f"{files}, not compared with those of the program "
+            "(expected_frequencies, or a result file)"
         )
-        compared = (
-            f"compared with those of the program at nodal diameters {', '.join(map(str, own))}"
-        )
-        compared = (
-            compared
-            if own
-            else "not compared with those of the program (expected_frequencies, or a result file)"
-        )
-        yield f"{name}: frequencies from {f'{files}, {compared}' if body.has_matrices else 'the modes of the file'}"
+    diameters = ", ".join(map(str, compared))
+    return f"{files}, compared with those of the program at nodal diameters {diameters}"
 
 
 def _largest_stress(body: PreparedBody, rows: StressRows, ring: Ring) -> str:
-    """Return the node of the largest von Mises stress in the lowest mode of the first excited nodal diameter."""
+    """Return the node of the largest von Mises stress in the lowest mode of the first excited nodal
+    diameter.
+    """
     d = ring.pictured[0]
     node = rows.largest(d)
     place = ", ".join(f"{x:.6g}" for x in body.raw.nodes[node])
@@ -612,32 +741,49 @@ def _largest_stress(body: PreparedBody, rows: StressRows, ring: Ring) -> str:
 
 
 def _assembled(
-    bodies: Mapping[str, PreparedBody], laid: LaidContacts, places: Mapping[str, tuple[str, Place]],
-    made: Mapping[str, Body], pictures: Mapping[int, NDArray], rows: Sequence[StressRows], n_blades: int,
-    report: ImportReport, bases: Sequence[str],
-) -> BuiltModel:  # fmt: skip
+    bodies: Mapping[str, PreparedBody],
+    laid: LaidContacts,
+    places: Mapping[str, tuple[str, Place]],
+    reduced: Mapping[str, Body],
+    pictures: Mapping[int, NDArray],
+    rows: Sequence[StressRows],
+    n_blades: int,
+    report: ImportReport,
+    bases: Sequence[str],
+) -> BuiltModel:
     """Return the model with its report."""
+    locations = {}
+    for name, (owner, place) in places.items():
+        locations[name] = _location(name, bodies[owner], place)
+    stress = {}
     averaged = "bdamper.importers.build_model, mean over elements at nodes"
+    numbers = np.asarray(bodies["blade"].raw.numbers)
+    for row in rows:
+        stress[row.name] = row.set("blade", averaged, numbers)
+    meshes = {}
+    for name, body in bodies.items():
+        if body.elements:
+            shapes = pictures if name == "blade" else {}
+            meshes[name] = picture_mesh(body.boundary, body.nodes, shapes)
     model = Model(
         n_blades=n_blades,
-        bodies=made,
+        bodies=reduced,
         interfaces=laid.interfaces,
-        locations={key: _location(key, bodies[b], place) for key, (b, place) in places.items()},
+        locations=locations,
         contact=laid.stiffness,
-        stress={
-            row.name: row.set("blade", averaged, np.asarray(bodies["blade"].raw.numbers))
-            for row in rows
-        },
-        meshes={
-            name: picture_mesh(body.boundary, body.nodes, pictures if name == "blade" else {})
-            for name, body in bodies.items()
-            if body.elements
-        },
+        stress=stress,
+        meshes=meshes,
     )
     check_model(model, where="built model")
-    sources = {name: str(body.raw) for name, body in bodies.items()}
-    checks, missing, failed = map(tuple, (report.checks, report.missing, report.failed))
-    built = BuiltModel(model, sources, laid.faces, checks, missing, failed, tuple(bases))
+    built = BuiltModel(
+        model,
+        sources={name: str(body.raw) for name, body in bodies.items()},
+        faces=laid.faces,
+        checks=tuple(report.checks),
+        missing=tuple(report.missing),
+        failed=tuple(report.failed),
+        bases=tuple(bases),
+    )
     provenance = {
         "source": "; ".join(f"{name}: {body.raw.source}" for name, body in bodies.items()),
         "made by": "bdamper.importers.build_model",

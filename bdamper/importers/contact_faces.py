@@ -1,7 +1,8 @@
 """Interfaces of an imported model: pairs of faces in contact, and their contact points.
 
-The displacement of a contact point is the mean over a patch that both faces share (:mod:`bdamper.fem.contact_patches`).
-The sector in which a damper touches its neighbour follows from the positions and normals of the faces.
+The displacement of a contact point is the mean over a patch that both faces share
+(:mod:`bdamper.fem.contact_patches`).  The sector in which a damper touches its neighbour follows
+from the positions and normals of the faces.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -36,8 +37,8 @@ class ContactFaces:
     name : str
         Name of the interface.
     faces_a : str, (n,) int, (n, 3 | 4 | 6 | 8) int, or tuple of such two-dimensional arrays
-        Face of body a: name of a set, node numbers that include complete element faces, or element faces by their node
-        numbers, counter-clockwise as seen from outside.
+        Face of body a: name of a set, node numbers that include complete element faces, or element
+        faces by their node numbers, counter-clockwise as seen from outside.
     faces_b : str, int array or tuple of int arrays, optional
         Face of body b in the same form; None for a contact with the ground.
     body_a, body_b : {"damper", "blade", "ground"}, or the name of one of several free bodies
@@ -48,10 +49,11 @@ class ContactFaces:
     sector_b : {-1, 0, 1}, optional
         Sector of body b.  By default it follows from the positions of the faces.
     gap : float or "measured"
-        Initial normal distance in the unit of length of the files; "measured" takes the distance of the meshes.
+        Initial normal distance in the unit of length of the files; "measured" takes the distance of
+        the meshes.
     patches : Patches, optional
-        Rectangles in one plane, in the axes of the model, which replace the grid.  In a grid the normal n is the mean
-        outward normal of face a, and t2 points against the axis of rotation.
+        Rectangles in one plane, in the axes of the model, which replace the grid.  In a grid the
+        normal n is the mean outward normal of face a, and t2 points against the axis of rotation.
     stiffness : (3,) or (n_points, 3) float, N/m, optional
         Contact stiffness along t1, t2, n.
 
@@ -84,32 +86,30 @@ class ContactFaces:
 
 
 def _points(name: str, points: int | tuple[int, int]) -> int | tuple[int, ...]:
-    pair = isinstance(points, Sequence | np.ndarray) and not isinstance(points, str | bytes)
-    counts = tuple(points) if pair else (points,)  # type: ignore[arg-type]
-    good = len(counts) == (2 if pair else 1)
-    validation.check_value(good, name, "a number of contact points or two, along t1 and t2", points)
+    """Check one or two numbers of contact points."""
+    is_pair = isinstance(points, Sequence | np.ndarray) and not isinstance(points, str | bytes)
+    counts = tuple(points) if is_pair else (points,)  # type: ignore[arg-type]
+    expected = "a number of contact points or two, along t1 and t2"
+    validation.check_value(len(counts) == (2 if is_pair else 1), name, expected, points)
     counts = tuple(validation.integer(name, n, 1, BOUNDS.points) for n in counts)
-    validation.check_value(
-        np.prod(counts) <= BOUNDS.points,
-        name,
-        f"at most {BOUNDS.points} contact points on a face",
-        points,
-    )
-    return counts if pair else counts[0]
+    expected = f"at most {BOUNDS.points} contact points on a face"
+    validation.check_value(np.prod(counts) <= BOUNDS.points, name, expected, points)
+    return counts if is_pair else counts[0]
 
 
 def _gap(name: str, gap: float | str) -> float | str:
+    """Check a distance, or the text "measured"."""
     if not isinstance(gap, str):
         return validation.number(name, gap)
-    validation.check_value(
-        gap == "measured", name, "a distance in the units of the files, or 'measured'", gap
-    )
+    expected = "a distance in the units of the files, or 'measured'"
+    validation.check_value(gap == "measured", name, expected, gap)
     return gap
 
 
 @dataclass(frozen=True)
 class LaidContacts:
-    """Interfaces of a model, and the displacements of contact points as functions of nodal displacements.
+    """Interfaces of a model, and the displacements of contact points as functions of nodal
+    displacements.
 
     Parameters
     ----------
@@ -121,7 +121,8 @@ class LaidContacts:
     ports : dict of body name to tuple of Port
         Interfaces and sides of each body.
     rows : dict of body name to (3 n_points, 3 n_nodes) sparse
-        Displacements at the contact points of the ports from the nodal displacements of the body in its own sector.
+        Displacements at the contact points of the ports from the nodal displacements of the body in
+        its own sector.
     """
 
     interfaces: dict[str, Interface]
@@ -150,59 +151,70 @@ def from_first_sector(
         Contacts with the free body as body a.
     bodies : dict of name to PreparedBody
     """
-    contacts, moved = (
-        tuple(_from_free(c) if c.body_b in bodies else c for c in contacts),
-        dict(bodies),
+    contacts = tuple(
+        _from_free(contact) if contact.body_b in bodies else contact for contact in contacts
     )
-    for name in [name for name in bodies if name != "blade"]:
+    moved = dict(bodies)
+    for name, body in bodies.items():
+        if name == "blade":
+            continue
         sector = _sector_drawn(name, contacts, bodies, n_blades)
-        if sector:
-            back, damper = turn(-2.0 * np.pi / n_blades * sector), bodies[name]
-            moved[name] = replace(
-                damper,
-                placement=replace(damper.placement, radial=(back @ damper.placement.rotation)[1]),
-            )
-            damper.passed(
-                f"{name}: {sector:+d} sectors off in the mesh, moved between blades 0 and 1"
-            )
-            contacts = tuple(_turned(c, back, sector) if c.body_a == name else c for c in contacts)
+        if sector == 0:
+            continue
+        back = turn(-2.0 * np.pi / n_blades * sector)
+        # the body turns if the direction that becomes Y turns
+        radial = (back @ body.placement.rotation)[1]
+        moved[name] = replace(body, placement=replace(body.placement, radial=radial))
+        body.passed(f"{name}: {sector:+d} sectors off in the mesh, moved between blades 0 and 1")
+        contacts = tuple(
+            _turned(contact, back, sector) if contact.body_a == name else contact
+            for contact in contacts
+        )
     return contacts, moved
 
 
 def _sector_drawn(
     name: str, contacts: Sequence[ContactFaces], bodies: Mapping[str, PreparedBody], n_blades: int
 ) -> int:
-    """Return the position of a free body in the mesh, in sectors from its nominal position between blades 0 and 1."""
-    damper, blade, sectors = bodies[name], bodies["blade"], set()
+    """Return the place of a free body in the mesh, in sectors from that between blades 0 and 1."""
+    damper, blade = bodies[name], bodies["blade"]
+    touched = set()
     for contact in contacts:
-        if (contact.body_a, contact.body_b) == (name, "blade") and contact.faces_b is not None:
-            face_a, face_b = (
-                damper.faces(contact.faces_a, contact.item),
-                blade.faces(contact.faces_b, contact.item),
-            )
-            sectors.add(_nearest(range(n_blades), damper, face_a, blade, face_b, n_blades)[2])
-    first = next((s for s in sectors if (s - 1) % n_blades not in sectors), 0)
-    return first if 2 * first <= n_blades else first - n_blades
+        if (contact.body_a, contact.body_b) != (name, "blade") or contact.faces_b is None:
+            continue
+        face_a = damper.faces(contact.faces_a, contact.item)
+        face_b = blade.faces(contact.faces_b, contact.item)
+        nearest = _nearest(range(n_blades), damper, face_a, blade, face_b, n_blades)
+        touched.add(nearest.sector)
+    # of two neighbouring blades, the one whose predecessor the body does not touch
+    for sector in touched:
+        if (sector - 1) % n_blades not in touched:
+            return sector if 2 * sector <= n_blades else sector - n_blades
+    return 0
 
 
 def _from_free(contact: ContactFaces) -> ContactFaces:
     """Exchange bodies a and b if the free body is body b."""
-    plain = contact.patches is None and contact.faces_b is not None
-    if not plain or contact.body_a != "blade" or contact.body_b == "blade":
+    moves_faces_only = contact.patches is None and contact.faces_b is not None
+    if not moves_faces_only or contact.body_a != "blade" or contact.body_b == "blade":
         return contact
-    sector = None if contact.sector_b is None else -contact.sector_b
-    faces: dict[str, Any] = {"faces_a": contact.faces_b, "faces_b": contact.faces_a}
-    return replace(contact, body_a=contact.body_b, body_b="blade", **faces, sector_b=sector)
+    return replace(
+        contact,
+        body_a=contact.body_b,
+        body_b="blade",
+        faces_a=contact.faces_b,  # type: ignore[arg-type]
+        faces_b=contact.faces_a,
+        sector_b=None if contact.sector_b is None else -contact.sector_b,
+    )
 
 
 def _turned(contact: ContactFaces, back: NDArray, sector: int) -> ContactFaces:
-    """Return the contact after the rotation of its damper by ``back`` (3, 3), a number of sectors."""
+    """Return the contact after the rotation of its damper by ``back`` (3, 3), some sectors."""
     patches = None if contact.patches is None else contact.patches.turned(back)
-    sector_b = (
-        None
-        if contact.sector_b is None or contact.body_b == "ground"
-        else contact.sector_b - sector
-    )
+    if contact.sector_b is None or contact.body_b == "ground":
+        sector_b = None
+    else:
+        sector_b = contact.sector_b - sector
     return replace(contact, patches=patches, sector_b=sector_b)
 
 
@@ -227,96 +239,107 @@ def lay_contacts(
         If a body or set does not exist, or two faces are not in contact.
     """
     interfaces: dict[str, Interface] = {}
-    stiffness, faces, laid = {}, [], list[ContactFaces]()
+    stiffness: dict[str, ContactStiffness] = {}
+    figures: list[str] = []
+    laid: list[ContactFaces] = []
     ports: dict[str, list[Port]] = {name: [] for name in (*bodies, "ground")}
     rows = {name: [sp.csr_matrix((0, 3 * len(body.nodes)))] for name, body in bodies.items()}
-    unit = bodies["blade"].placement.units.length
+    metres = bodies["blade"].placement.units.length
     for contact in contacts:
-        contact = (
-            contact if isinstance(contact.gap, str) else replace(contact, gap=unit * contact.gap)
-        )
-        interface, means, figures = _laid(contact, bodies, n_blades)
-        for other in laid:
-            _check_other_faces(contact, interface, other, interfaces[other.name], bodies)
+        if not isinstance(contact.gap, str):
+            contact = replace(contact, gap=metres * contact.gap)
+        interface, means, text = _laid(contact, bodies, n_blades)
+        for earlier in laid:
+            _check_other_faces(contact, interface, earlier, interfaces[earlier.name], bodies)
         laid.append(contact)
         interfaces[contact.name] = interface
-        faces.append(figures)
+        figures.append(text)
         ports[contact.body_a].append((contact.name, "a"))
         ports[contact.body_b].append((contact.name, "b"))
         rows[contact.body_a].append(means.matrix_a)
         if means.matrix_b is not None:
-            # In sector s the displacements of body b are rotated by R^s.  Their phase enters with the nodal diameter.
+            # In sector s the displacements of body b are rotated by R^s.  Their phase enters with
+            # the nodal diameter.
             rotation = sp.csr_matrix(turn(2.0 * np.pi / n_blades * interface.sector_b))
-            rotations = sp.kron(sp.identity(means.matrix_b.shape[1] // 3), rotation, format="csr")
+            n_nodes = means.matrix_b.shape[1] // 3
+            rotations = sp.kron(sp.identity(n_nodes), rotation, format="csr")
             rows[contact.body_b].append((means.matrix_b @ rotations).tocsr())
         if contact.stiffness is not None:
             stiffness[contact.name] = _user_stiffness(contact, len(means.area))
-    stacked = {name: sp.vstack(parts, format="csr") for name, parts in rows.items()}
     return LaidContacts(
-        interfaces, stiffness, tuple(faces), {name: tuple(p) for name, p in ports.items()}, stacked
+        interfaces,
+        stiffness,
+        tuple(figures),
+        ports={name: tuple(of_body) for name, of_body in ports.items()},
+        rows={name: sp.vstack(of_body, format="csr") for name, of_body in rows.items()},
     )
 
 
 def _check_other_faces(
     contact: ContactFaces,
-    own: Interface,
-    other: ContactFaces,
+    interface: Interface,
+    earlier_contact: ContactFaces,
     earlier: Interface,
     bodies: Mapping[str, PreparedBody],
 ) -> None:
-    """Raise ModelError if two contacts are the same pair of faces, in this or the other order of their bodies."""
-    same = (own.body_a, own.body_b, own.sector_b) == (
-        earlier.body_a,
-        earlier.body_b,
-        earlier.sector_b,
-    )
-    turned = (own.body_a, own.body_b, own.sector_b) == (
-        earlier.body_b,
-        earlier.body_a,
-        -earlier.sector_b,
-    )
-    expected = f"other faces than those of contact '{other.name}'"
-    if contact.patches is not None or other.patches is not None:
+    """Raise ModelError if two contacts are the same pair of faces, in either order of bodies."""
+    pair = (interface.body_a, interface.body_b, interface.sector_b)
+    same = pair == (earlier.body_a, earlier.body_b, earlier.sector_b)
+    turned = pair == (earlier.body_b, earlier.body_a, -earlier.sector_b)
+    expected = f"other faces than those of contact '{earlier_contact.name}'"
+    if contact.patches is not None or earlier_contact.patches is not None:
         # several patches may lie on one face, but not in the same place
-        apart = np.linalg.norm(own.points[:, None] - earlier.points[None], axis=2)
-        near = 1e-6 * np.sqrt(min(own.area.min(), earlier.area.min()))
-        twice = int((apart < near).any(axis=1).sum())
-        check(
-            not (same and twice),
-            contact.item,
-            expected,
-            f"{twice} contact points in the same places",
-        )
+        apart = np.linalg.norm(interface.points[:, None] - earlier.points[None], axis=2)
+        near = 1e-6 * np.sqrt(min(interface.area.min(), earlier.area.min()))
+        n_repeated = int((apart < near).any(axis=1).sum())
+        found = f"{n_repeated} contact points in the same places"
+        check(not (same and n_repeated), contact.item, expected, found)
         return
-    for matches, sides in ((same, ("a", "b")), (turned, ("b", "a"))):
-        if not matches:
+    if same:
+        _check_sides(contact, earlier_contact, ("a", "b"), bodies, expected)
+    if turned:
+        _check_sides(contact, earlier_contact, ("b", "a"), bodies, expected)
+
+
+def _check_sides(
+    contact: ContactFaces,
+    earlier: ContactFaces,
+    sides: tuple[str, str],
+    bodies: Mapping[str, PreparedBody],
+    expected: str,
+) -> None:
+    """Raise ModelError if faces a and b share elements with ``sides`` of an earlier contact."""
+    n_shared = []
+    for side, earlier_side in zip(("a", "b"), sides):
+        body = contact.body_a if side == "a" else contact.body_b
+        if body == "ground":
             continue
-        n_shared = [
-            len(_elements_of(contact, side, bodies) & _elements_of(other, opposite, bodies))
-            for side, opposite in zip(("a", "b"), sides)
-            if (own.body_a, own.body_b)[side == "b"] != "ground"
-        ]
-        found = f"{max(n_shared)} element faces of both; remove one of the contacts"
-        check(min(n_shared) == 0, contact.item, expected, found)
+        elements = _elements_of(contact, side, bodies)
+        n_shared.append(len(elements & _elements_of(earlier, earlier_side, bodies)))
+    found = f"{max(n_shared)} element faces of both; remove one of the contacts"
+    check(min(n_shared) == 0, contact.item, expected, found)
 
 
 def _elements_of(
     contact: ContactFaces, side: str, bodies: Mapping[str, PreparedBody]
 ) -> set[tuple[int, ...]]:
     """Return the element faces on one side of a contact, each as its sorted corners."""
-    body, faces = (
-        (contact.body_a, contact.faces_a) if side == "a" else (contact.body_b, contact.faces_b)
-    )
-    assert faces is not None
+    if side == "a":
+        body, faces = contact.body_a, contact.faces_a
+    else:
+        assert contact.faces_b is not None
+        body, faces = contact.body_b, contact.faces_b
     facets = bodies[body].faces(faces, contact.item)
     return {tuple(sorted(corners)) for group in facets.corners for corners in group.tolist()}
 
 
-def _user_stiffness(contact: ContactFaces, n: int) -> ContactStiffness:
+def _user_stiffness(contact: ContactFaces, n_points: int) -> ContactStiffness:
+    """Return the stiffness of the user at each contact point."""
     values = np.asarray(contact.stiffness, float)
-    good = values.shape in ((3,), (n, 3)) and np.isfinite(values).all() and (values >= 0.0).all()
-    validation.check(good, contact.item, f"stiffness (3,) or ({n}, 3) >= 0 N/m", values.shape)
-    return ContactStiffness(np.broadcast_to(values, (n, 3)).copy(), "user")
+    good = values.shape in ((3,), (n_points, 3)) and np.isfinite(values).all()
+    expected = f"stiffness (3,) or ({n_points}, 3) >= 0 N/m"
+    validation.check(good and (values >= 0.0).all(), contact.item, expected, values.shape)
+    return ContactStiffness(np.broadcast_to(values, (n_points, 3)).copy(), "user")
 
 
 def _laid(
@@ -325,15 +348,16 @@ def _laid(
     """Return interface, patch means and report text of one pair of faces."""
     item, body_a, body_b = contact.item, contact.body_a, contact.body_b
     validation.check(body_a in bodies, item, f"body_a out of {sorted(bodies)}", f"'{body_a}'")
-    known = [*sorted(bodies), "ground"]
-    validation.check(body_b in known, item, f"body_b out of {known}", f"'{body_b}'")
-    has_b, found = contact.faces_b is not None, "none" if contact.faces_b is None else "some"
-    validation.check(
-        has_b == (body_b != "ground"), item, f"faces_b on '{body_b}' (none on the ground)", found
-    )
+    allowed = [*sorted(bodies), "ground"]
+    validation.check(body_b in allowed, item, f"body_b out of {allowed}", f"'{body_b}'")
+    has_b = contact.faces_b is not None
+    expected = f"faces_b on '{body_b}' (none on the ground)"
+    validation.check(has_b == (body_b != "ground"), item, expected, "some" if has_b else "none")
     a = bodies[body_a]
     face_a = a.faces(contact.faces_a, item)
-    areas, sector, face_b, nodes_b = [_area(face_a, a.nodes)], 0, None, None
+    areas = [_area(face_a, a.nodes)]
+    sector = 0
+    face_b, nodes_b = None, None
     with a.refusing(item, "faces on which contact points can be laid"):
         if contact.faces_b is not None:
             b = bodies[body_b]
@@ -344,31 +368,41 @@ def _laid(
         means = _means(contact, a.nodes, face_a, nodes_b, face_b)
     _check_touching(contact, means, areas)
     distance = means.distance
-    gap = (
-        distance.copy()
-        if isinstance(contact.gap, str)
-        else np.full(len(means.area), float(contact.gap))
+    if isinstance(contact.gap, str):
+        gap = distance.copy()  # as measured
+    else:
+        gap = np.full(len(means.area), float(contact.gap))
+    interface = Interface(
+        contact.name,
+        contact.kind,
+        body_a,
+        0,
+        body_b,
+        sector,
+        means.points_a,
+        means.area,
+        means.frame,
+        gap,
     )
-    points = (means.points_a, means.area, means.frame)
-    interface = Interface(contact.name, contact.kind, body_a, 0, body_b, sector, *points, gap)
     if contact.kind == "friction" and body_a != "blade" and 0 < means.rows < ROWS:
-        expected = f"at least {ROWS} rows of contact points along t1, which keep a damper from rolling on its faces"
-        warn_implausible(
-            item, expected, f"{means.rows}: amplitudes of a wedge may be wrong by several times"
+        expected = (
+            f"at least {ROWS} rows of contact points along t1, "
+            "which keep a damper from rolling on its faces"
         )
+        found = f"{means.rows}: amplitudes of a wedge may be wrong by several times"
+        warn_implausible(item, expected, found)
     area = float(means.area.sum())
     fractions = ", ".join(
         f"{100 * area / whole:.4g} % of face {side}" for side, whole in zip("ab", areas)
     )
-    normal = ", ".join(f"{c:.4f}" for c in means.frame[:, 2].mean(axis=0))
-    return (
-        interface,
-        means,
-        (
-            f"{contact.name}: {len(means.area)} points, {area:.6g} m2 ({fractions}), side b in sector {sector:+d}\n"
-            f"    mean outward normal of side a ({normal}), meshes {distance.min():.2g} to {distance.max():.2g} m apart"
-        ),
+    normal = ", ".join(f"{component:.4f}" for component in means.frame[:, 2].mean(axis=0))
+    text = (
+        f"{contact.name}: {len(means.area)} points, {area:.6g} m2 ({fractions}), "
+        f"side b in sector {sector:+d}\n"
+        f"    mean outward normal of side a ({normal}), "
+        f"meshes {distance.min():.2g} to {distance.max():.2g} m apart"
     )
+    return interface, means, text
 
 
 def _means(
@@ -378,17 +412,16 @@ def _means(
     nodes_b: NDArray | None,
     face_b: Facets | None,
 ) -> PatchMeans:
-    """Return the means over the rectangles of the user, or over a grid on the overlap of the faces."""
-    what = (
-        f"{contact.item}, faces of the {contact.body_a}",
-        f"{contact.item}, faces of the {contact.body_b}",
-    )
+    """Return the means over the rectangles of the user, or over a grid on the overlap."""
+    what_a = f"{contact.item}, faces of the {contact.body_a}"
+    what_b = f"{contact.item}, faces of the {contact.body_b}"
     if contact.patches is None:
+        what = (what_a, what_b)
         return patches_on_faces(contact.points, nodes_a, face_a, nodes_b, face_b, what=what)
-    a = patches_on_rectangles(contact.patches, nodes_a, face_a, what[0])
+    a = patches_on_rectangles(contact.patches, nodes_a, face_a, what_a)
     if nodes_b is None or face_b is None:
         return a
-    b = patches_on_rectangles(contact.patches, nodes_b, face_b, what[1])
+    b = patches_on_rectangles(contact.patches, nodes_b, face_b, what_b)
     return replace(a, points_b=b.points_a, matrix_b=b.matrix_a)
 
 
@@ -401,45 +434,54 @@ def _check_touching(contact: ContactFaces, means: PatchMeans, areas: Sequence[fl
 
     A smaller misfit indicates a body that is not at its position in the assembly.
     """
-    item, distance, area = contact.item, means.distance, float(means.area.sum())
-    width, share = np.sqrt(area), area / min(areas)
-    measured = contact.patches is None and len(areas) == 2
+    item = contact.item
+    distance = means.distance
+    area = float(means.area.sum())
+    width = np.sqrt(area)
+    share = area / min(areas)
+    is_measured = contact.patches is None and len(areas) == 2
     expected = f"faces that have at least {100 * BOUNDS.overlap:.0f} % of the smaller one in common"
-    found = f"{area:.4g} m2 of {' and '.join(f'{a:.4g}' for a in areas)} m2"
-    check(not measured or share >= BOUNDS.overlap, item, expected, found)
+    found = f"{area:.4g} m2 of {' and '.join(f'{whole:.4g}' for whole in areas)} m2"
+    check(not is_measured or share >= BOUNDS.overlap, item, expected, found)
     farthest = distance[np.abs(distance).argmax()]
     found = f"a distance of {farthest:.4g} m with faces {width:.4g} m wide"
-    check(abs(farthest) <= BOUNDS.distance * width, item, "faces that lie on each other", found)
+    close = abs(farthest) <= BOUNDS.distance * width
+    check(close, item, "faces that lie on each other", found)
     if not isinstance(contact.gap, str):
-        expected = "much less than the width of the face, in the units of the files"
-        found = f"{contact.gap:.4g} m on a face {width:.4g} m wide"
-        check(abs(contact.gap) <= BOUNDS.distance * width, f"{item}: gap", expected, found)
-        off = distance - contact.gap
-        worst = float(off[np.abs(off).argmax()])
-        if len(areas) == 2 and abs(worst) > BOUNDS.misfit * width:
-            expected = f"meshes within {BOUNDS.misfit * width:.2g} m of the gap {contact.gap:g} m (or gap='measured')"
-            warn_implausible(
-                item,
-                expected,
-                f"{abs(worst):.3g} m {'farther apart' if worst > 0.0 else 'into each other'}",
-            )
-    if (
-        measured
-        and max(areas) <= (1.0 + BOUNDS.agreement) * min(areas)
-        and share < 1.0 - BOUNDS.misfit
-    ):
-        found = f"{100.0 * share:.3g} % in common, as after a shift by about {(1.0 - share) * width:.2g} m"
-        warn_implausible(
-            item, f"faces of equal areas that match to {100 * BOUNDS.misfit:g} %", found
-        )
+        _check_gap(contact, contact.gap, distance, width, two_faces=len(areas) == 2)
+    equal_areas = is_measured and max(areas) <= (1.0 + BOUNDS.agreement) * min(areas)
+    if equal_areas and share < 1.0 - BOUNDS.misfit:
+        shift = (1.0 - share) * width
+        expected = f"faces of equal areas that match to {100 * BOUNDS.misfit:g} %"
+        found = f"{100.0 * share:.3g} % in common, as after a shift by about {shift:.2g} m"
+        warn_implausible(item, expected, found)
+
+
+def _check_gap(
+    contact: ContactFaces, gap: float, distance: NDArray, width: float, *, two_faces: bool
+) -> None:
+    """Raise ModelError for a gap as wide as the face; warn if the meshes have another distance."""
+    expected = "much less than the width of the face, in the units of the files"
+    found = f"{gap:.4g} m on a face {width:.4g} m wide"
+    check(abs(gap) <= BOUNDS.distance * width, f"{contact.item}: gap", expected, found)
+    misfit = distance - gap
+    worst = float(misfit[np.abs(misfit).argmax()])
+    limit = BOUNDS.misfit * width
+    if two_faces and abs(worst) > limit:
+        expected = f"meshes within {limit:.2g} m of the gap {gap:g} m (or gap='measured')"
+        found = f"{abs(worst):.3g} m {'farther apart' if worst > 0.0 else 'into each other'}"
+        warn_implausible(contact.item, expected, found)
 
 
 def _centre_and_normal(facets: Facets, nodes: NDArray) -> tuple[NDArray, NDArray]:
+    """Return the centre of a face and its mean outward normal."""
     vectors = area_vectors(facets, nodes)
-    weight = np.linalg.norm(vectors, axis=1)
-    middle = np.concatenate([nodes[c].mean(axis=1) for c in facets.corners])
+    areas = np.linalg.norm(vectors, axis=1)
+    middles = np.concatenate([nodes[corners].mean(axis=1) for corners in facets.corners])
     total = vectors.sum(axis=0)
-    return weight @ middle / max(weight.sum(), 1e-300), total / max(np.linalg.norm(total), 1e-300)
+    centre = areas @ middles / max(areas.sum(), 1e-300)
+    normal = total / max(np.linalg.norm(total), 1e-300)
+    return centre, normal
 
 
 def _sector_of(
@@ -450,22 +492,48 @@ def _sector_of(
     face_b: Facets,
     n_blades: int,
 ) -> int:
-    """Return the sector in which face b is nearest to face a; raise ModelError unless their normals are opposed."""
+    """Return the sector in which face b is nearest to face a; raise ModelError unless their normals
+    are opposed.
+    """
     same_body = contact.body_a == contact.body_b
-    allowed = [s for s in (-1, 0, 1) if (s == 0 or n_blades > 1) and not (same_body and s == 0)]
-    validation.check(
-        allowed, contact.item, "another body, or a neighbouring sector of the same body", "neither"
-    )
-    wrong = contact.sector_b is not None and contact.sector_b not in allowed
-    validation.check(not wrong, contact.item, f"sector_b in {allowed}", contact.sector_b)
-    candidates = allowed if contact.sector_b is None else [contact.sector_b]
-    distance, product, sector = _nearest(candidates, a, face_a, b, face_b, n_blades)
+    # a body does not touch itself, and a single sector has no neighbours
+    allowed = [] if same_body else [0]
+    if n_blades > 1:
+        allowed = sorted([*allowed, -1, 1])
+    expected = "another body, or a neighbouring sector of the same body"
+    validation.check(allowed, contact.item, expected, "neither")
+    candidates = allowed
+    if contact.sector_b is not None:
+        possible = contact.sector_b in allowed
+        validation.check(possible, contact.item, f"sector_b in {allowed}", contact.sector_b)
+        candidates = [contact.sector_b]
+    nearest = _nearest(candidates, a, face_a, b, face_b, n_blades)
     expected = (
         "outward normals that point at each other (faces seen from outside counter-clockwise)"
     )
-    found = f"a cosine of {product:.3f} between them in sector {sector:+d}, {distance:.4g} m apart"
-    check(product <= -0.5, contact.item, expected, found)
-    return sector
+    found = (
+        f"a cosine of {nearest.cosine:.3f} between them in sector {nearest.sector:+d}, "
+        f"{nearest.distance:.4g} m apart"
+    )
+    check(nearest.cosine <= -0.5, contact.item, expected, found)
+    return nearest.sector
+
+
+class _Nearest(NamedTuple):
+    """Sector in which face b is nearest to face a; compared by distance first.
+
+    Parameters
+    ----------
+    distance : float
+        Distance of the centres, m.
+    cosine : float
+        Cosine of the angle between the normals.
+    sector : int
+    """
+
+    distance: float
+    cosine: float
+    sector: int
 
 
 def _nearest(
@@ -475,24 +543,14 @@ def _nearest(
     b: PreparedBody,
     face_b: Facets,
     n_blades: int,
-) -> tuple[float, float, int]:
-    """Return the sector in which face b is nearest to face a.
-
-    Returns
-    -------
-    distance : float
-        Distance of the centres, m.
-    cosine : float
-        Cosine of the angle between the normals.
-    sector : int
-    """
-    (centre_a, normal_a), (centre_b, normal_b) = (
-        _centre_and_normal(face_a, a.nodes),
-        _centre_and_normal(face_b, b.nodes),
-    )
-    scores = []
+) -> _Nearest:
+    """Return the sector in which face b is nearest to face a."""
+    centre_a, normal_a = _centre_and_normal(face_a, a.nodes)
+    centre_b, normal_b = _centre_and_normal(face_b, b.nodes)
+    candidates = []
     for sector in sectors:
         rotation = turn(2.0 * np.pi / n_blades * sector)
         distance = float(np.linalg.norm(rotation @ centre_b - centre_a))
-        scores.append((distance, float(normal_a @ rotation @ normal_b), sector))
-    return min(scores)
+        cosine = float(normal_a @ rotation @ normal_b)
+        candidates.append(_Nearest(distance, cosine, sector))
+    return min(candidates)

@@ -1,14 +1,15 @@
 """Keywords of mesh files, grouped by their effect on nodes, elements and sets.
 
-For decks of CalculiX, Abaqus and Nastran the readers accept three groups of keywords: keywords of the mesh, keywords
-without effect on the mesh, and keywords that add stiffness or mass, which only the matrices contain.  Any other keyword
-is an error, since it could create, move or tie nodes, elements or sets.  For archives of Ansys the table holds the
-commands that change the mesh; the reader notes the names of all other commands.
+For decks of CalculiX, Abaqus and Nastran the readers accept three groups of keywords: keywords of
+the mesh, keywords without effect on the mesh, and keywords that add stiffness or mass, which only
+the matrices contain.  Any other keyword is an error, since it could create, move or tie nodes,
+elements or sets.  For archives of Ansys the table holds the commands that change the mesh; the
+reader notes the names of all other commands.
 
 References
 ----------
-G. Dhondt, *CalculiX CrunchiX User's Manual*; Dassault Systèmes, *Abaqus Keywords Reference Guide*; Ansys, *Command
-Reference*; MSC, *Nastran Quick Reference Guide*.
+G. Dhondt, *CalculiX CrunchiX User's Manual*; Dassault Systèmes, *Abaqus Keywords Reference Guide*;
+Ansys, *Command Reference*; MSC, *Nastran Quick Reference Guide*.
 """
 
 from __future__ import annotations
@@ -40,11 +41,14 @@ def refuse(found: str, item: str, read: Iterable[str]) -> NoReturn:
     ModelError
         Always.
     """
-    advice = "which could make, move or tie nodes, elements or sets and is not read: write the mesh without it"
+    advice = (
+        "which could make, move or tie nodes, elements or sets and is not read: "
+        "write the mesh without it"
+    )
     raise mismatch(item, f"a mesh of {', '.join(read)}", f"{found}, {advice}")
 
 
-# -----------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 # CalculiX and Abaqus; names without blanks, since both programs ignore them
 
 INP_READ: Mapping[str, frozenset[str]] = {
@@ -68,29 +72,36 @@ INP_READ: Mapping[str, frozenset[str]] = {
 """Keywords that define the mesh, with their permitted parameters."""
 
 INP_IN_MATRICES = _table(
-    """*BEAMGENERALSECTION *BEAMSECTION *CONTACT *CONTACTCONTROLS *CONTACTDAMPING *CONTACTINCLUSIONS *CONTACTPAIR
-    *CONTACTPROPERTYASSIGNMENT *DASHPOT *GAP *GASKETSECTION *MASS *MEMBRANESECTION *ROTARYINERTIA *SHELLGENERALSECTION
-    *SHELLSECTION *SPRING *SURFACESECTION *USERELEMENT *USERSECTION"""
+    """*BEAMGENERALSECTION *BEAMSECTION *CONTACT *CONTACTCONTROLS *CONTACTDAMPING *CONTACTINCLUSIONS
+    *CONTACTPAIR *CONTACTPROPERTYASSIGNMENT *DASHPOT *GAP *GASKETSECTION *MASS *MEMBRANESECTION
+    *ROTARYINERTIA *SHELLGENERALSECTION *SHELLSECTION *SPRING *SURFACESECTION *USERELEMENT
+    *USERSECTION
+    """
 )
 """Stiffness and mass of parts other than solid elements."""
 
 INP_HARMLESS = _table(
-    """*ACCELERATION *AMPLITUDE *ANISOTROPIC *ANNEAL *BASEMOTION *BOUNDARY *BOUNDARYF *BUCKLE *CFLUX *CLOAD
-    *COMPLEXFREQUENCY *CONDUCTIVITY *CONTACTFILE *CONTACTOUTPUT *CONTACTPRINT *CONTROLS *CORRELATIONLENGTH
-    *COUPLEDTEMPERATURE-DISPLACEMENT *CREEP *CYCLICHARDENING *CYCLICSYMMETRYMODEL *DAMPING *DEFORMATIONPLASTICITY
-    *DENSITY *DEPVAR *DFLUX *DISTRIBUTION *DISTRIBUTIONTABLE *DLOAD *DSLOAD *DYNAMIC *ELASTIC *ELEMENTMATRIXOUTPUT
-    *ELEMENTOUTPUT *ELFILE *ELPRINT *ENDSTEP *ENERGYFILE *ENERGYOUTPUT *ENERGYPRINT *EXPANSION *FIELD *FILEFORMAT *FILM
-    *FILTER *FREQUENCY *FRICTION *GAPCONDUCTANCE *GLOBALDAMPING *HCF *HEADING *HEATTRANSFER *HOURGLASSSTIFFNESS
-    *HYPERELASTIC *HYPERFOAM *INCIDENTWAVE *INITIALCONDITIONS *INTEGRATEDOUTPUT *MATERIAL *MATRIXGENERATE *MATRIXOUTPUT
-    *MODALDAMPING *MODALDYNAMIC *MODALFILE *MODALOUTPUT *MODALPRINT *MONITOR *NOANALYSIS *NODALTHICKNESS *NODEFILE
-    *NODEOUTPUT *NODEPRINT *NORMAL *ORIENTATION *OUTPUT *PERMEABILITY *PHYSICALCONSTANTS *PLASTIC *POTENTIAL *PREPRINT
-    *PRINT *RADIATE *RANDOMRESPONSE *RATEDEPENDENT *RESPONSESPECTRUM *RESTART *RETAINEDNODALDOFS *SECTIONCONTROLS
-    *SECTIONPRINT *SELECTCYCLICSYMMETRYMODES *SELECTEIGENMODES *SOLIDSECTION *SOLUTIONTECHNIQUE *SPECIFICHEAT *STATIC
-    *STEADYSTATEDYNAMICS *STEP *SUBSTRUCTUREGENERATE *SUBSTRUCTUREMATRIXOUTPUT *SURFACEBEHAVIOR *SURFACEINTERACTION
-    *TEMPERATURE *TIMEPOINTS *UNCOUPLEDTEMPERATURE-DISPLACEMENT *USERMATERIAL *USEROUTPUTVARIABLES *VIEWFACTOR *VISCO
-    *VISCOELASTIC"""
+    """*ACCELERATION *AMPLITUDE *ANISOTROPIC *ANNEAL *BASEMOTION *BOUNDARY *BOUNDARYF *BUCKLE *CFLUX
+    *CLOAD *COMPLEXFREQUENCY *CONDUCTIVITY *CONTACTFILE *CONTACTOUTPUT *CONTACTPRINT *CONTROLS
+    *CORRELATIONLENGTH *COUPLEDTEMPERATURE-DISPLACEMENT *CREEP *CYCLICHARDENING *CYCLICSYMMETRYMODEL
+    *DAMPING *DEFORMATIONPLASTICITY *DENSITY *DEPVAR *DFLUX *DISTRIBUTION *DISTRIBUTIONTABLE *DLOAD
+    *DSLOAD *DYNAMIC *ELASTIC *ELEMENTMATRIXOUTPUT *ELEMENTOUTPUT *ELFILE *ELPRINT *ENDSTEP
+    *ENERGYFILE *ENERGYOUTPUT *ENERGYPRINT *EXPANSION *FIELD *FILEFORMAT *FILM *FILTER *FREQUENCY
+    *FRICTION *GAPCONDUCTANCE *GLOBALDAMPING *HCF *HEADING *HEATTRANSFER *HOURGLASSSTIFFNESS
+    *HYPERELASTIC *HYPERFOAM *INCIDENTWAVE *INITIALCONDITIONS *INTEGRATEDOUTPUT *MATERIAL
+    *MATRIXGENERATE *MATRIXOUTPUT *MODALDAMPING *MODALDYNAMIC *MODALFILE *MODALOUTPUT *MODALPRINT
+    *MONITOR *NOANALYSIS *NODALTHICKNESS *NODEFILE *NODEOUTPUT *NODEPRINT *NORMAL *ORIENTATION
+    *OUTPUT *PERMEABILITY *PHYSICALCONSTANTS *PLASTIC *POTENTIAL *PREPRINT *PRINT *RADIATE
+    *RANDOMRESPONSE *RATEDEPENDENT *RESPONSESPECTRUM *RESTART *RETAINEDNODALDOFS *SECTIONCONTROLS
+    *SECTIONPRINT *SELECTCYCLICSYMMETRYMODES *SELECTEIGENMODES *SOLIDSECTION *SOLUTIONTECHNIQUE
+    *SPECIFICHEAT *STATIC *STEADYSTATEDYNAMICS *STEP *SUBSTRUCTUREGENERATE *SUBSTRUCTUREMATRIXOUTPUT
+    *SURFACEBEHAVIOR *SURFACEINTERACTION *TEMPERATURE *TIMEPOINTS *UNCOUPLEDTEMPERATURE-DISPLACEMENT
+    *USERMATERIAL *USEROUTPUTVARIABLES *VIEWFACTOR *VISCO *VISCOELASTIC
+    """
 )
-"""Materials, loads, supports, steps and output.  Elastic constants are read; nothing here changes the mesh."""
+"""Materials, loads, supports, steps and output.  Elastic constants are read; nothing here changes
+the mesh.
+"""
 
 
 CURE = (
@@ -99,7 +110,8 @@ CURE = (
 _CURES = {
     **dict.fromkeys(
         ("*TIE", "*SHELLTOSOLIDCOUPLING"),
-        "merge the meshes at the tied faces, or make each side a body of its own and join both by ContactFaces",
+        "merge the meshes at the tied faces, or make each side a body of its own "
+        "and join both by ContactFaces",
     ),
     **dict.fromkeys(
         ("*EQUATION", "*MPC"),
@@ -137,38 +149,47 @@ def adds_to_matrices(keyword: str, parameters: Mapping[str, str], item: str) -> 
         If the keyword could change the mesh.
     """
     if keyword in INP_READ:
+        permitted = INP_READ[keyword]
         unknown = [
-            f"{key}={value}".rstrip("=")
-            for key, value in parameters.items()
-            if key not in INP_READ[keyword]
+            f"{name}={value}".rstrip("=")
+            for name, value in parameters.items()
+            if name not in permitted
         ]
-        expected = f"no parameters of {keyword} but {', '.join(sorted(INP_READ[keyword]))}"
+        expected = f"no parameters of {keyword} but {', '.join(sorted(permitted))}"
         check(not unknown, item, expected, ", ".join(unknown))
         return False
-    ties = keyword == "*CONTACTPAIR" and not parameters.keys().isdisjoint(("ADJUST", "TIED"))
+    # both keywords can tie or move nodes, depending on their parameters
+    ties = keyword == "*CONTACTPAIR" and ("ADJUST" in parameters or "TIED" in parameters)
     cyclic = keyword == "*TIE" and "CYCLICSYMMETRY" in parameters
-    if ties or not (cyclic or keyword in INP_HARMLESS or keyword in INP_IN_MATRICES):
-        if keyword in _CURES:
-            raise mismatch(item, f"a mesh without constraints ({_CURES[keyword]})", keyword)
-        refuse(", ".join([keyword, *parameters]), item, INP_READ)
-    return keyword in INP_IN_MATRICES
+    accepted = cyclic or keyword in INP_HARMLESS or keyword in INP_IN_MATRICES
+    if accepted and not ties:
+        return keyword in INP_IN_MATRICES
+    if keyword in _CURES:
+        raise mismatch(item, f"a mesh without constraints ({_CURES[keyword]})", keyword)
+    refuse(", ".join([keyword, *parameters]), item, INP_READ)
 
 
-# -----------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 # Ansys
 
 CDB_READ = ("NBLOCK", "EBLOCK", "CMBLOCK", "ET", "ETBLOCK", "MPDATA")
 
-# Each release of Ansys writes further settings.  Listed are therefore the commands that act on the mesh.
-_CDB_NODES = """N NGEN NMODIF NROTAT NSCALE NSYM NDELE NREAD NKPT NORA NORL NANG NAXIS FILL QUAD CENTER MOVE TRANSFER
-    NUMMRG NUMCMP UPGEOM UPCOORD DAMORPH DEMORPH DVMORPH"""
-_CDB_ELEMENTS = """E EN EMORE EGEN ENGEN ENSYM ESYM EMODIF EDELE EREAD EMID EMTGEN EINTF EORIENT ESURF AFSURF LFSURF NDSURF
-    GCGEN PSMESH ENDRELEASE SHSD SWGEN SWADD SE SESYMM SETRAN BRANCH RUN BEND MITER TEE REDUCE VALVE FLANGE BELLOW"""
-_CDB_MESHING = """KMESH LMESH AMESH VMESH FVMESH IMESH VSWEEP VEXT VOFFST VROTAT VDRAG KGEN LGEN AGEN VGEN KSYMM LSYMM ARSYM
-    VSYMM KTRAN LTRAN ATRAN VTRAN KCLEAR LCLEAR ACLEAR VCLEAR NREFINE EREFINE KREFINE LREFINE AREFINE AREMESH REMESH
-    MSHCOPY MODMSH MAP2DTO3D"""
-_CDB_TIES = """CE CEINTF CERIG CESGEN CECYC CECMOD CEDELE CP CPINTF CPNGEN CPSGEN CPLGEN CPCYC CPMERGE CPDELE RBE3 PERBC2D
-    CYCLIC EDCNSTR EDWELD"""
+# Each release of Ansys writes further settings.  Listed are therefore the commands that act on the
+# mesh.
+_CDB_NODES = """
+    N NGEN NMODIF NROTAT NSCALE NSYM NDELE NREAD NKPT NORA NORL NANG NAXIS FILL QUAD CENTER MOVE
+    TRANSFER NUMMRG NUMCMP UPGEOM UPCOORD DAMORPH DEMORPH DVMORPH"""
+_CDB_ELEMENTS = """
+    E EN EMORE EGEN ENGEN ENSYM ESYM EMODIF EDELE EREAD EMID EMTGEN EINTF EORIENT ESURF AFSURF
+    LFSURF NDSURF GCGEN PSMESH ENDRELEASE SHSD SWGEN SWADD SE SESYMM SETRAN BRANCH RUN BEND MITER
+    TEE REDUCE VALVE FLANGE BELLOW"""
+_CDB_MESHING = """
+    KMESH LMESH AMESH VMESH FVMESH IMESH VSWEEP VEXT VOFFST VROTAT VDRAG KGEN LGEN AGEN VGEN KSYMM
+    LSYMM ARSYM VSYMM KTRAN LTRAN ATRAN VTRAN KCLEAR LCLEAR ACLEAR VCLEAR NREFINE EREFINE KREFINE
+    LREFINE AREFINE AREMESH REMESH MSHCOPY MODMSH MAP2DTO3D"""
+_CDB_TIES = """
+    CE CEINTF CERIG CESGEN CECYC CECMOD CEDELE CP CPINTF CPNGEN CPSGEN CPLGEN CPCYC CPMERGE CPDELE
+    RBE3 PERBC2D CYCLIC EDCNSTR EDWELD"""
 _CDB_FILES = "CDREAD RESUME /CLEAR /INPUT *USE *ULIB"
 _CDB_SIGNIFICANT = 4  # characters of a command's name that Ansys reads
 _CDB_CHANGES = frozenset(
@@ -179,7 +200,8 @@ _CDB_CHANGES = frozenset(
 
 
 def changes_mesh(command: str) -> bool:
-    """Return whether a command of Ansys makes, moves, deletes or ties nodes or elements, or reads another file.
+    """Return whether a command of Ansys makes, moves, deletes or ties nodes or elements, or reads
+    another file.
 
     Parameters
     ----------
@@ -189,25 +211,31 @@ def changes_mesh(command: str) -> bool:
     return command[:_CDB_SIGNIFICANT] in _CDB_CHANGES
 
 
-# -----------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 # Nastran
 
 BDF_READ = _table(
-    """BEGIN CHEXA CORD1C CORD1R CORD1S CORD2C CORD2R CORD2S CPENTA CTETRA DMIG ENDDATA GRID MAT1 PSOLID SET1"""
+    """BEGIN CHEXA CORD1C CORD1R CORD1S CORD2C CORD2R CORD2S CPENTA CTETRA DMIG ENDDATA GRID MAT1
+    PSOLID SET1
+    """
 )
 BDF_TIES = _table("RBE2 RBE3 MPC")
 BDF_IN_MATRICES = _table(
-    """CBAR CBEAM CBEND CBUSH CBUSH1D CBUSH2D CDAMP1 CDAMP2 CDAMP3 CDAMP4 CDAMP5 CELAS1 CELAS2 CELAS3 CELAS4 CGAP CMASS1
-    CMASS2 CMASS3 CMASS4 CONM1 CONM2 CONROD CPYRAM CQUAD4 CQUAD8 CQUADR CROD CSHEAR CTRIA3 CTRIA6 CTRIAR CTUBE CVISC NSM
-    NSM1 NSMADD NSML NSML1"""
+    """CBAR CBEAM CBEND CBUSH CBUSH1D CBUSH2D CDAMP1 CDAMP2 CDAMP3 CDAMP4 CDAMP5 CELAS1 CELAS2
+    CELAS3 CELAS4 CGAP CMASS1 CMASS2 CMASS3 CMASS4 CONM1 CONM2 CONROD CPYRAM CQUAD4 CQUAD8 CQUADR
+    CROD CSHEAR CTRIA3 CTRIA6 CTRIAR CTUBE CVISC NSM NSM1 NSMADD NSML NSML1
+    """
 )
 BDF_HARMLESS = _table(
-    """ACCEL ACCEL1 ASET ASET1 BSET BSET1 CREEP CSET CSET1 DAREA DELAY DLOAD DPHASE DTI EIGB EIGC EIGP EIGR EIGRL FORCE
-    FORCE1 FORCE2 FREQ FREQ1 FREQ2 FREQ3 FREQ4 FREQ5 GRAV LOAD LSEQ MAT10 MAT11 MAT2 MAT3 MAT4 MAT5 MAT8 MAT9 MATS1
-    MATT1 MATT2 MATT3 MATT4 MATT5 MATT8 MATT9 MDLPRM MOMENT MOMENT1 MOMENT2 NLPARM NLPCI OMIT OMIT1 PARAM PBAR PBARL
-    PBEAM PBEAML PBEND PBUSH PBUSH1D PBUSHT PCOMP PCOMPG PDAMP PDAMP5 PDAMPT PELAS PELAST PGAP PLOAD PLOAD1 PLOAD2
-    PLOAD4 PLOTEL PMASS PROD PSHEAR PSHELL PTUBE PVISC QSET QSET1 RFORCE RFORCE1 RLOAD1 RLOAD2 SLOAD SPC SPC1 SPCADD
-    SPCD SPCOFF SPCOFF1 SUPORT SUPORT1 TABDMP1 TABLED1 TABLED2 TABLED3 TABLED4 TABLEM1 TABLEM2 TABLEM3 TABLEM4 TABLES1
-    TABLEST TABRND1 TABRNDG TEMP TEMPD TLOAD1 TLOAD2 TSTEP TSTEPNL USET USET1"""
+    """ACCEL ACCEL1 ASET ASET1 BSET BSET1 CREEP CSET CSET1 DAREA DELAY DLOAD DPHASE DTI EIGB EIGC
+    EIGP EIGR EIGRL FORCE FORCE1 FORCE2 FREQ FREQ1 FREQ2 FREQ3 FREQ4 FREQ5 GRAV LOAD LSEQ MAT10
+    MAT11 MAT2 MAT3 MAT4 MAT5 MAT8 MAT9 MATS1 MATT1 MATT2 MATT3 MATT4 MATT5 MATT8 MATT9 MDLPRM
+    MOMENT MOMENT1 MOMENT2 NLPARM NLPCI OMIT OMIT1 PARAM PBAR PBARL PBEAM PBEAML PBEND PBUSH PBUSH1D
+    PBUSHT PCOMP PCOMPG PDAMP PDAMP5 PDAMPT PELAS PELAST PGAP PLOAD PLOAD1 PLOAD2 PLOAD4 PLOTEL
+    PMASS PROD PSHEAR PSHELL PTUBE PVISC QSET QSET1 RFORCE RFORCE1 RLOAD1 RLOAD2 SLOAD SPC SPC1
+    SPCADD SPCD SPCOFF SPCOFF1 SUPORT SUPORT1 TABDMP1 TABLED1 TABLED2 TABLED3 TABLED4 TABLEM1
+    TABLEM2 TABLEM3 TABLEM4 TABLES1 TABLEST TABRND1 TABRNDG TEMP TEMPD TLOAD1 TLOAD2 TSTEP TSTEPNL
+    USET USET1
+    """
 )
 """Materials, sections, loads, supports, sets of degrees of freedom and settings of a solution."""

@@ -21,8 +21,9 @@ def example_decks(name: str, folder: FilePath = ".") -> list[Path]:
     Parameters
     ----------
     name : {"abaqus", "ansys", "calculix", "shroud"}
-        Sector with wedge damper: instances of an Abaqus deck, two archives of Ansys, or two decks of CalculiX.  "shroud" is
-        a sector with tip shroud and two strip dampers, as decks of CalculiX.
+        Sector with wedge damper: instances of an Abaqus deck, two archives of Ansys, or two decks
+        of CalculiX.  "shroud" is a sector with tip shroud and two strip dampers, as decks of
+        CalculiX.
     folder : path-like
         Existing folder.
 
@@ -56,7 +57,8 @@ def read_job(deck: FilePath, instance: str | None = None) -> FEBody:
     Parameters
     ----------
     deck : path-like
-        ``job.inp`` with ``job.sti`` (CalculiX) or ``job_STIF*.mtx`` (Abaqus), or ``job.cdb`` with ``job.full`` (Ansys).
+        ``job.inp`` with ``job.sti`` (CalculiX) or ``job_STIF*.mtx`` (Abaqus), or ``job.cdb`` with
+        ``job.full`` (Ansys).
     instance : str, optional
         Instance of an Abaqus deck.
 
@@ -66,14 +68,13 @@ def read_job(deck: FilePath, instance: str | None = None) -> FEBody:
         If a file does not exist or is damaged, or the deck has another ending.
     """
     path = Path(deck)
-    if path.suffix.lower() == ".cdb":
+    ending = path.suffix.lower()
+    if ending == ".cdb":
         return read_ansys(path.with_suffix(".full"), path)
-    if path.suffix.lower() != ".inp":
-        raise mismatch(
-            str(path),
-            "a deck .inp or .cdb (other files: bdamper.importers)",
-            f"the ending '{path.suffix}'",
-        )
-    if instance is None and path.with_suffix(".sti").is_file():
+    if ending != ".inp":
+        expected = "a deck .inp or .cdb (other files: bdamper.importers)"
+        raise mismatch(str(path), expected, f"the ending '{path.suffix}'")
+    has_matrices_of_calculix = path.with_suffix(".sti").is_file()
+    if instance is None and has_matrices_of_calculix:
         return read_calculix(path)
     return read_abaqus(path, instance)

@@ -3,8 +3,9 @@
 The readers fill :class:`FEBody` with numbers in the units, axes and node numbers of the file.
 :func:`bdamper.importers.build_model` converts them and makes a model.
 
-Each reader is a function of a path decorated by :func:`reader`.  The decorator turns a failure into one ModelError with
-the file, its expected content and the content found.  :func:`read_body` selects a reader by the ending of the file name.
+Each reader is a function of a path decorated by :func:`reader`.  The decorator turns a failure into
+one ModelError with the file, its expected content and the content found.  :func:`read_body` selects
+a reader by the ending of the file name.
 
 :data:`BOUNDS` contains the limits of all plausibility checks of an import.
 """
@@ -48,7 +49,8 @@ class Units(validation.Checked):
     length : float
         Metres per unit of length.
     mass : float
-        Kilograms per unit of mass.  The unit of force is the unit of mass times the unit of length over second squared.
+        Kilograms per unit of mass.  The unit of force is the unit of mass times the unit of length
+        over second squared.
     """
 
     length: validation.Positive = 1.0
@@ -77,17 +79,19 @@ class Modes:
     numbers : (n_nodes,) int
         Node number of each row of ``shapes``.
     shapes : (n_nodes, 3, n_modes) float or complex
-        Complex travelling waves or real standing waves.  Direction, pairing and scale are arbitrary.
+        Complex travelling waves or real standing waves.  Direction, pairing and scale are
+        arbitrary.
     modal_mass : (n_modes,) float, optional
-        Modal mass of each mode over one sector.  For a pair of standing waves a and b it is the modal mass of ``a + i b``.
-        It is not needed if the body has a mass matrix.
+        Modal mass of each mode over one sector.  For a pair of standing waves a and b it is the
+        modal mass of ``a + i b``.  It is not needed if the body has a mass matrix.
     source : str
         File or program, for messages.
 
     Raises
     ------
     ModelError
-        If shapes do not match, values are not finite, a node number is repeated, or a modal mass is not positive.
+        If shapes do not match, values are not finite, a node number is repeated, or a modal mass is
+        not positive.
     """
 
     nodal_diameter: int
@@ -99,19 +103,23 @@ class Modes:
 
     def __post_init__(self) -> None:
         item = f"{self.source or 'modes'}, nodal diameter {self.nodal_diameter}"
-        n, m = len(self.numbers), len(self.frequency)
+        n_nodes = len(self.numbers)
+        n_modes = len(self.frequency)
         check(self.nodal_diameter >= 0, item, "a nodal diameter >= 0", self.nodal_diameter)
-        if self.shapes.shape != (n, 3, m):
-            raise mismatch(
-                item, f"shapes ({n}, 3, {m}) for {n} nodes and {m} frequencies", self.shapes.shape
+        if self.shapes.shape != (n_nodes, 3, n_modes):
+            expected = (
+                f"shapes ({n_nodes}, 3, {n_modes}) for {n_nodes} nodes and {n_modes} frequencies"
             )
-        check(len(np.unique(self.numbers)) == n, item, "each node once", "a repeated node number")
+            raise mismatch(item, expected, self.shapes.shape)
+        n_distinct = len(np.unique(self.numbers))
+        check(n_distinct == n_nodes, item, "each node once", "a repeated node number")
         for values in (self.frequency, self.shapes):
             check_all(np.isfinite(values), values, "finite frequencies and shapes", item)
-        if self.modal_mass is not None:
-            mass = np.asarray(self.modal_mass)
-            if mass.shape != (m,) or not (np.isfinite(mass).all() and np.all(mass > 0)):
-                raise mismatch(item, f"{m} modal masses > 0", self.modal_mass)
+        if self.modal_mass is None:
+            return
+        mass = np.asarray(self.modal_mass)
+        if mass.shape != (n_modes,) or not (np.isfinite(mass).all() and np.all(mass > 0)):
+            raise mismatch(item, f"{n_modes} modal masses > 0", self.modal_mass)
 
 
 def modes_by_diameter(
@@ -121,7 +129,9 @@ def modes_by_diameter(
 
     Parameters
     ----------
-    listed : iterable of (nodal diameter, frequency in Hz, modal mass or 0 if unknown, node numbers (n,), shape (n, 3))
+    listed : iterable of tuple
+        Nodal diameter, frequency in Hz, modal mass or 0 if unknown, node numbers (n,) and shape
+        (n, 3) of each mode.
     source : str
         File, for messages.
 
@@ -135,26 +145,26 @@ def modes_by_diameter(
     ModelError
         If modes of one nodal diameter have different nodes.
     """
-    out = []
-    for d, group in groupby(sorted(listed, key=lambda mode: mode[:2]), key=lambda mode: mode[0]):
-        _, frequency, mass, nodes, shapes = zip(*group)
-        if others := [other for other in nodes if not np.array_equal(nodes[0], other)]:
-            raise mismatch(
-                f"{source}: modes of nodal diameter {d}",
-                f"the nodes {nodes[0]} in every mode",
-                others[0],
-            )
-        masses = np.array(mass) if min(mass) > 0.0 else None
-        out.append(
-            Modes(d, np.array(frequency), nodes[0], np.stack(shapes, axis=2), masses, source)
-        )
-    return tuple(out)
+    # by nodal diameter and frequency only; the other parts cannot be compared
+    ascending = sorted(listed, key=lambda mode: mode[:2])
+    grouped = []
+    for d, group in groupby(ascending, key=lambda mode: mode[0]):
+        _, frequency, mass, numbers, shapes = zip(*group)
+        for other in numbers:
+            if not np.array_equal(numbers[0], other):
+                item = f"{source}: modes of nodal diameter {d}"
+                raise mismatch(item, f"the nodes {numbers[0]} in every mode", other)
+        modal_mass = np.array(mass) if min(mass) > 0.0 else None
+        stacked = np.stack(shapes, axis=2)
+        grouped.append(Modes(d, np.array(frequency), numbers[0], stacked, modal_mass, source))
+    return tuple(grouped)
 
 
 @short_repr
 @dataclass(frozen=True)
 class MassProperties:
-    """Mass, centre of mass and inertia of a rigid free body without a mass matrix, in the units and axes of the file.
+    """Mass, centre of mass and inertia of a rigid free body without a mass matrix, in the units and
+    axes of the file.
 
     Parameters
     ----------
@@ -191,7 +201,8 @@ class ElementKind:
 def by_kind(
     elements: Iterable[Sequence[int] | NDArray], kinds: Iterable[ElementKind | None] = repeat(None)
 ) -> dict[str, Any]:
-    """Group single elements into the arguments ``elements`` and ``element_kinds`` of :class:`FEBody`.
+    """Group single elements into the arguments ``elements`` and ``element_kinds`` of
+    :class:`FEBody`.
 
     Parameters
     ----------
@@ -203,9 +214,8 @@ def by_kind(
     groups: dict[tuple[ElementKind | None, int], list[Sequence[int] | NDArray]] = {}
     for nodes, kind in zip(elements, kinds):
         groups.setdefault((kind, len(nodes)), []).append(nodes)
-    arrays = tuple(np.array(group, np.int64) for group in groups.values())
     return {
-        "elements": arrays,
+        "elements": tuple(np.array(group, np.int64) for group in groups.values()),
         "element_kinds": tuple(kind for kind, _ in groups if kind is not None),
     }
 
@@ -224,11 +234,12 @@ class FEBody(Summarised):
     stiffness, mass : (n_eq, n_eq) sparse, optional
         Matrices with both triangles.  They can be omitted if ``modes`` are given.
     dofs : (n_eq, 2) int, optional
-        Node number and component (1, 2, 3) of each equation.  By default each node of ``numbers`` has three equations in
-        turn.  Components without an equation are fixed.
+        Node number and component (1, 2, 3) of each equation.  By default each node of ``numbers``
+        has three equations in turn.  Components without an equation are fixed.
     elements : tuple of (n, 4 | 6 | 8 | 10 | 15 | 20) int arrays
-        Node numbers of solid elements, corners first.  The corners of hexahedra are four in turn around one face, then the
-        opposite four in the same turn.  Elements are needed if faces are given as sets of nodes.
+        Node numbers of solid elements, corners first.  The corners of hexahedra are four in turn
+        around one face, then the opposite four in the same turn.  Elements are needed if faces are
+        given as sets of nodes.
     node_sets : mapping of name to (n,) int
         Node numbers.
     face_sets : mapping of name to tuple of (n, 3 | 4 | 6 | 8) int arrays
@@ -248,7 +259,8 @@ class FEBody(Summarised):
     faster : FEBody, optional
         Same body at a higher rotor speed, see :func:`bdamper.importers.over_speed`.
     element_kinds : tuple of ElementKind
-        Kind of each array of ``elements``.  By default elements have full integration and an unknown material.
+        Kind of each array of ``elements``.  By default elements have full integration and an
+        unknown material.
 
     Raises
     ------
@@ -274,46 +286,48 @@ class FEBody(Summarised):
     element_kinds: tuple[ElementKind, ...] = ()
 
     def __post_init__(self) -> None:
-        shapes = [np.shape(e) for e in self.elements]
-        expected = "arrays (n, nodes of an element) in a tuple"
+        shapes = [np.shape(elements) for elements in self.elements]
         check(
             all(len(shape) == 2 for shape in shapes),
             f"{self.source}: elements",
-            expected,
+            "arrays (n, nodes of an element) in a tuple",
             f"shapes {shapes[:2]}",
         )
 
     def __str__(self) -> str:
-        n_elements = sum(len(e) for e in self.elements)
+        n_elements = sum(len(elements) for elements in self.elements)
         lines = [f"{self.source}: {len(self.nodes)} nodes, {n_elements} solid elements"]
         if self.stiffness is not None:
             lines.append(
-                f"  {self.stiffness.shape[0]} equations, {self.stiffness.nnz} entries in the stiffness matrix"
+                f"  {self.stiffness.shape[0]} equations, "
+                f"{self.stiffness.nnz} entries in the stiffness matrix"
             )
-        lines += [
-            f"  {len(m.frequency)} modes of nodal diameter {m.nodal_diameter}" for m in self.modes
-        ]
+        for modes in self.modes:
+            lines.append(f"  {len(modes.frequency)} modes of nodal diameter {modes.nodal_diameter}")
         if self.node_sets:
-            lines.append(
-                "  node sets " + ", ".join(f"{k} ({len(v)})" for k, v in self.node_sets.items())
-            )
+            sizes = [f"{name} ({len(members)})" for name, members in self.node_sets.items()]
+            lines.append(f"  node sets {', '.join(sizes)}")
         if self.face_sets:
-            lines.append(
-                "  face sets "
-                + ", ".join(f"{k} ({sum(map(len, v))})" for k, v in self.face_sets.items())
-            )
+            sizes = [f"{name} ({sum(map(len, faces))})" for name, faces in self.face_sets.items()]
+            lines.append(f"  face sets {', '.join(sizes)}")
         if self.faster:
             lines.append(f"  at {self.faster.rotor_speed:g} rad/s: {self.faster.source}")
-        return "\n".join([*lines, *(f"  {note}" for note in self.notes)])
+        lines += [f"  {note}" for note in self.notes]
+        return "\n".join(lines)
 
 
 # ---- Shared parts of the readers ----
 
 
 def mesh_body(
-    source: str, what: str, numbers: ArrayLike, nodes: ArrayLike, elements: Iterable[Sequence[int] | NDArray],
-    kinds: Iterable[ElementKind | None] = repeat(None), **others: Any,
-) -> FEBody:  # fmt: skip
+    source: str,
+    what: str,
+    numbers: ArrayLike,
+    nodes: ArrayLike,
+    elements: Iterable[Sequence[int] | NDArray],
+    kinds: Iterable[ElementKind | None] = repeat(None),
+    **others: Any,
+) -> FEBody:
     """Return the body of a mesh from the lists of a reader.
 
     Parameters
@@ -335,10 +349,19 @@ def mesh_body(
 
 
 def rotate_to_file(shapes: NDArray, numbers: NDArray, axes: Mapping[int, NDArray]) -> None:
-    """Rotate shapes (n, 3, ...) of nodes ``numbers`` (n,) from the ``axes`` of single nodes to the axes of the file."""
-    for k, number in enumerate(numbers.tolist()):
+    """Rotate shapes of nodes from the axes of single nodes to the axes of the file, in place.
+
+    Parameters
+    ----------
+    shapes : (n, 3, ...)
+    numbers : (n,) int
+        Node number of each row of ``shapes``.
+    axes : mapping of node number to (3, 3) float
+        Axes of the nodes that have their own, as rows.
+    """
+    for row, number in enumerate(numbers.tolist()):
         if number in axes:
-            shapes[k] = np.asarray(axes[number]).T @ shapes[k]
+            shapes[row] = np.asarray(axes[number]).T @ shapes[row]
 
 
 P = ParamSpec("P")
@@ -347,8 +370,8 @@ T = TypeVar("T")
 BODIES: dict[str, Callable[[FilePath], Any]] = {}
 """Readers that return an FEBody, by the ending of the file name."""
 
-# Exceptions that damaged input causes in parsers.  AttributeError and NameError are errors of this package and pass
-# unchanged, except from other packages (``library=True``).
+# Exceptions that damaged input causes in parsers.  AttributeError and NameError are errors of this
+# package and pass unchanged, except from other packages (``library=True``).
 _CAUSES: tuple[type[Exception], ...] = (
     OSError,
     EOFError,
@@ -376,7 +399,8 @@ def reader(
     expected : str
         Expected content of the file, for the message.
     endings : str
-        Endings of file names for which :func:`read_body` calls the function.  It must return an FEBody.
+        Endings of file names for which :func:`read_body` calls the function.  It must return an
+        FEBody.
     library : bool
         Whether another package parses the file.  Then every exception becomes a ModelError.
 
@@ -422,8 +446,8 @@ def read_body(path: FilePath) -> Any:
     Parameters
     ----------
     path : path-like
-        ``.inp`` or ``.frd`` of CalculiX or Abaqus, ``.cdb`` or ``.rst`` of Ansys, ``.bdf``, ``.dat`` or ``.nas`` of
-        Nastran.
+        ``.inp`` or ``.frd`` of CalculiX or Abaqus, ``.cdb`` or ``.rst`` of Ansys, ``.bdf``,
+        ``.dat`` or ``.nas`` of Nastran.
 
     Returns
     -------
@@ -436,9 +460,8 @@ def read_body(path: FilePath) -> Any:
         If the file does not exist, its ending is unknown, or its content is damaged.
     """
     ending = as_path(path).suffix.lower()
-    check(
-        ending in BODIES, str(path), f"a name that ends in one of {sorted(BODIES)}", f"'{ending}'"
-    )
+    expected = f"a name that ends in one of {sorted(BODIES)}"
+    check(ending in BODIES, str(path), expected, f"'{ending}'")
     return BODIES[ending](path)
 
 
@@ -466,19 +489,22 @@ def parsing(item: str, expected: str, found: object = None) -> Iterator[None]:
     except BdamperError:
         raise
     except (ValueError, LookupError, RuntimeError, ArithmeticError, np.linalg.LinAlgError) as error:
-        raise mismatch(
-            item, expected, error if found is None else f"'{str(found).strip()[:60]}'"
-        ) from error
+        shown = error if found is None else f"'{str(found).strip()[:60]}'"
+        raise mismatch(item, expected, shown) from error
 
 
 def data_lines(text: str, comments: str | tuple[str, ...]) -> list[tuple[int, str]]:
-    """Return the lines of a text, with their numbers, without empty lines and comments."""
-    lines = [(k, line.strip()) for k, line in enumerate(text.split("\n"), 1)]
-    return [(k, line) for k, line in lines if line and not line.startswith(comments)]
+    """Return the numbered lines of a text, without empty lines and comments."""
+    numbered = []
+    for number, line in enumerate(text.split("\n"), 1):
+        stripped = line.strip()
+        if stripped and not stripped.startswith(comments):
+            numbered.append((number, stripped))
+    return numbered
 
 
 class Included:
-    """Resolver of the files included by a file, limited in number and to the folder of that file."""
+    """Resolver of the files included by a file, limited in number and to its folder."""
 
     def __init__(self) -> None:
         self._count = 0
@@ -503,21 +529,18 @@ class Included:
             If there are too many files, or the file does not exist below the folder of ``source``.
         """
         self._count += 1
-        limits = f"at most {MOST_INCLUDED} included files, {DEEPEST} in each other"
-        check(self._count <= MOST_INCLUDED and depth < DEEPEST, item, limits, "more")
+        permitted = self._count <= MOST_INCLUDED and depth < DEEPEST
+        expected = f"at most {MOST_INCLUDED} included files, {DEEPEST} in each other"
+        check(permitted, item, expected, "more")
+        below = "a file in the folder of this one or below"
         relative = PureWindowsPath(name)  # accepts slashes and backslashes
-        below = not relative.anchor and ".." not in relative.parts
-        check(below, item, "a file in the folder of this one or below", f"'{name[:60]}'")
+        is_below = not relative.anchor and ".." not in relative.parts
+        check(is_below, item, below, f"'{name[:60]}'")
         path = source.parent / relative.as_posix()
         check(path.is_file(), item, "an existing file", f"'{name[:60]}'")
         # a symbolic link can lead elsewhere
-        inside = path.resolve().is_relative_to(source.parent.resolve())
-        check(
-            inside,
-            item,
-            "a file in the folder of this one or below",
-            f"'{name[:60]}', a link to another folder",
-        )
+        is_inside = path.resolve().is_relative_to(source.parent.resolve())
+        check(is_inside, item, below, f"'{name[:60]}', a link to another folder")
         return path
 
 
@@ -535,7 +558,9 @@ class Lines:
             yield self.take("another line")
 
     def take(self, what: str) -> str:
-        """Return the next line; at the end of the file raise ModelError with the missing content ``what``."""
+        """Return the next line; at the end of the file raise ModelError with the missing content
+        ``what``.
+        """
         check(self._read < len(self._lines), str(self.source), what, "the end of the file")
         self._read += 1
         return self._lines[self._read - 1]
@@ -563,7 +588,7 @@ class Lines:
 
 @dataclass(frozen=True)
 class Bounds:
-    """Limits of the checks of an import: fractions or relative differences, if no unit is stated."""
+    """Limits of the checks of an import: fractions or relative differences without a unit."""
 
     # Values outside these ranges indicate mistaken units.
     size: tuple[float, float] = (1e-3, 30.0)
@@ -575,36 +600,50 @@ class Bounds:
     wave_speed: tuple[float, float] = (1000.0, 15000.0)
     """Speed of longitudinal waves, m/s: 2200 in lead and in plastics, 12900 in beryllium."""
     radial_angle: float = 15.0
-    """Largest angle (degrees) between ``radial`` and the middle of a narrow sector; it allows for lean of the blade."""
+    """Largest angle (degrees) between ``radial`` and the middle of a narrow sector; it allows for
+    lean of the blade.
+    """
 
     # Matrices and nodes that belong together.
     symmetry: float = 1e-6
     """Difference between a matrix and its transpose, divided by the largest entry."""
     rigid_strain: float = 3e-3
-    """Strain of a rigid motion: root of the ratio of its energy to the energy of a stretch of the same displacements."""
+    """Strain of a rigid motion: root of the ratio of its energy to the energy of a stretch of the
+    same displacements.
+    """
     rigid_force: float = 0.01
     """Nodal force of a rigid motion, divided by the sum of the sizes of its parts.
 
-    On the reference sector and damper it is at most 4e-15 with rows in the right order, and 4e-5 with positions rounded to
-    a micrometre.  With rows in the order of components it is at least 0.1, with a median of 0.4 to 0.8.  Stress stiffening
-    contributes about stress divided by modulus."""
+    On the reference sector and damper it is at most 4e-15 with rows in the right order, and 4e-5
+    with positions rounded to a micrometre.  With rows in the order of components it is at least
+    0.1, with a median of 0.4 to 0.8.  Stress stiffening contributes about stress divided by
+    modulus.
+    """
     odd_ones: float = 0.5
-    """Fraction of nodes with forces above ``rigid_force``, and fraction of twisted elements, above which the model is
-    rejected.  Springs to the ground act on few nodes, and a good mesh has few sliver elements."""
+    """Fraction of nodes with forces above ``rigid_force``, and fraction of twisted elements, above
+    which the model is rejected.  Springs to the ground act on few nodes, and a good mesh has few
+    sliver elements.
+    """
 
     # Quantities that should agree.
     same_place: float = 1e-9
     """Distance of coincident nodes, divided by the size of the body."""
     sector_faces: float = 1e-5
-    """Distance of matching nodes of the sector faces, divided by the size of the sector; files round positions."""
+    """Distance of matching nodes of the sector faces, divided by the size of the sector; files
+    round positions.
+    """
     tied_faces: float = 1e-4
-    """Distance of sector faces with different meshes, divided by the size of the sector; 101 blades, not 100, give 6e-4."""
+    """Distance of sector faces with different meshes, divided by the size of the sector; 101
+    blades, not 100, give 6e-4.
+    """
     agreement: float = 0.01
-    """Largest difference of frequencies of two programs, of areas of equal faces, and of singular values from 1 for modes
-    of two rotor speeds."""
+    """Largest difference of frequencies of two programs, of areas of equal faces, and of singular
+    values from 1 for modes of two rotor speeds.
+    """
     material: float = 0.02
-    """Largest difference of density and Young's modulus of elements and matrices; at most 0.006 with the elements of
-    CalculiX, distorted by 15 % of their length."""
+    """Largest difference of density and Young's modulus of elements and matrices; at most 0.006
+    with the elements of CalculiX, distorted by 15 % of their length.
+    """
     axes: float = 1e-6
     """Scalar product of two perpendicular directions, and deviation of their lengths from 1."""
 
@@ -614,8 +653,9 @@ class Bounds:
     distance: float = 0.2
     """Largest distance of two faces, or gap, divided by the width of their overlap."""
     misfit: float = 0.02
-    """Difference between the distance of two meshes and the given gap, divided by the width of the overlap, and lack of
-    overlap of faces of equal area, above which the import warns."""
+    """Difference between the distance of two meshes and the given gap, divided by the width of the
+    overlap, and lack of overlap of faces of equal area, above which the import warns.
+    """
 
     # Largest counts.
     modes: int = 1000

@@ -1,7 +1,7 @@
 r"""Input files of CalculiX and Abaqus: nodes, solid elements, sets, surfaces and elastic constants.
 
-A file is flat, or an assembly of instances of parts.  An instance is a copy of the nodes, elements and sets of its part,
-translated by t and then rotated by the matrix R about a point a:
+A file is flat, or an assembly of instances of parts.  An instance is a copy of the nodes, elements
+and sets of its part, translated by t and then rotated by the matrix R about a point a:
 
 .. math:: x' = a + R (x + t - a)
 
@@ -11,7 +11,8 @@ Nodes of different instances may have the same label.  Internally a node or an e
 References
 ----------
 G. Dhondt, *CalculiX CrunchiX User's Manual*, "Input deck format".
-Dassault Systèmes, *Abaqus Keywords Reference Guide*, \*INSTANCE, \*SYSTEM, \*NODE, \*NGEN, \*NFILL and \*ELGEN.
+Dassault Systèmes, *Abaqus Keywords Reference Guide*, \*INSTANCE, \*SYSTEM, \*NODE, \*NGEN, \*NFILL
+and \*ELGEN.
 """
 
 from __future__ import annotations
@@ -45,7 +46,9 @@ T = TypeVar("T")
 
 
 def _plain(text: str) -> str:
-    """Return a keyword or parameter name in capitals without blanks, since both programs ignore case and blanks."""
+    """Return a keyword or parameter name in capitals without blanks, since both programs ignore
+    case and blanks.
+    """
     return "".join(text.upper().split())
 
 
@@ -69,6 +72,16 @@ class _Scope:
     axes: NDArray = field(default_factory=lambda: np.eye(3))
 
 
+@dataclass
+class _Block:
+    """Keyword of a file with its parameters, and the data lines that follow."""
+
+    line: int
+    keyword: str
+    parameters: dict[str, str]
+    rows: Rows
+
+
 class Deck:
     """Parser of an input file: blocks of a keyword with parameters, followed by data lines.
 
@@ -79,7 +92,9 @@ class Deck:
 
     def __init__(self, source: Path) -> None:
         self.source = source
-        self.model = self.scope = _Scope()
+        # the scope receives nodes, elements and sets: the model, or an open part or instance
+        self.model = _Scope()
+        self.scope = self.model
         self.parts: dict[str, _Scope] = {}
         self.instances: dict[str, int] = {}
         self.instance = ""
@@ -89,52 +104,48 @@ class Deck:
         self.notes: list[str] = []
         self.included = Included()
         self._read(source)
-        check(
-            self.scope is self.model,
-            str(source),
-            "*END PART or *END INSTANCE",
-            "the end of the file",
-        )
+        is_closed = self.scope is self.model
+        check(is_closed, str(source), "*END PART or *END INSTANCE", "the end of the file")
 
     def _read(self, source: Path, depth: int = 0) -> None:
         """Read a file and the files that it includes."""
-        for at, keyword, parameters, rows in self._blocks(
-            source.read_text(encoding="utf-8", errors="replace")
-        ):
-            item = f"{source}: {keyword} in line {at}"
-            if adds_to_matrices(keyword, parameters, item):
+        text = source.read_text(encoding="utf-8", errors="replace")
+        for block in self._blocks(text):
+            item = f"{source}: {block.keyword} in line {block.line}"
+            if adds_to_matrices(block.keyword, block.parameters, item):
                 self.notes.append(
-                    f"{keyword} of the deck is not read: its stiffness or mass must be in the matrices"
+                    f"{block.keyword} of the deck is not read: "
+                    "its stiffness or mass must be in the matrices"
                 )
-            elif keyword == "*INCLUDE":
-                self._read(
-                    self.included.path(parameters.get("INPUT", ""), source, depth, item), depth + 1
-                )
+            elif block.keyword == "*INCLUDE":
+                name = block.parameters.get("INPUT", "")
+                self._read(self.included.path(name, source, depth, item), depth + 1)
             else:
-                self._block(keyword, parameters, rows, item)
+                self._block(block.keyword, block.parameters, block.rows, item)
 
     @staticmethod
-    def _blocks(deck: str) -> Iterator[tuple[int, str, dict[str, str], Rows]]:
-        """Iterate over line number, keyword, parameters and data lines of each block."""
-        block, head = None, ""
+    def _blocks(deck: str) -> Iterator[_Block]:
+        """Iterate over the blocks of a file."""
+        block = None
+        keyword_line_continues = False
         for number, text in data_lines(deck, "**"):
-            if head.endswith(",") and block:  # the keyword line continues
-                head = text
-                block[2].update(_parameters(text.split(",")))
+            if block and keyword_line_continues:
+                block.parameters.update(_parameters(text.split(",")))
+                keyword_line_continues = text.endswith(",")
             elif text.startswith("*"):
                 if block:
                     yield block
-                head, words = text, text.split(",")
-                block = number, _plain(words[0]), _parameters(words[1:]), Rows()
+                keyword, *words = text.split(",")
+                block = _Block(number, _plain(keyword), _parameters(words), [])
+                keyword_line_continues = text.endswith(",")
             elif block:
-                head = ""
-                block[-1].append(
-                    (number, [word.strip() for word in text.replace('"', "").split(",")])
-                )
+                words = [word.strip() for word in text.replace('"', "").split(",")]
+                block.rows.append((number, words))
         if block:
             yield block
 
     def _block(self, keyword: str, parameters: dict[str, str], rows: Rows, item: str) -> None:
+        """Read the block of a keyword."""
         name = parameters.get("NAME", "").upper()
         if keyword == "*NODE":
             self._nodes(parameters, rows, item)
@@ -149,61 +160,63 @@ class Deck:
         elif keyword in ("*NSET", "*ELSET"):
             self._set(keyword, parameters, rows, item)
         elif keyword == "*SURFACE":
-            kind = parameters.get("TYPE", "ELEMENT").upper()
-            check(kind in ("NODE", "ELEMENT"), item, "TYPE=NODE or TYPE=ELEMENT", f"TYPE={kind}")
-            if kind == "NODE":
-                self.scope.node_surfaces[name] = [words[0] for _, words in rows]
-            else:
-                good = all(len(words) > 1 for _, words in rows)
-                check(
-                    good,
-                    item,
-                    "an element or set and the label of a face in every line",
-                    "another line",
-                )
-                self.scope.surfaces[name] = [words[:2] for _, words in rows]
+            self._surface(name, parameters, rows, item)
         elif keyword == "*PART":
             outside = bool(self.model.nodes) and not self.instances
             check(not outside, item, "all nodes in parts or none", "nodes before the first part")
             self.scope = self.parts[name] = _Scope()
         elif keyword == "*INSTANCE":
-            part = parameters.get("PART", "").upper()
-            check(part in self.parts, item, f"PART= out of {sorted(self.parts)}", f"'{part}'")
-            check(
-                name not in self.instances, item, "a name that no other instance has", f"'{name}'"
-            )
-            self.instance, self.scope, self.motion = (
-                name,
-                deepcopy(self.parts[part]),
-                self._motion(rows),
-            )
-            self.scope.origin, self.scope.axes = _Scope().origin, _Scope().axes
+            self._begin_instance(name, parameters, rows, item)
         elif keyword in ("*ENDPART", "*ENDINSTANCE"):
             if self.instance:
                 self._place()
-            self.instance, self.scope = "", self.model
+            self.instance = ""
+            self.scope = self.model
         elif keyword == "*MATERIAL":
             self.material = name
-        elif (
-            keyword == "*ELASTIC"
-            and rows
-            and parameters.get("TYPE", "ISO").upper().startswith("ISO")
-        ):
-            with self._parsing(rows[0], "Young's modulus, Poisson's ratio"):
-                young, poisson = map(float, rows[0][1][:2])  # of the lowest temperature
-                self._constants.update(youngs_modulus=young, poisson_ratio=poisson)
+        elif keyword == "*ELASTIC" and rows:
+            isotropic = parameters.get("TYPE", "ISO").upper().startswith("ISO")
+            if isotropic:
+                with self._parsing(rows[0], "Young's modulus, Poisson's ratio"):
+                    young, poisson = map(float, rows[0][1][:2])  # of the lowest temperature
+                    self._constants.update(youngs_modulus=young, poisson_ratio=poisson)
         elif keyword == "*DENSITY" and rows:
             with self._parsing(rows[0], "a density"):
                 self._constants["density"] = float(rows[0][1][0])
         elif keyword == "*SOLIDSECTION":
-            self.scope.sections[parameters.get("ELSET", "").upper()] = parameters.get(
-                "MATERIAL", ""
-            ).upper()
+            element_set = parameters.get("ELSET", "").upper()
+            self.scope.sections[element_set] = parameters.get("MATERIAL", "").upper()
+
+    def _surface(self, name: str, parameters: dict[str, str], rows: Rows, item: str) -> None:
+        """Read a surface: nodes, or faces of elements or of sets of elements."""
+        kind = parameters.get("TYPE", "ELEMENT").upper()
+        check(kind in ("NODE", "ELEMENT"), item, "TYPE=NODE or TYPE=ELEMENT", f"TYPE={kind}")
+        if kind == "NODE":
+            self.scope.node_surfaces[name] = [words[0] for _, words in rows]
+            return
+        complete = all(len(words) > 1 for _, words in rows)
+        expected = "an element or set and the label of a face in every line"
+        check(complete, item, expected, "another line")
+        self.scope.surfaces[name] = [words[:2] for _, words in rows]
+
+    def _begin_instance(self, name: str, parameters: dict[str, str], rows: Rows, item: str) -> None:
+        """Begin an instance with a copy of its part, to which the deck may add nodes and sets."""
+        part = parameters.get("PART", "").upper()
+        check(part in self.parts, item, f"PART= out of {sorted(self.parts)}", f"'{part}'")
+        is_new = name not in self.instances
+        check(is_new, item, "a name that no other instance has", f"'{name}'")
+        self.instance = name
+        self.scope = deepcopy(self.parts[part])
+        self.motion = self._motion(rows)
+        # *SYSTEM of the part does not act on the instance
+        self.scope.origin = _Scope().origin
+        self.scope.axes = _Scope().axes
 
     # ---- Words of data lines ----
 
     @property
     def _constants(self) -> dict[str, float]:
+        """Constants of the material that the deck defines at present."""
         return self.materials.setdefault(self.material, {})
 
     def _parsing(self, row: tuple[int, list[str]], expected: str) -> AbstractContextManager[None]:
@@ -217,22 +230,29 @@ class Deck:
         return numbers
 
     def _numbers(self, row: tuple[int, list[str]], *counts: int) -> NDArray:
+        """Return the numbers of a line, as many as one of the counts; a blank word is 0."""
+        words = row[1]
         with self._parsing(row, f"{' or '.join(map(str, counts))} numbers"):
-            values = [float(word or 0.0) for word in row[1]]
-            while (
-                len(values) not in counts and not row[1][len(values) - 1]
-            ):  # blank words at the end of a line
+            values = [float(word or 0.0) for word in words]
+            # blank words at the end of a line are no numbers
+            while len(values) not in counts and not words[len(values) - 1]:
                 del values[-1]
             if len(values) not in counts or not np.isfinite(values).all():
                 raise ValueError
         return np.array(values)
 
     def code(self, word: str) -> int | None:
-        """Return the code of a node or element from its label, with ``instance.`` before it in an assembly."""
+        """Return the code of a node or element from its label, with ``instance.`` before it in an
+        assembly.
+        """
         instance, _, label = word.upper().rpartition(".")
-        if not label.isdigit() or (instance and instance not in self.instances):
+        if not label.isdigit():
             return None
-        return int(label) + (self.instances[instance] << _BITS if instance else 0)
+        if not instance:
+            return int(label)
+        if instance not in self.instances:
+            return None
+        return int(label) + (self.instances[instance] << _BITS)
 
     def _members(
         self,
@@ -252,25 +272,27 @@ class Deck:
     # ---- Nodes and elements ----
 
     def _nodes(self, parameters: dict[str, str], rows: Rows, item: str) -> None:
-        cure = "nodes of parts: delete the reference points of the assembly"
-        check(self.scope is not self.model or not self.parts, item, cure, "nodes outside of a part")
+        """Read nodes, in the coordinates of the last *SYSTEM."""
+        outside = self.scope is self.model and bool(self.parts)
+        expected = "nodes of parts: delete the reference points of the assembly"
+        check(not outside, item, expected, "nodes outside of a part")
         system = parameters.get("SYSTEM", "R").upper()
-        check(
-            system in ("R", "C"),
-            item,
-            "SYSTEM=R or SYSTEM=C (rectangular, cylindrical)",
-            f"SYSTEM={system}",
-        )
+        expected = "SYSTEM=R or SYSTEM=C (rectangular, cylindrical)"
+        check(system in ("R", "C"), item, expected, f"SYSTEM={system}")
         added = []
         for row in rows:
             with self._parsing(row, "a node number and its position"):
                 number, *position = row[1]
-                if not position or len([word for word in row[1] if word]) > 4:
+                n_words = len([word for word in row[1] if word])
+                if not position or n_words > 4:
                     raise ValueError
                 added.append(int(number))
-                x = np.array([float(word or 0.0) for word in [*position, "", ""][:3]])
+                # coordinates that are left out are 0
+                coordinates = [*position, "", ""][:3]
+                x = np.array([float(word or 0.0) for word in coordinates])
                 if system == "C":
-                    x[:2] = x[0] * np.array([np.cos(np.radians(x[1])), np.sin(np.radians(x[1]))])
+                    angle = np.radians(x[1])
+                    x[:2] = x[0] * np.array([np.cos(angle), np.sin(angle)])
                 # As in CalculiX, the last definition of a node is used.
                 self.scope.nodes[added[-1]] = self.scope.origin + x @ self.scope.axes
         self._extend(self.scope.node_sets, parameters.get("NSET", ""), added)
@@ -283,85 +305,111 @@ class Deck:
     def _system(self, rows: Rows) -> None:
         """Set the origin and the axes (rows) of the nodes that follow."""
         first = self._numbers(rows[0], 3, 6) if rows else np.zeros(3)
-        self.scope.origin, self.scope.axes = first[:3], np.eye(3)
-        if len(first) == 6:
-            x, z = first[3:] - first[:3], np.array([0.0, 0.0, 1.0])
-            if len(rows) > 1:
-                z = np.cross(x, self._numbers(rows[1], 3) - first[:3])
-            else:
-                x[2] = 0.0
-            with self._parsing(rows[-1], "three points that are not on one line"):
-                if not (np.linalg.norm(x) and np.linalg.norm(z)):
-                    raise ValueError
-            x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
-            self.scope.axes = np.array([x, np.cross(z, x), z])
+        origin = first[:3]
+        self.scope.origin = origin
+        self.scope.axes = np.eye(3)
+        if len(first) != 6:
+            return
+        # the second point lies on the x axis, the third one in the x-y plane
+        x = first[3:] - origin
+        if len(rows) > 1:
+            z = np.cross(x, self._numbers(rows[1], 3) - origin)
+        else:
+            z = np.array([0.0, 0.0, 1.0])
+            x[2] = 0.0
+        with self._parsing(rows[-1], "three points that are not on one line"):
+            if not (np.linalg.norm(x) and np.linalg.norm(z)):
+                raise ValueError
+        x = x / np.linalg.norm(x)
+        z = z / np.linalg.norm(z)
+        self.scope.axes = np.array([x, np.cross(z, x), z])
 
     def _generate_nodes(self, keyword: str, parameters: dict[str, str], rows: Rows) -> None:
-        """Add nodes at equal distances between two nodes (NGEN), or between the nodes of two sets (NFILL)."""
-        nodes, added = self.scope.nodes, list[int]()
+        """Add nodes at equal distances between two nodes (NGEN), or between the nodes of two sets
+        (NFILL).
+        """
+        nodes = self.scope.nodes
+        added: list[int] = []
+        expected = f"{keyword} between two nodes or ascending sets of nodes, then whole numbers"
         for row in rows:
-            with self._parsing(
-                row, f"{keyword} between two nodes or ascending sets of nodes, then whole numbers"
-            ):
+            with self._parsing(row, expected):
                 first, last = row[1][:2]
-                more = [int(word) for word in row[1][2:] if word]
+                integers = [int(word) for word in row[1][2:] if word]
                 if keyword == "*NGEN":
-                    (step,) = more or [1]
-                    pairs = [(int(first), int(last))]
-                    n, rest = divmod(pairs[0][1] - pairs[0][0], step)
+                    (step,) = integers or [1]
+                    start, end = int(first), int(last)
+                    n_intervals, rest = divmod(end - start, step)
+                    if rest:
+                        raise ValueError
+                    pairs = [(start, end)]
                 else:
-                    n, step = [*more, 1][:2]
-                    ends = [self.scope.node_sets[name.upper()] for name in (first, last)]
-                    pairs = list(zip(*ends, strict=True))
-                    rest = any(members != sorted(set(members)) for members in ends)
-                if rest or not 1 <= n <= LARGEST_COUNT // 100:
+                    n_intervals, step = [*integers, 1][:2]
+                    first_set = self.scope.node_sets[first.upper()]
+                    last_set = self.scope.node_sets[last.upper()]
+                    for members in (first_set, last_set):
+                        if members != sorted(set(members)):
+                            raise ValueError
+                    pairs = list(zip(first_set, last_set, strict=True))
+                if not 1 <= n_intervals <= LARGEST_COUNT // 100:
                     raise ValueError
                 for a, b in pairs:
-                    start, way = nodes[a], nodes[b] - nodes[a]
-                    between = range(a + step, a + n * step, step)
-                    nodes |= {number: start + k / n * way for k, number in enumerate(between, 1)}
+                    position = nodes[a]
+                    way = nodes[b] - position
+                    between = range(a + step, a + n_intervals * step, step)
+                    for k, number in enumerate(between, 1):
+                        nodes[number] = position + k / n_intervals * way
                     added += [a, *between, b]
         self._extend(self.scope.node_sets, parameters.get("NSET", ""), added)
 
     def _elements(self, parameters: dict[str, str], rows: Rows, item: str) -> None:
-        kind = parameters.get("TYPE", "").upper()
-        plain = kind.rstrip("RIHM")
-        n = _SOLIDS.get(plain)
-        if n is None:
+        """Read elements; elements other than solids are noted and skipped."""
+        type_name = parameters.get("TYPE", "").upper()
+        # R: reduced integration, I: incompatible modes, H: hybrid, M: modified
+        plain = type_name.rstrip("RIHM")
+        n_nodes = _SOLIDS.get(plain)
+        if n_nodes is None:
             self.notes.append(
-                f"elements of type {kind or '(none)'} are not read: solid elements only"
+                f"elements of type {type_name or '(none)'} are not read: solid elements only"
             )
             return
-        words = self._integers(rows)
-        expected = f"1 + {n} numbers for each element of type {kind}"
-        check(len(words) % (n + 1) == 0, item, expected, f"{len(words)} numbers")
-        for k in range(0, len(words), n + 1):
-            self.scope.element_of[words[k]] = words[k + 1 : k + n + 1]
-            letter = next((letter for letter in "RI" if letter in kind[len(plain) :]), "")
-            self.scope.type_of[words[k]] = plain + letter
-        self._extend(self.scope.element_sets, parameters.get("ELSET", ""), words[:: n + 1])
+        letter = ""
+        for candidate in ("R", "I"):
+            if not letter and candidate in type_name[len(plain) :]:
+                letter = candidate
+        numbers = self._integers(rows)
+        expected = f"1 + {n_nodes} numbers for each element of type {type_name}"
+        check(len(numbers) % (n_nodes + 1) == 0, item, expected, f"{len(numbers)} numbers")
+        for start in range(0, len(numbers), n_nodes + 1):
+            element, *nodes = numbers[start : start + n_nodes + 1]
+            self.scope.element_of[element] = nodes
+            self.scope.type_of[element] = plain + letter
+        added = numbers[:: n_nodes + 1]
+        self._extend(self.scope.element_sets, parameters.get("ELSET", ""), added)
 
     def _generate_elements(self, parameters: dict[str, str], rows: Rows) -> None:
         """Copy elements along rows and layers, with increments of node and element numbers."""
-        added, scope = [], self.scope
+        scope = self.scope
+        added = []
+        expected = (
+            "*ELGEN of an element, with number, node and element increment of rows and layers"
+        )
         for row in rows:
-            with self._parsing(
-                row,
-                "*ELGEN of an element, with number, node and element increment of rows and layers",
-            ):
-                first, *more = self._integers([row])
-                more += [1, 1, 1, 1, 0, 1, 1, 0, 1][len(more) :]
-                counts, shifts, steps = more[0::3], more[1::3], more[2::3]
-                if (
-                    len(more) != 9
-                    or min(counts) < 1
-                    or np.prod(counts, dtype=float) > LARGEST_COUNT // 100
-                ):
+            with self._parsing(row, expected):
+                first, *integers = self._integers([row])
+                # number, node increment and element increment in each of three directions
+                defaults = [1, 1, 1, 1, 0, 1, 1, 0, 1]
+                integers += defaults[len(integers) :]
+                if len(integers) != 9:
+                    raise ValueError
+                counts = integers[0::3]
+                node_steps = integers[1::3]
+                element_steps = integers[2::3]
+                if min(counts) < 1 or np.prod(counts, dtype=float) > LARGEST_COUNT // 100:
                     raise ValueError
                 for index in np.ndindex(*counts):
-                    number = first + int(np.dot(index, steps))
-                    moved = int(np.dot(index, shifts))
-                    scope.element_of[number] = [node + moved for node in scope.element_of[first]]
+                    number = first + int(np.dot(index, element_steps))
+                    shift = int(np.dot(index, node_steps))
+                    scope.element_of[number] = [node + shift for node in scope.element_of[first]]
                     scope.type_of[number] = scope.type_of[first]
                     added.append(number)
         self._extend(scope.element_sets, parameters.get("ELSET", ""), added)
@@ -369,37 +417,42 @@ class Deck:
     # ---- Sets ----
 
     def _set(self, keyword: str, parameters: dict[str, str], rows: Rows, item: str) -> None:
+        """Read a set of nodes or elements; a set that exists is extended."""
         sets = self.scope.node_sets if keyword == "*NSET" else self.scope.element_sets
-        name, prefix = parameters.get(keyword[1:], ""), ""
+        name = parameters.get(keyword[1:], "")
         check(bool(name), item, "a name of the set", "none")
-        if instance := parameters.get("INSTANCE", "").upper():
-            check(
-                instance in self.instances,
-                item,
-                f"INSTANCE= out of {sorted(self.instances)}",
-                f"'{instance}'",
-            )
+        prefix = ""
+        shift = 0
+        instance = parameters.get("INSTANCE", "").upper()
+        if instance:
+            expected = f"INSTANCE= out of {sorted(self.instances)}"
+            check(instance in self.instances, item, expected, f"'{instance}'")
             prefix = f"{instance}."
+            shift = self.instances[instance] << _BITS
         members = sets.setdefault(name.upper(), [])
         if keyword == "*NSET" and "ELSET" in parameters:
-            for element in self._members(
-                parameters["ELSET"], self.scope.element_sets, item, prefix
-            ):
+            of_elements = parameters["ELSET"]
+            for element in self._members(of_elements, self.scope.element_sets, item, prefix):
                 members += self.scope.element_of.get(element, [])
         for row in rows:
             if "GENERATE" in parameters:
-                first, *more = self._integers([row]) or [0]
-                last, step = [*more, 1][:2] if more else (0, 0)
-                with self._parsing(row, "first, last and step"):
-                    if not (step > 0 and 0 <= (last - first) // step <= LARGEST_COUNT // 100):
-                        raise ValueError
-                shift = self.instances[instance] << _BITS if instance else 0
-                members.extend(range(shift + first, shift + last + 1, step))
+                members.extend(self._generated(row, shift))
                 continue
-            for word in filter(None, row[1]):
-                members += self._members(
-                    word.lstrip("+"), sets, f"{self.source}: line {row[0]}", prefix
-                )
+            row_item = f"{self.source}: line {row[0]}"
+            for word in row[1]:
+                if word:
+                    members += self._members(word.lstrip("+"), sets, row_item, prefix)
+
+    def _generated(self, row: tuple[int, list[str]], shift: int) -> range:
+        """Return the codes of a line of GENERATE: first, last and step, which is 1 by default."""
+        numbers = self._integers([row])
+        with self._parsing(row, "first, last and step"):
+            if len(numbers) < 2:
+                raise ValueError
+            first, last, step = [*numbers, 1][:3]
+            if step <= 0 or not 0 <= (last - first) // step <= LARGEST_COUNT // 100:
+                raise ValueError
+        return range(shift + first, shift + last + 1, step)
 
     # ---- Instances ----
 
@@ -408,74 +461,78 @@ class Deck:
         shift = self._numbers(rows[0], 3) if rows else np.zeros(3)
         if len(rows) < 2:
             return np.eye(3), shift
+        # two points on the axis of rotation, and an angle in degrees
         values = self._numbers(rows[1], 7)
-        a, axis, angle = values[:3], values[3:6] - values[:3], np.radians(values[6])
+        origin = values[:3]
+        axis = values[3:6] - origin
+        angle = np.radians(values[6])
         with self._parsing(rows[1], "two different points on the axis and an angle"):
             if len(rows) > 2 or not np.linalg.norm(axis):
                 raise ValueError
         x, y, z = axis / np.linalg.norm(axis)
+        # formula of Rodrigues
         cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
         rotation = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
-        return rotation, a + rotation @ (shift - a)
+        return rotation, origin + rotation @ (shift - origin)
 
     def _place(self) -> None:
         """Add the instance to the model, with its name before the names of its sets."""
-        name, own, model = self.instance, self.scope, self.model
-        largest = max([*own.nodes, *own.element_of], default=0)
-        check(
-            largest < 1 << _BITS,
-            f"{self.source}: instance {name}",
-            f"labels below {1 << _BITS}",
-            largest,
-        )
+        name, instance, model = self.instance, self.scope, self.model
+        largest = max([*instance.nodes, *instance.element_of], default=0)
+        item = f"{self.source}: instance {name}"
+        check(largest < 1 << _BITS, item, f"labels below {1 << _BITS}", largest)
         self.instances[name] = len(self.instances)
-        shift, (rotation, moved) = self.instances[name] << _BITS, self.motion
-        model.nodes |= {shift + k: rotation @ x + moved for k, x in own.nodes.items()}
-        model.element_of |= {
-            shift + k: [shift + n for n in nodes] for k, nodes in own.element_of.items()
-        }
-        model.type_of |= {shift + k: kind for k, kind in own.type_of.items()}
-        model.sections |= {f"{name}.{key}": material for key, material in own.sections.items()}
-        for sets, theirs in (
-            (model.node_sets, own.node_sets),
-            (model.element_sets, own.element_sets),
-        ):
-            sets |= {
-                f"{name}.{key}": [shift + k for k in members] for key, members in theirs.items()
-            }
-        for key, faces in own.surfaces.items():
-            model.surfaces[f"{name}.{key}"] = [[f"{name}.{who}", label] for who, label in faces]
-        for key, words in own.node_surfaces.items():
+        shift = self.instances[name] << _BITS
+        rotation, displacement = self.motion
+        for label, position in instance.nodes.items():
+            model.nodes[shift + label] = rotation @ position + displacement
+        for label, nodes in instance.element_of.items():
+            model.element_of[shift + label] = [shift + node for node in nodes]
+        for label, type_name in instance.type_of.items():
+            model.type_of[shift + label] = type_name
+        for key, material in instance.sections.items():
+            model.sections[f"{name}.{key}"] = material
+        for key, members in instance.node_sets.items():
+            model.node_sets[f"{name}.{key}"] = [shift + label for label in members]
+        for key, members in instance.element_sets.items():
+            model.element_sets[f"{name}.{key}"] = [shift + label for label in members]
+        for key, faces in instance.surfaces.items():
+            model.surfaces[f"{name}.{key}"] = [[f"{name}.{who}", face] for who, face in faces]
+        for key, words in instance.node_surfaces.items():
             model.node_surfaces[f"{name}.{key}"] = [f"{name}.{word}" for word in words]
 
     # ---- Body ----
 
     def _only(self, instance: str) -> None:
         """Omit the other instances, and repeat the sets of this one without its name."""
-        model, k = self.model, self.instances[instance]
-        model.element_of = {e: nodes for e, nodes in model.element_of.items() if e >> _BITS == k}
+        model = self.model
+        wanted = self.instances[instance]
+        elements = {}
+        for element, nodes in model.element_of.items():
+            if element >> _BITS == wanted:
+                elements[element] = nodes
+        model.element_of = elements
         for sets in (model.node_sets, model.element_sets):
-            sets |= {
-                name: [code for code in members if code >> _BITS == k]
-                for name, members in sets.items()
-            }
+            for name, members in sets.items():
+                sets[name] = [code for code in members if code >> _BITS == wanted]
         _also_without(f"{instance}.", model.node_sets)
         _also_without(f"{instance}.", model.surfaces)
         _also_without(f"{instance}.", model.node_surfaces)
-        model.surfaces = {
-            name: kept
-            for name, faces in model.surfaces.items()
-            if (
-                kept := [
-                    [who, label]
-                    for who, label in faces
-                    if (self.code(who) or k << _BITS) >> _BITS == k
-                ]
-            )
-        }
+        surfaces = {}
+        for name, faces in model.surfaces.items():
+            kept = []
+            for who, face in faces:
+                code = self.code(who)
+                # a set of elements has no code; its other members are already left out
+                if not code or code >> _BITS == wanted:
+                    kept.append([who, face])
+            if kept:
+                surfaces[name] = kept
+        model.surfaces = surfaces
 
     def numbers(self, instance: str | None = None) -> dict[int, int]:
-        """Return the node number of each code: the label, or with several instances 1, 2, ... in their order.
+        """Return the node number of each code: the label, or with several instances 1, 2, ... in
+        their order.
 
         Parameters
         ----------
@@ -497,98 +554,120 @@ class Deck:
             instance = instance.upper()
         elif len(self.instances) == 1:
             (instance,) = self.instances
-        model, number, notes = self.model, self.numbers(instance), self.notes
+        model = self.model
+        number_of_code = self.numbers(instance)
         if instance is None:
-            for name, k in self.instances.items():
-                own = [n for code, n in number.items() if code >> _BITS == k]
-                if own:
-                    notes.append(
-                        f"instance {name}: nodes {min(own)} to {max(own)}, in the order of their labels"
-                    )
+            self._note_instances(number_of_code)
         else:
             self._only(instance)
-        sets = {
-            name: list(dict.fromkeys(members))
-            for name, members in model.node_sets.items()
-            if members
-        }
-        for name, words in model.node_surfaces.items():
-            item = f"{self.source}: *SURFACE, NAME={name}"
-            members = [
-                code
-                for word in words
-                for code in self._members(word, model.node_sets, item, what="a node")
-            ]
-            sets.setdefault(name, members)
-        constants = {
-            element: self.materials.get(material, {})
-            for name, material in model.sections.items()
-            for element in model.element_sets.get(name, ())
-        }
-        kinds = [
-            ElementKind(model.type_of[element], **constants.get(element, {}))
-            for element in model.element_of
+        sets = self._sets_of_nodes()
+        kinds = self._kinds()
+        if len(self.instances) > 1:
+            # a label that a part lacks is the number of another node of the assembly
+            for name, members in sets.items():
+                sets[name] = [code for code in members if code in number_of_code]
+            self._check_nodes_of_parts(number_of_code)
+        node_sets = {}
+        for name, members in sets.items():
+            if members:
+                numbers = [number_of_code.get(code, code) for code in members]
+                node_sets[name] = np.unique(np.array(numbers, np.int64))
+        elements = [
+            [number_of_code.get(code, code) for code in nodes]
+            for nodes in model.element_of.values()
         ]
-        if (
-            len(self.instances) > 1
-        ):  # a label that a part lacks is the number of another node of the assembly
-            sets = {
-                name: [code for code in members if code in number] for name, members in sets.items()
-            }
-            for element, nodes in model.element_of.items():
-                absent = [code & ((1 << _BITS) - 1) for code in nodes if code not in number]
-                where = f"{self.source}: element {element & ((1 << _BITS) - 1)}"
-                check(
-                    not absent,
-                    where,
-                    "nodes of its part",
-                    f"node {absent[:1]}, which is not defined",
-                )
-        node_sets = {
-            name: np.unique(np.array([number.get(code, code) for code in members], np.int64))
-            for name, members in sets.items()
-            if members
-        }
         body = mesh_body(
-            str(self.source), "*NODE with at least one node", list(number.values()), [model.nodes[code] for code in number],
-            [[number.get(code, code) for code in nodes] for nodes in model.element_of.values()], kinds,
-            node_sets=node_sets, notes=tuple(dict.fromkeys(notes)),
-        )  # fmt: skip
-        return replace(body, face_sets=self._face_sets(body.nodes, number))
+            str(self.source),
+            "*NODE with at least one node",
+            list(number_of_code.values()),
+            [model.nodes[code] for code in number_of_code],
+            elements,
+            kinds,
+            node_sets=node_sets,
+            notes=tuple(dict.fromkeys(self.notes)),
+        )
+        return replace(body, face_sets=self._face_sets(body.nodes, number_of_code))
 
-    def _face_sets(self, nodes: NDArray, number: dict[int, int]) -> dict[str, tuple[NDArray, ...]]:
-        index, numbers = {code: k for k, code in enumerate(number)}, np.array(list(number.values()))
-        model, out = self.model, {}
-        for name, pairs in model.surfaces.items():
+    def _note_instances(self, number_of_code: dict[int, int]) -> None:
+        """Add a note with the node numbers of each instance."""
+        for name, k in self.instances.items():
+            numbers = [number for code, number in number_of_code.items() if code >> _BITS == k]
+            if numbers:
+                self.notes.append(
+                    f"instance {name}: nodes {min(numbers)} to {max(numbers)}, "
+                    "in the order of their labels"
+                )
+
+    def _sets_of_nodes(self) -> dict[str, list[int]]:
+        """Return the codes of the nodes of each set and node surface, without repetitions."""
+        sets = {}
+        for name, members in self.model.node_sets.items():
+            if members:
+                sets[name] = list(dict.fromkeys(members))
+        for name, words in self.model.node_surfaces.items():
+            item = f"{self.source}: *SURFACE, NAME={name}"
+            members = []
+            for word in words:
+                members += self._members(word, self.model.node_sets, item, what="a node")
+            sets.setdefault(name, members)
+        return sets
+
+    def _kinds(self) -> list[ElementKind]:
+        """Return type and material of each element."""
+        constants_of_element = {}
+        for name, material in self.model.sections.items():
+            constants = self.materials.get(material, {})
+            for element in self.model.element_sets.get(name, ()):
+                constants_of_element[element] = constants
+        kinds = []
+        for element in self.model.element_of:
+            constants = constants_of_element.get(element, {})
+            kinds.append(ElementKind(self.model.type_of[element], **constants))
+        return kinds
+
+    def _check_nodes_of_parts(self, number_of_code: dict[int, int]) -> None:
+        """Raise ModelError if an element has a node that its part does not define."""
+        label = (1 << _BITS) - 1
+        for element, nodes in self.model.element_of.items():
+            absent = [code & label for code in nodes if code not in number_of_code]
+            item = f"{self.source}: element {element & label}"
+            found = f"node {absent[:1]}, which is not defined"
+            check(not absent, item, "nodes of its part", found)
+
+    def _face_sets(
+        self, nodes: NDArray, number_of_code: dict[int, int]
+    ) -> dict[str, tuple[NDArray, ...]]:
+        """Return the node numbers of the faces of each surface, grouped by the number of nodes."""
+        row_of_code = {code: row for row, code in enumerate(number_of_code)}
+        numbers = np.array(list(number_of_code.values()))
+        face_sets = {}
+        for name, pairs in self.model.surfaces.items():
             item = f"{self.source}: *SURFACE, NAME={name}"
             facets: dict[int, list[NDArray]] = {}
-            for who, label in pairs:
-                for element in self._members(who, model.element_sets, item, what="an element"):
-                    check(
-                        element in model.element_of,
-                        item,
-                        "solid elements of this deck",
-                        f"element {element}",
-                    )
-                    connected = model.element_of[element]
-                    faces = FACES[N_CORNER[len(connected)]]
-                    labels = [f"S{k}" for k in range(1, len(faces) + 1)]
-                    check(
-                        label.upper() in labels,
-                        item,
-                        f"faces S1 to {labels[-1]}",
-                        f"'{label[:30]}'",
-                    )
-                    missing = [n for n in connected if n not in index]
-                    check(not missing, item, "elements with existing nodes", f"nodes {missing}")
-                    rows = np.array([index[n] for n in connected])
-                    facet = oriented_facet(
-                        rows[list(faces[labels.index(label.upper())])], rows, nodes
-                    )
+            for who, face in pairs:
+                for element in self._members(who, self.model.element_sets, item, what="an element"):
+                    facet = self._facet(element, face, row_of_code, nodes, item)
                     facets.setdefault(len(facet), []).append(numbers[facet])
             if facets:
-                out[name] = tuple(np.array(f) for f in facets.values())
-        return out
+                face_sets[name] = tuple(np.array(group) for group in facets.values())
+        return face_sets
+
+    def _facet(
+        self, element: int, face: str, row_of_code: dict[int, int], nodes: NDArray, item: str
+    ) -> NDArray:
+        """Return the rows in ``nodes`` of the nodes of a face of an element, S1, S2 and so on."""
+        exists = element in self.model.element_of
+        check(exists, item, "solid elements of this deck", f"element {element}")
+        codes = self.model.element_of[element]
+        faces = FACES[N_CORNER[len(codes)]]
+        labels = [f"S{k}" for k in range(1, len(faces) + 1)]
+        label = face.upper()
+        check(label in labels, item, f"faces S1 to {labels[-1]}", f"'{face[:30]}'")
+        missing = [code for code in codes if code not in row_of_code]
+        check(not missing, item, "elements with existing nodes", f"nodes {missing}")
+        rows = np.array([row_of_code[code] for code in codes])
+        corners = list(faces[labels.index(label)])
+        return oriented_facet(rows[corners], rows, nodes)
 
 
 def _also_without(prefix: str, named: dict[str, T]) -> None:
@@ -598,5 +677,10 @@ def _also_without(prefix: str, named: dict[str, T]) -> None:
 
 
 def _parameters(words: list[str]) -> dict[str, str]:
-    pairs = (word.partition("=")[::2] for word in words if word.strip())
-    return {_plain(key): value.strip().strip('"') for key, value in pairs}
+    """Return the parameters of a keyword line by name, in capitals without blanks."""
+    parameters = {}
+    for word in words:
+        if word.strip():
+            name, _, value = word.partition("=")
+            parameters[_plain(name)] = value.strip().strip('"')
+    return parameters

@@ -1,14 +1,16 @@
 """Measured responses over frequency, and measured resonances over load.
 
-A CSV file of resonances has a header with units and one row per measurement.  The column ``load (N)`` is required, with
-``amplitude`` in any unit, ``frequency (Hz)``, or both.  A row with load 0 is the structure without load on its dampers,
-which :func:`bdamper.fit` uses as the reference.  Lines that start with ``#`` are comments.
+A CSV file of resonances has a header with units and one row per measurement.  The column ``load
+(N)`` is required, with ``amplitude`` in any unit, ``frequency (Hz)``, or both.  A row with load 0
+is the structure without load on its dampers, which :func:`bdamper.fit` uses as the reference.
+Lines that start with ``#`` are comments.
 
 Functions over frequency in universal files are data sets of type 58.
 
 References
 ----------
-Structural Dynamics Research Laboratory, University of Cincinnati, *Universal File Formats*, data set 58.
+Structural Dynamics Research Laboratory, University of Cincinnati, *Universal File Formats*, data
+set 58.
 """
 
 from __future__ import annotations
@@ -34,10 +36,24 @@ from bdamper.util.storage import Storable, existing
 from bdamper.util.tables import Column, Hertz, Radians, Tabular
 
 LENGTHS = {
-    "m": 1.0, "meter": 1.0, "metre": 1.0, "meters": 1.0, "metres": 1.0, "cm": 1e-2, "mm": 1e-3, "millimeter": 1e-3,
-    "millimetre": 1e-3, "um": 1e-6, "micron": 1e-6, "microns": 1e-6, "nm": 1e-9, "in": 0.0254, "inch": 0.0254,
-    "mil": 2.54e-5, "mils": 2.54e-5,
-}  # fmt: skip
+    "m": 1.0,
+    "meter": 1.0,
+    "metre": 1.0,
+    "meters": 1.0,
+    "metres": 1.0,
+    "cm": 1e-2,
+    "mm": 1e-3,
+    "millimeter": 1e-3,
+    "millimetre": 1e-3,
+    "um": 1e-6,
+    "micron": 1e-6,
+    "microns": 1e-6,
+    "nm": 1e-9,
+    "in": 0.0254,
+    "inch": 0.0254,
+    "mil": 2.54e-5,
+    "mils": 2.54e-5,
+}
 """Units of length in metres."""
 VELOCITIES = {"m/s": 1.0, "mm/s": 1e-3, "um/s": 1e-6, "in/s": 0.0254}
 """Units of velocity in metres per second."""
@@ -58,9 +74,17 @@ HERTZ = {"Hz": 1.0, "kHz": 1e3, "rad/s": 0.5 / np.pi}
 ANGLES = {"rad": 1.0, "deg": np.pi / 180.0, "°": np.pi / 180.0}
 """Units of phase in radians."""
 OTHER_NAMES = {
-    "freq": "frequency", "amp": "amplitude", "magnitude": "amplitude", "displacement": "amplitude", "disp": "amplitude",
-    "velocity": "amplitude", "vel": "amplitude", "acceleration": "amplitude", "acc": "amplitude", "angle": "phase",
-}  # fmt: skip
+    "freq": "frequency",
+    "amp": "amplitude",
+    "magnitude": "amplitude",
+    "displacement": "amplitude",
+    "disp": "amplitude",
+    "velocity": "amplitude",
+    "vel": "amplitude",
+    "acceleration": "amplitude",
+    "acc": "amplitude",
+    "angle": "phase",
+}
 """Names of columns that mean another name, unless the file has a column of that name."""
 DECIBEL = re.compile(r"dB(?: re\.?)? ?(?:1 ?)?(.+)", re.IGNORECASE)
 """Unit of a level: decibel relative to 1 of a unit."""
@@ -95,7 +119,8 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
 
     Notes
     -----
-    ``plot`` draws the amplitude in metres as small open circles (:func:`bdamper.plot.plot_measurement`).
+    ``plot`` draws the amplitude in metres as small open circles
+    (:func:`bdamper.plot.plot_measurement`).
     """
 
     name: str
@@ -108,20 +133,18 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
     force: NDArray | None = None
 
     def __post_init__(self) -> None:
-        item, n = self.source or self.name, len(self.frequency)
-        if np.shape(self.response) != (n,) or n == 0:
-            raise mismatch(
-                item, "as many responses as frequencies, at least one", np.shape(self.response)
-            )
+        item = self.source or self.name
+        n_points = len(self.frequency)
+        frequency, response = np.asarray(self.frequency), np.asarray(self.response)
+        if response.shape != (n_points,) or n_points == 0:
+            expected = "as many responses as frequencies, at least one"
+            raise mismatch(item, expected, response.shape)
         if self.force is not None:
-            check(
-                np.shape(self.force) == (n,),
-                item,
-                "a force for each frequency",
-                str(np.shape(self.force)),
-            )
-            check_all(np.asarray(self.force) > 0.0, np.asarray(self.force), "forces above 0", item)
-        for values in (np.asarray(self.frequency), np.asarray(self.response)):
+            force = np.asarray(self.force)
+            complete = force.shape == (n_points,)
+            check(complete, item, "a force for each frequency", str(force.shape))
+            check_all(force > 0.0, force, "forces above 0", item)
+        for values in (frequency, response):
             check_all(np.isfinite(values), values, "finite frequencies and responses", item)
 
     @property
@@ -140,7 +163,8 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
 
     @property
     def displacement(self) -> NDArray:
-        """Complex displacement (n,), m; velocity and acceleration are divided by powers of ``i omega``.
+        """Complex displacement (n,), m; velocity and acceleration are divided by powers of ``i
+        omega``.
 
         Raises
         ------
@@ -148,27 +172,33 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
             If the unit is not a known unit of displacement, velocity or acceleration.
         """
         factor, order = motion_unit(f"measurement '{self.name}'", self.unit or "m")
-        return np.asarray(
-            factor * self.response / (2j * np.pi * np.asarray(self.frequency)) ** order
-        )
+        derivative = (2j * np.pi * np.asarray(self.frequency)) ** order
+        return np.asarray(factor * self.response / derivative)
 
     def __str__(self) -> str:
-        k = int(np.argmax(self.amplitude))
+        peak = int(np.argmax(self.amplitude))
         return (
-            f"{self.name}: {len(self.frequency)} points from {self.frequency.min():.6g} to {self.frequency.max():.6g} Hz, "
-            f"largest {self.amplitude[k]:.6g} {self.unit} at {self.frequency[k]:.6g} Hz ({self.source})"
+            f"{self.name}: {len(self.frequency)} points from {self.frequency.min():.6g} "
+            f"to {self.frequency.max():.6g} Hz, largest {self.amplitude[peak]:.6g} {self.unit} "
+            f"at {self.frequency[peak]:.6g} Hz ({self.source})"
         )
 
 
 def motion_unit(where: str, unit: str) -> tuple[float, int]:
-    """Return the factor of a unit to SI, and its order: 0 for displacement, 1 for velocity, 2 for acceleration."""
-    kinds = LENGTHS, VELOCITIES, ACCELERATIONS
-    order = next((k for k, units in enumerate(kinds) if _plain(unit) in units), None)
-    shown = [name for units in kinds for name in units]
-    expected = f"a displacement, velocity or acceleration in one of {shown} or a scale to metres (scale=...)"
-    if order is None:
-        raise validation.invalid(where, expected, f"the unit '{unit}'")
-    return kinds[order][_plain(unit)], order
+    """Return the factor of a unit to SI, and the number of derivatives over time.
+
+    The number is 0 for displacement, 1 for velocity, 2 for acceleration.
+    """
+    kinds = (LENGTHS, VELOCITIES, ACCELERATIONS)
+    for order, units in enumerate(kinds):
+        if _plain(unit) in units:
+            return units[_plain(unit)], order
+    known = [name for units in kinds for name in units]
+    expected = (
+        f"a displacement, velocity or acceleration in one of {known} "
+        "or a scale to metres (scale=...)"
+    )
+    raise validation.invalid(where, expected, f"the unit '{unit}'")
 
 
 COLUMNS: dict[str, Mapping[str, float] | None] = {
@@ -215,17 +245,17 @@ def load_measured(path: str | PathLike[str]) -> Measured:
     Raises
     ------
     BdamperError
-        If a column or its unit is missing, a row is longer than the header, or a value is not a finite number
-        of at least 0.  The message names the line.
+        If a column or its unit is missing, a row is longer than the header, or a value is not a
+        finite number of at least 0.  The message names the line.
     """
-    load, amplitude, frequency = COLUMNS
-    sets = (load, amplitude, frequency), (load, amplitude), (load, frequency)
-    found = read_columns(path, *sets, units=COLUMNS, signed=False, blank=(amplitude, frequency))
-    values = {name: column for name, (column, _) in found.items()}
-    return Measured(
-        **{name: values.get(name, np.full(len(values[load]), np.nan)) for name in COLUMNS},
-        source=str(path),
-    )
+    sets = (("load", "amplitude", "frequency"), ("load", "amplitude"), ("load", "frequency"))
+    may_be_blank = ("amplitude", "frequency")
+    columns = read_columns(path, *sets, units=COLUMNS, signed=False, blank=may_be_blank)
+    load, _ = columns["load"]
+    not_measured = (np.full(len(load), np.nan), "")
+    amplitude, _ = columns.get("amplitude", not_measured)
+    frequency, _ = columns.get("frequency", not_measured)
+    return Measured(load, amplitude, frequency, source=str(path))
 
 
 def read_columns(
@@ -237,11 +267,13 @@ def read_columns(
     optional: tuple[str, ...] = (),
     columns: Mapping[str, str] | None = None,
 ) -> dict[str, tuple[NDArray, str]]:
-    """Read columns of a text file or table by name, with the unit in brackets after each name in the header.
+    """Read columns of a text file or table by name, with the unit in brackets after each name in
+    the header.
 
-    Names and units are compared in lower case.  Lines that start with ``#``, empty lines and other columns are ignored.
-    Values are separated by semicolons or tabs if the header contains them, otherwise by commas.  A comma in a number is a
-    decimal comma.  The text is UTF-8, UTF-16 with a byte order mark, or Latin-1.
+    Names and units are compared in lower case.  Lines that start with ``#``, empty lines and other
+    columns are ignored.  Values are separated by semicolons or tabs if the header contains them,
+    otherwise by commas.  A comma in a number is a decimal comma.  The text is UTF-8, UTF-16 with a
+    byte order mark, or Latin-1.
 
     Parameters
     ----------
@@ -267,89 +299,146 @@ def read_columns(
     Raises
     ------
     BdamperError
-        If no group is complete, a unit is missing or unknown, or a value is not a finite number.  The message
-        names the line.
+        If no group is complete, a unit is missing or unknown, or a value is not a finite number.
+        The message names the line.
     """
-    path, first, names, lines = _cells(path)
-    renamed = {there.strip().lower(): name for name, there in (columns or {}).items()}
-    head: dict[str, tuple[int, str]] = {}
-    for k, text in enumerate(names):
-        if (found := HEADER.fullmatch(text)) and (text not in renamed):
-            head.setdefault(
-                renamed.get(found[1].lower(), found[1].lower()), (k, (found[2] or "").strip())
-            )
-        else:
-            head.setdefault(renamed[text], (k, ""))
-    for name, meaning in OTHER_NAMES.items():
-        if name in head:
-            head.setdefault(meaning, head[name])
-    names = [name.lower() for name in names]
-    group = next((each for each in sets if set(each) <= head.keys()), None)
-    at = f"{path}, line {first}"
+    cells = _cells(path)
+    where = f"{cells.source}, line {cells.header_line}"
+    head = _head(cells.header, columns or {})
+    names = [name.lower() for name in cells.header]
+    group = next((names_of_set for names_of_set in sets if head.keys() >= set(names_of_set)), None)
     if group is None:
-        raise mismatch(at, f"the columns {'; or '.join(', '.join(each) for each in sets)}", names)
-    group = (*group, *(name for name in optional if name in head))
-    factors = [check_unit(at, name, head[name][1], units[name]) for name in group]
+        listed = "; or ".join(", ".join(names_of_set) for names_of_set in sets)
+        raise mismatch(where, f"the columns {listed}", names)
+    wanted = [*group, *(name for name in optional if name in head)]
+    factors = [check_unit(where, name, head[name].unit, units[name]) for name in wanted]
     rows = []
-    for k, row in lines:
-        where = f"{path}, line {k}"
+    for line, texts in cells.rows:
+        where = f"{cells.source}, line {line}"
         expected = (
             f"{len(names)} values separated by commas, as the header has, with points in numbers"
         )
-        check(len(row) <= len(names), where, expected, f"{len(row)}: '{','.join(row)[:60]}'")
-        row = row + [""] * (len(names) - len(row))
-        rows.append(
-            [
-                _number(row[head[name][0]].strip(), where, name, signed, name in blank)
-                for name in group
-            ]
-        )
-    check(bool(rows), str(path), "rows of numbers after the header", "none")
-    return {
-        name: (factor * column, head[name][1])
-        for name, factor, column in zip(group, factors, np.array(rows).T)
-    }
+        found = f"{len(texts)}: '{','.join(texts)[:60]}'"
+        check(len(texts) <= len(names), where, expected, found)
+        padded = texts + [""] * (len(names) - len(texts))
+        row = []
+        for name in wanted:
+            text = padded[head[name].index].strip()
+            row.append(_number(text, where, name, signed, name in blank))
+        rows.append(row)
+    check(bool(rows), cells.source, "rows of numbers after the header", "none")
+    found_columns = {}
+    for name, factor, values in zip(wanted, factors, np.array(rows).T):
+        found_columns[name] = (factor * values, head[name].unit)
+    return found_columns
 
 
-def _cells(path: Any) -> tuple[str, int, list[str], list[tuple[int, list[str]]]]:
-    """Return name, number of the header line, header, and numbered rows of texts of a file or table."""
+@dataclass(frozen=True)
+class _Head:
+    """Index of a column, and its unit in the header."""
+
+    index: int
+    unit: str
+
+
+def _head(header: list[str], columns: Mapping[str, str]) -> dict[str, _Head]:
+    """Return the columns of a header by name; the first of equal names counts.
+
+    Parameters
+    ----------
+    header : list of str
+    columns : mapping of name to name in the file
+        Names of the caller for columns with other names.
+    """
+    name_of = {in_file.strip().lower(): name for name, in_file in columns.items()}
+    head: dict[str, _Head] = {}
+    for index, text in enumerate(header):
+        parts = HEADER.fullmatch(text)
+        if parts is None or text in name_of:
+            # the caller wrote this name with its unit
+            head.setdefault(name_of[text], _Head(index, ""))
+            continue
+        name = parts[1].lower()
+        unit = (parts[2] or "").strip()
+        head.setdefault(name_of.get(name, name), _Head(index, unit))
+    for name, meaning in OTHER_NAMES.items():
+        if name in head:
+            head.setdefault(meaning, head[name])
+    return head
+
+
+@dataclass(frozen=True)
+class _Cells:
+    """Texts of a file or table.
+
+    Parameters
+    ----------
+    source : str
+        Name of the file in messages.
+    header_line : int
+        Number of the line with the names.
+    header : list of str
+        Names of the columns, with their units.
+    rows : list of (number of the line, list of str)
+    """
+
+    source: str
+    header_line: int
+    header: list[str]
+    rows: list[tuple[int, list[str]]]
+
+
+def _cells(path: Any) -> _Cells:
+    """Return the texts of a CSV file, or of a mapping of header to values."""
     if hasattr(path, "keys"):
         names = list(path.keys())
-        table = [
-            (k, [str(value) for value in row])
-            for k, row in enumerate(zip(*(path[n] for n in names)), 2)
-        ]
-        return "table", 1, [str(name).strip() for name in names], table
+        # the header is line 1
+        numbered = enumerate(zip(*(path[name] for name in names)), 2)
+        rows = [(line, [str(value) for value in values]) for line, values in numbered]
+        return _Cells("table", 1, [str(name).strip() for name in names], rows)
     check(not existing(path).is_dir(), str(path), "a CSV file", "a folder")
+    lines = data_lines(_decoded(path), "#")
+    check(bool(lines), str(path), "a header and rows of numbers", "nothing")
+    (header_line, header), *rest = lines
+    separator = ","
+    if "\t" in header:
+        separator = "\t"
+    if ";" in header:
+        separator = ";"
+
+    def split(number: int, line: str) -> list[str]:
+        try:
+            return next(csv.reader([line], delimiter=separator))
+        except csv.Error as error:
+            limit = csv.field_size_limit()
+            expected = f"values separated by '{separator}' of at most {limit} characters"
+            found = f"{error}: '{line[:60]}'"
+            raise mismatch(f"{path}, line {number}", expected, found) from error
+
+    rows = []
+    for number, line in rest:
+        cells = split(number, line)
+        if separator != ",":
+            cells = [cell.replace(",", ".") for cell in cells]
+        rows.append((number, cells))
+    names = [name.strip() for name in split(header_line, header)]
+    return _Cells(str(path), header_line, names, rows)
+
+
+def _decoded(path: Any) -> str:
+    """Return the text of a file in UTF-16 with a byte order mark, UTF-8 or Latin-1."""
     raw = Path(path).read_bytes()
     encodings = ["utf-16"] if raw[:2] in (b"\xff\xfe", b"\xfe\xff") else ["utf-8-sig", "latin-1"]
-    for encoding in encodings:
+    for encoding in encodings[:-1]:
         try:
-            text = raw.decode(encoding)
-            break
-        except UnicodeDecodeError as error:
-            if encoding == encodings[-1]:
-                raise mismatch(
-                    str(path), "text in UTF-8, UTF-16 or Latin-1", f"another encoding ({error})"
-                ) from error
-    lines = data_lines(text, "#")
-    check(bool(lines), str(path), "a header and rows of numbers", "nothing")
-    (first, header), *rest = lines
-    mark = next((mark for mark in ";\t" if mark in header), ",")
-
-    def cells(k: int, line: str) -> list[str]:
-        try:
-            return next(csv.reader([line], delimiter=mark))
-        except csv.Error as error:
-            expected = (
-                f"values separated by '{mark}' of at most {csv.field_size_limit()} characters"
-            )
-            raise mismatch(f"{path}, line {k}", expected, f"{error}: '{line[:60]}'") from error
-
-    rows = [(k, cells(k, line)) for k, line in rest]
-    if mark != ",":
-        rows = [(k, [cell.replace(",", ".") for cell in row]) for k, row in rows]
-    return str(path), first, [name.strip() for name in cells(first, header)], rows
+            return raw.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+    try:
+        return raw.decode(encodings[-1])
+    except UnicodeDecodeError as error:
+        expected = "text in UTF-8, UTF-16 or Latin-1"
+        raise mismatch(str(path), expected, f"another encoding ({error})") from error
 
 
 HEADER = re.compile(r"(.*?)\s*(?:[(\[](.*)[)\]])?")
@@ -373,22 +462,14 @@ def check_unit(where: str, column: str, unit: str, known: Mapping[str, float] | 
         If the unit is missing or unknown.
     """
     shown = [name for name in known or LENGTHS if name]
-    expected = f"its unit in the header, such as '{column} ({shown[0]})'" + (
-        f", one of {shown}" if known else ""
-    )
-    factors = (
-        {_plain(name): factor for name, factor in known.items()}
-        if known
-        else {_plain(unit): 1.0}
-        if unit
-        else {}
-    )
-    check(
-        _plain(unit) in factors,
-        f"{where}, column '{column}'",
-        expected,
-        f"the unit '{unit}'" if unit else "no unit",
-    )
+    expected = f"its unit in the header, such as '{column} ({shown[0]})'"
+    if known:
+        expected += f", one of {shown}"
+        factors = {_plain(name): factor for name, factor in known.items()}
+    else:
+        factors = {_plain(unit): 1.0} if unit else {}
+    found = f"the unit '{unit}'" if unit else "no unit"
+    check(_plain(unit) in factors, f"{where}, column '{column}'", expected, found)
     return factors[_plain(unit)]
 
 
@@ -398,11 +479,11 @@ def _plain(unit: str) -> str:
 
 
 def _number(text: str, where: str, column: str, signed: bool, blank: bool) -> float:
+    """Return a finite number, or NaN for a blank text if ``blank`` permits it."""
     if blank and text.lower() in ("", "nan"):
         return np.nan
-    with parsing(
-        where, f"a finite number{'' if signed else ' of at least 0'} in column '{column}'", text
-    ):
+    limit = "" if signed else " of at least 0"
+    with parsing(where, f"a finite number{limit} in column '{column}'", text):
         value = float(text)
         if not np.isfinite(value) or (value < 0.0 and not signed):
             raise ValueError
@@ -418,12 +499,14 @@ def read_response(
     columns: Mapping[str, str] | None = None,
     phase_of: Literal["response", "displacement", "none"] = "response",
 ) -> Measurement:
-    """Read a measured response over frequency from a text file, a pandas frame or a mapping of header to values.
+    """Read a measured response over frequency from a text file, a pandas frame or a mapping of
+    header to values.
 
-    The header names the columns with their units in brackets: ``frequency (Hz)``, and ``amplitude (mm)`` with or without
-    ``phase (deg)``, or ``real (m)`` and ``imag (m)``.  ``displacement``, ``velocity`` and ``acceleration`` are other names
-    of the amplitude; its unit determines which of these it is, and ``dB re 1 mm/s`` is a level.  A column ``force (N)``
-    contains the force at each point.  Rows with an empty value, other columns and lines that start with ``#`` are ignored.
+    The header names the columns with their units in brackets: ``frequency (Hz)``, and ``amplitude
+    (mm)`` with or without ``phase (deg)``, or ``real (m)`` and ``imag (m)``.  ``displacement``,
+    ``velocity`` and ``acceleration`` are other names of the amplitude; its unit determines which of
+    these it is, and ``dB re 1 mm/s`` is a level.  A column ``force (N)`` contains the force at each
+    point.  Rows with an empty value, other columns and lines that start with ``#`` are ignored.
     Separators, decimal commas and encodings are detected.  Files of ``curve.to_csv`` can be read.
 
     Parameters
@@ -436,7 +519,8 @@ def read_response(
     columns : mapping of name to name in the file, optional
         Columns with other names: ``{"amplitude": "Acc 3"}``.
     phase_of : {"response", "displacement", "none"}
-        Motion to which the phase belongs: the motion in the amplitude column, or the displacement.  "none" ignores phases.
+        Motion to which the phase belongs: the motion in the amplitude column, or the displacement.
+        "none" ignores phases.
 
     Returns
     -------
@@ -446,7 +530,8 @@ def read_response(
     Raises
     ------
     BdamperError
-        If a column or its unit is missing, or a value is not a finite number.  The message names the line.
+        If a column or its unit is missing, or a value is not a finite number.  The message names
+        the line.
     """
     return _responses(path, unit, name, columns, phase_of, None)[0]
 
@@ -491,62 +576,83 @@ def _responses(
     by: str | None,
 ) -> tuple[Measurement, ...]:
     """Return one measurement, or one for each number in the column ``by``."""
-    sets: Any = (
+    sets: list[tuple[str, ...]] = [
         ("frequency", "real", "imag"),
         ("frequency", "amplitude", "phase"),
         ("frequency", "amplitude"),
-    )
-    sets = sets if by is None else tuple((*each, by) for each in sets)
-    sizes = dict.fromkeys(
-        ("amplitude", "real", "imag"), None if unit is None else dict.fromkeys(("", unit), 1.0)
-    )
-    units: dict[str, Any] = {"frequency": HERTZ, "phase": ANGLES, "force": FORCES, **sizes}
-    units |= {} if by is None else {by: {"": 1.0, "-": 1.0}}
+    ]
+    # the unit of the caller replaces the unit in the header, which may be missing
+    sizes = None if unit is None else {"": 1.0, unit: 1.0}
+    units: dict[str, Mapping[str, float] | None] = {
+        "frequency": HERTZ,
+        "phase": ANGLES,
+        "force": FORCES,
+        "amplitude": sizes,
+        "real": sizes,
+        "imag": sizes,
+    }
+    if by is not None:
+        sets = [(*names, by) for names in sets]
+        units[by] = {"": 1.0, "-": 1.0}
     every = tuple(units)
     found = read_columns(
         path, *sets, units=units, blank=every, optional=("force",), columns=columns
     )
-    table = {column: values for column, (values, _) in found.items()}
     source = "table" if hasattr(path, "keys") else str(path)
-    whole = np.isfinite(np.array(list(table.values()))).all(axis=0)
-    check(
-        bool(whole.any()), source, "rows of numbers after the header", "none without an empty value"
-    )
-    table = {column: values[whole] for column, values in table.items()}
-    stated = found["real" if "imag" in found else "amplitude"][1]
+    table = {name: values for name, (values, _) in found.items()}
+    complete = np.isfinite(np.array(list(table.values()))).all(axis=0)
+    expected = "rows of numbers after the header"
+    check(bool(complete.any()), source, expected, "none without an empty value")
+    table = {name: values[complete] for name, values in table.items()}
     if "imag" in found:
-        other = found["imag"][1]
-        check(
-            other == stated, source, "real and imag in the same unit", f"'{stated}' and '{other}'"
-        )
-        response: NDArray = table["real"] + 1j * table["imag"]
+        response, stated = _from_parts(table, found["real"][1], found["imag"][1], unit, source)
     else:
-        level = DECIBEL.fullmatch(stated if unit is None else unit)
-        size = 10.0 ** (table["amplitude"] / 20.0) if level else table["amplitude"]
-        response = size * np.exp(1j * table.get("phase", 0.0))
-        stated, unit = (level[1].strip(), None) if level else (stated, unit)
-    stated = stated if unit is None else unit
+        response, stated = _from_size(table, found["amplitude"][1], unit)
     validation.choice("phase_of", phase_of, ("response", "displacement", "none"))
     if phase_of == "none":
         response = np.abs(response) + 0j
     if phase_of == "displacement":
-        response = response * 1j ** motion_unit(source, stated or "m")[1]
+        _, order = motion_unit(source, stated or "m")
+        response = response * 1j**order
     title = name or Path(source).stem
+    frequency = table["frequency"]
     force = table.get("force")
     if by is None:
-        return (
+        return (Measurement(title, frequency, response, unit=stated, source=source, force=force),)
+    measurements = []
+    for value in np.unique(table[by]):
+        rows = table[by] == value
+        measurements.append(
             Measurement(
-                title, table["frequency"], response, unit=stated, source=source, force=force
-            ),
+                f"{title}, {by} {value:g}",
+                frequency[rows],
+                response[rows],
+                unit=stated,
+                source=source,
+                force=None if force is None else force[rows],
+            )
         )
-    parts = [(value, table[by] == value) for value in np.unique(table[by])]
-    return tuple(
-        Measurement(
-            f"{title}, {by} {value:g}", table["frequency"][rows], response[rows], unit=stated, source=source,
-            force=None if force is None else force[rows],
-        )
-        for value, rows in parts
-    )  # fmt: skip
+    return tuple(measurements)
+
+
+def _from_parts(
+    table: Mapping[str, NDArray], real_unit: str, imag_unit: str, unit: str | None, source: str
+) -> tuple[NDArray, str]:
+    """Return response and unit from real and imaginary part."""
+    found = f"'{real_unit}' and '{imag_unit}'"
+    check(imag_unit == real_unit, source, "real and imag in the same unit", found)
+    return table["real"] + 1j * table["imag"], real_unit if unit is None else unit
+
+
+def _from_size(table: Mapping[str, NDArray], stated: str, unit: str | None) -> tuple[NDArray, str]:
+    """Return response and unit from amplitude, or level in decibel, and phase if there is one."""
+    size = table["amplitude"]
+    amplitude_unit = stated if unit is None else unit
+    level = DECIBEL.fullmatch(amplitude_unit)
+    if level:
+        size = 10.0 ** (size / 20.0)
+        amplitude_unit = level[1].strip()
+    return size * np.exp(1j * table.get("phase", 0.0)), amplitude_unit
 
 
 @reader("a universal file", library=True)
@@ -570,15 +676,23 @@ def read_measurements(path: Path) -> tuple[Measurement, ...]:
         If the file does not exist, is damaged, or has no function over frequency.
     """
     file = import_extra("pyuff", "reading a universal file", "unv").UFF(str(path))
-    out: list[Measurement] = []
+    measurements: list[Measurement] = []
     for k in np.flatnonzero(np.atleast_1d(file.get_set_types()) == 58):
         data = file.read_sets(int(k))
         if int(data.get("abscissa_spec_data_type", FREQUENCY)) != FREQUENCY:
             continue
-        name = str(data.get("id1", "")).strip() or f"function {len(out) + 1}"
-        frequency, response = np.asarray(data["x"], float), np.asarray(data["data"]).astype(complex)
-        node, direction = (int(data.get(key, 0)) for key in ("rsp_node", "rsp_dir"))
+        name = str(data.get("id1", "")).strip() or f"function {len(measurements) + 1}"
         unit = str(data.get("ordinate_axis_units_lab", "")).strip().replace("NONE", "")
-        out.append(Measurement(name, frequency, response, node, direction, unit, str(path)))
-    check(bool(out), str(path), "functions over frequency (data set 58)", "none")
-    return tuple(out)
+        measurements.append(
+            Measurement(
+                name,
+                np.asarray(data["x"], float),
+                np.asarray(data["data"]).astype(complex),
+                node=int(data.get("rsp_node", 0)),
+                direction=int(data.get("rsp_dir", 0)),
+                unit=unit,
+                source=str(path),
+            )
+        )
+    check(bool(measurements), str(path), "functions over frequency (data set 58)", "none")
+    return tuple(measurements)

@@ -1,4 +1,6 @@
-"""Options of an import: the sector, units and axes of the files, the reduction, and checks of the result."""
+"""Options of an import: the sector, units and axes of the files, the reduction, and checks of the
+result.
+"""
 
 from __future__ import annotations
 
@@ -24,18 +26,16 @@ DAMPER_MODES = 16
 
 
 def _units(name: str, units: object) -> Units:
-    return (
-        units
-        if isinstance(units, Units)
-        else UNITS[validation.choice(f"{name} (or Units(...))", units, sorted(UNITS))]
-    )
+    """Return factors to SI units from themselves or from the name of a system of units."""
+    if isinstance(units, Units):
+        return units
+    return UNITS[validation.choice(f"{name} (or Units(...))", units, sorted(UNITS))]
 
 
 def _two_sets(name: str, faces: Any) -> Any:
-    good = isinstance(faces, Sequence) and not isinstance(faces, str) and len(faces) == 2
-    validation.check_value(
-        good, name, "two sets of nodes, the faces at which the sector repeats", faces
-    )
+    is_pair = isinstance(faces, Sequence) and not isinstance(faces, str) and len(faces) == 2
+    expected = "two sets of nodes, the faces at which the sector repeats"
+    validation.check_value(is_pair, name, expected, faces)
     return faces
 
 
@@ -43,10 +43,11 @@ def _orders(name: str, orders: Any) -> tuple[int, ...]:
     return validation.integers(name, np.atleast_1d(orders))
 
 
-def _frequencies(name: str, known: Any) -> Mapping[int, Sequence[float]]:
-    for d, values in validation.instance(name, known, Mapping, "a mapping").items():
+def _frequencies(name: str, by_diameter: Any) -> Mapping[int, Sequence[float]]:
+    validation.instance(name, by_diameter, Mapping, "a mapping")
+    for d, values in by_diameter.items():
         validation.numbers(f"{name} at nodal diameter {d}", values, above=0.0, unit="Hz")
-    return known
+    return by_diameter
 
 
 def _tuple(name: str, value: Any, n: int) -> tuple[float, ...]:
@@ -61,12 +62,14 @@ Modes = Annotated[int, partial(validation.integer, least=1, most=BOUNDS.modes)]
 @validation.check_arguments
 @dataclass(frozen=True)
 class Sector(validation.Checked):
-    """Sector of a cyclic structure, or a whole structure: properties that its file lacks, and its sets of nodes.
+    """Sector of a cyclic structure, or a whole structure: properties that its file lacks, and its
+    sets of nodes.
 
     Parameters
     ----------
     n_blades : int, optional
-        Number of sectors; 1 for a structure that does not repeat.  By default it follows from the faces.
+        Number of sectors; 1 for a structure that does not repeat.  By default it follows from the
+        faces.
     faces : (set, set), optional
         Faces at which the sector repeats, in either order.  By default they are found in the mesh.
     fixed : set, optional
@@ -78,10 +81,11 @@ class Sector(validation.Checked):
     elasticity : (Young's modulus, Poisson's ratio), optional
         Elastic constants in the units of the file, which replace the constants of the file.
     angle_tolerance : float
-        Largest deviation of the angle between the faces from one pitch, divided by this angle; as in CalculiX by default.
+        Largest deviation of the angle between the faces from one pitch, divided by this angle; as
+        in CalculiX by default.
     face_tolerance : float
-        Largest distance of faces with different meshes, divided by the mean edge of their elements; as in CalculiX by
-        default.
+        Largest distance of faces with different meshes, divided by the mean edge of their elements;
+        as in CalculiX by default.
 
     Raises
     ------
@@ -129,16 +133,16 @@ class Placement(validation.Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         lengths = np.linalg.norm(self.axis) * np.linalg.norm(self.radial)
-        perpendicular = (
-            lengths > 0.0 and abs(np.dot(self.axis, self.radial)) <= BOUNDS.axes * lengths
-        )
+        cosine_times_lengths = abs(np.dot(self.axis, self.radial))
+        perpendicular = lengths > 0.0 and cosine_times_lengths <= BOUNDS.axes * lengths
         found = f"{list(self.axis)} and {list(self.radial)}"
         validation.check(perpendicular, "axis and radial", "two directions at right angles", found)
 
     @cached_property
     def rotation(self) -> NDArray:
         """Axes X, Y, Z of the model as rows (3, 3), in the axes of the file."""
-        z, y = (direction / np.linalg.norm(direction) for direction in (self.axis, self.radial))
+        z = self.axis / np.linalg.norm(self.axis)
+        y = self.radial / np.linalg.norm(self.radial)
         return np.array([np.cross(y, z), y, z])
 
 
@@ -152,10 +156,11 @@ class Reduction(validation.Checked):
     engine_order : int or sequence of int, optional
         Engine orders, which determine the nodal diameters with ``harmonics``.
     harmonics : int, optional
-        Number of harmonics of the engine orders.  By default the model has the nodal diameters of nine harmonics and of a
-        time integration.
+        Number of harmonics of the engine orders.  By default the model has the nodal diameters of
+        nine harmonics and of a time integration.
     nodal_diameters : sequence of int, optional
-        Nodal diameters (0 to N/2, 0 is added), which replace the nodal diameters of the engine orders.
+        Nodal diameters (0 to N/2, 0 is added), which replace the nodal diameters of the engine
+        orders.
     n_modes : int
         Modes of the sector at each nodal diameter.
     n_damper_modes : int or mapping of name to int

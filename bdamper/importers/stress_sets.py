@@ -1,4 +1,4 @@
-"""Stress of an imported blade at sets of nodes: selection of nodes, elements and elastic constants."""
+"""Stress of an imported blade at sets of nodes: nodes, elements and elastic constants."""
 
 from __future__ import annotations
 
@@ -46,61 +46,61 @@ def stress_rows(
     BdamperError
         If scikit-fem is not installed.
     """
-    if (sets := sector.stress) is None:
+    sets = sector.stress
+    if sets is None:
         return []
     import_extra("skfem", "stress of an import", "fe")
     from bdamper.fem.element_stress import StressRows, near_patches
 
-    validation.check(
-        body.has_matrices,
-        "stress",
-        "a blade with its matrices",
-        "modes alone; give StressSet arrays instead",
-    )
-    named = (
-        sets if isinstance(sets, Mapping) else {sets if isinstance(sets, str) else "stress": sets}
-    )
-    faces = [
-        Patches(face.points @ back.T, face.frame @ back.T, np.sqrt(face.area)[:, None] * [1.0, 1.0])
-        for face, side in ((laid.interfaces[name], side) for name, side in laid.ports[body.name])
-        for back in [
-            turn(
-                -2.0
-                * np.pi
-                / ring.faces.n_sectors
-                * (face.sector_a if side == "a" else face.sector_b)
-            )
-        ]
-    ]
+    expected = "a blade with its matrices"
+    found = "modes alone; give StressSet arrays instead"
+    validation.check(body.has_matrices, "stress", expected, found)
+    if isinstance(sets, str):
+        sets = {sets: sets}
+    elif not isinstance(sets, Mapping):
+        sets = {"stress": sets}
+    faces = _contact_patches(body, laid, ring)
+    nodes_with_points = laid.rows[body.name].indices // 3
     out = []
-    for name, members in named.items():
+    for name, members in sets.items():
         item = f"stress '{name}'"
         nodes = _away_from_cuts(body, body.node_set(members, item), ring, item)
         solids = _solids(body, nodes, sector.elasticity, item)
-        near = near_patches(body.nodes[nodes], *faces) | np.isin(
-            nodes, laid.rows[body.name].indices // 3
-        )
+        near = near_patches(body.nodes[nodes], *faces) | np.isin(nodes, nodes_with_points)
         with body.refusing(item, "elements with volume and all nodes between corners"):
             out.append(StressRows(name, solids, body.nodes, nodes, near))
         body.passed(f"{item}: {len(nodes)} nodes, {int(near.sum())} of them next to a contact face")
     return out
 
 
+def _contact_patches(body: PreparedBody, laid: LaidContacts, ring: Ring) -> list[Patches]:
+    """Return the contact patches on a blade, turned to its own sector."""
+    patches = []
+    for name, side in laid.ports[body.name]:
+        face = laid.interfaces[name]
+        sector = face.sector_a if side == "a" else face.sector_b
+        back = turn(-2.0 * np.pi / ring.faces.n_sectors * sector)
+        # squares with the areas of the points
+        sides = np.sqrt(face.area)[:, None] * [1.0, 1.0]
+        patches.append(Patches(face.points @ back.T, face.frame @ back.T, sides))
+    return patches
+
+
 def _away_from_cuts(body: PreparedBody, nodes: NDArray, ring: Ring, item: str) -> NDArray:
-    """Return the nodes that are not on the sector faces, where elements of other sectors contribute to the stress."""
+    """Return the nodes that are not on the sector faces, where elements of other sectors contribute
+    to the stress.
+    """
     inner = nodes[~np.isin(nodes, ring.faces.nodes)]
-    body.require(
-        len(inner) > 0, item, "nodes away from the faces at which the sector repeats", "none"
-    )
-    if len(inner) < len(nodes):
-        body.report.missing.append(
-            f"{item}: {len(nodes) - len(inner)} nodes on the sector faces are left out"
-        )
-    loose = np.setdiff1d(inner, body.used if body.elements else np.empty(0, int))
+    expected = "nodes away from the faces at which the sector repeats"
+    body.require(len(inner) > 0, item, expected, "none")
+    n_left_out = len(nodes) - len(inner)
+    if n_left_out:
+        body.report.missing.append(f"{item}: {n_left_out} nodes on the sector faces are left out")
+    nodes_of_elements = body.used if body.elements else np.empty(0, int)
+    loose = np.setdiff1d(inner, nodes_of_elements)
     if len(loose):
-        raise body.error(
-            item, "nodes of solid elements", f"node {body.raw.numbers[loose[0]]} without any"
-        )
+        found = f"node {body.raw.numbers[loose[0]]} without any"
+        raise body.error(item, "nodes of solid elements", found)
     return inner
 
 
@@ -110,18 +110,23 @@ def _solids(
     """Return the elements at nodes, with elastic constants in SI units."""
     from bdamper.fem.element_stress import Solids
 
-    modulus, out = body.placement.units.mass / body.placement.units.length, []
+    units = body.placement.units
+    pascals = units.mass / units.length
+    solids = []
     for kind, elements in zip(body.kinds, body.elements):
         if not np.isin(elements, nodes).any():
             continue
-        young, poisson = (
-            constants if constants is not None else (kind.youngs_modulus, kind.poisson_ratio)
-        )
+        young, poisson = kind.youngs_modulus, kind.poisson_ratio
+        if constants is not None:
+            young, poisson = constants
         if young is None or poisson is None:
-            expected = "elastic constants in the file, or Sector(elasticity=(modulus, Poisson's ratio)) in its units"
+            expected = (
+                "elastic constants in the file, "
+                "or Sector(elasticity=(modulus, Poisson's ratio)) in its units"
+            )
             raise body.error(f"{item}, elements {kind.name}", expected, "neither")
         if not (young > 0.0 and -1.0 < poisson < 0.5):
             expected = "a modulus > 0 and a Poisson's ratio above -1 and below 0.5"
             raise body.error(f"{item}, elasticity", expected, f"{young:g}, {poisson:g}")
-        out.append(Solids(kind.name, elements, modulus * float(young), float(poisson)))
-    return tuple(out)
+        solids.append(Solids(kind.name, elements, pascals * float(young), float(poisson)))
+    return tuple(solids)
