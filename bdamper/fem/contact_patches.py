@@ -2,7 +2,8 @@ r"""Contact points as averages over patches of two faces, with matching or diffe
 
 Each patch is one contact point.  Displacement and force of patch i with area :math:`A_i` are
 
-.. math:: B_i = \frac{1}{A_i}\int_{A_i} N\,dA, \qquad u_i = B_i u, \qquad f = \textstyle\sum_i B_i^T F_i .
+.. math:: B_i = \frac{1}{A_i}\int_{A_i} N\,dA, \qquad u_i = B_i u, \qquad
+          f = \textstyle\sum_i B_i^T F_i .
 
 A force is thus distributed uniformly over its patch and does work on the mean displacement.  With
 mesh refinement, receptances between single nodes diverge, while receptances between patches
@@ -30,16 +31,18 @@ from bdamper.fem.surface import Facets, area_vectors, check, corner_count
 
 
 def _seven_points() -> tuple[NDArray, NDArray]:
-    """Return barycentric coordinates (7, 3) and weights (7,) with sum 1 on a triangle, exact for
-    degree 5."""
+    """Return barycentric coordinates (7, 3) and weights (7,) of a rule on a triangle.
+
+    The weights have the sum 1.  The rule is exact for polynomials of degree 5.
+    """
     root = np.sqrt(15.0)
-    near, far = (6.0 - root) / 21.0, (6.0 + root) / 21.0
-    points = [np.full((1, 3), 1.0 / 3.0)] + [
-        np.full((3, 3), a) + (1.0 - 3.0 * a) * np.eye(3) for a in (near, far)
-    ]
-    return np.concatenate(points), np.repeat(
-        [0.225, (155.0 - root) / 1200.0, (155.0 + root) / 1200.0], (1, 3, 3)
-    )
+    near = (6.0 - root) / 21.0
+    far = (6.0 + root) / 21.0
+    middle = np.full((1, 3), 1.0 / 3.0)
+    near_corners = np.full((3, 3), near) + (1.0 - 3.0 * near) * np.eye(3)
+    far_corners = np.full((3, 3), far) + (1.0 - 3.0 * far) * np.eye(3)
+    weights = [0.225, (155.0 - root) / 1200.0, (155.0 + root) / 1200.0]
+    return np.concatenate([middle, near_corners, far_corners]), np.repeat(weights, (1, 3, 3))
 
 
 _BARYCENTRIC, _WEIGHTS = _seven_points()
@@ -124,26 +127,26 @@ def patch_grid(points: int | tuple[int, int], length: float, width: float) -> tu
     if not isinstance(points, (int, np.integer)):
         return int(points[0]), int(points[1])
     check(points >= 1, f"points must be at least 1, not {points}")
-    factors = [n for n in range(1, points + 1) if points % n == 0]
-    n_s = min(
-        factors,
-        key=lambda n: (
-            min(n, points // n) < 3,
-            abs(np.log(length / n / (width / (points // n)))),
-            n,
-        ),
-    )
     # nine points are always three by three, although longer patches may be closer to squares
     root = round(np.sqrt(points))
-    return (root, root) if root * root == points else (n_s, points // n_s)
+    if root * root == points:
+        return root, root
+
+    def penalty(n_along: int) -> tuple[bool, float, int]:
+        n_across = points // n_along
+        slenderness = abs(np.log(length / n_along / (width / n_across)))
+        return min(n_along, n_across) < 3, slenderness, n_along
+
+    factors = [n for n in range(1, points + 1) if points % n == 0]
+    n_along = min(factors, key=penalty)
+    return n_along, points // n_along
 
 
 def mean_frame(facets: Facets, nodes: NDArray) -> NDArray:
-    """Return the contact axes t1, t2, n of a face as rows (3, 3): n the mean outward normal, t2
-    opposite to Z.
+    """Return the contact axes t1, t2, n of a face as rows (3, 3).
 
-    If the normal is along the axis of rotation, t1 is the direction of motion of the centre in a
-    rotation toward +X.
+    The normal n is the mean outward normal, and t2 points against Z.  If the normal is along the
+    axis of rotation, t1 is the direction of motion of the centre in a rotation toward +X.
 
     Raises
     ------
@@ -160,6 +163,7 @@ def mean_frame(facets: Facets, nodes: NDArray) -> NDArray:
     )
     n = total / np.linalg.norm(total)
     axial = np.array([0.0, 0.0, 1.0])
+    # the part of -Z in the plane of the face
     t2 = n * n[2] - axial
     if np.linalg.norm(t2) > 0.1:
         t2 /= np.linalg.norm(t2)
@@ -177,13 +181,17 @@ def mean_frame(facets: Facets, nodes: NDArray) -> NDArray:
 
 
 def serendipity(xi: NDArray) -> NDArray:
-    """Return the shape functions (m, 8) of the quadrilateral: corners as in ``SQUARE``, then
-    midpoints of the edges."""
+    """Return the shape functions (m, 8) of the quadrilateral with midpoints of its edges.
+
+    The corners are in the order of ``SQUARE``.
+    """
     a, b = xi[:, :1], xi[:, 1:]
-    sa, sb = SQUARE[:, 0], SQUARE[:, 1]
-    corners = 0.25 * (1 + a * sa) * (1 + b * sb) * (a * sa + b * sb - 1)
-    bottom, top = 0.5 * (1 - a**2) * (1 - b), 0.5 * (1 - a**2) * (1 + b)
-    right, left = 0.5 * (1 + a) * (1 - b**2), 0.5 * (1 - a) * (1 - b**2)
+    corner_a, corner_b = SQUARE[:, 0], SQUARE[:, 1]
+    corners = 0.25 * (1 + a * corner_a) * (1 + b * corner_b) * (a * corner_a + b * corner_b - 1)
+    bottom = 0.5 * (1 - a**2) * (1 - b)
+    right = 0.5 * (1 + a) * (1 - b**2)
+    top = 0.5 * (1 - a**2) * (1 + b)
+    left = 0.5 * (1 - a) * (1 - b**2)
     return np.hstack([corners, bottom, right, top, left])
 
 
@@ -193,31 +201,40 @@ def _bilinear(xi: NDArray) -> NDArray:
 
 
 def shape_functions(xi: NDArray, n_nodes: int) -> NDArray:
-    """Return shape functions (m, n_nodes) at points of the square, or at barycentric coordinates
-    (m, 3)."""
-    if n_nodes in (4, 8):
-        return _bilinear(xi) if n_nodes == 4 else serendipity(xi)
-    return xi if n_nodes == 3 else np.hstack([xi * (2 * xi - 1), 4 * xi * np.roll(xi, -1, axis=1)])
+    """Return the shape functions (m, n_nodes) of a facet with 3, 4, 6 or 8 nodes.
+
+    ``xi`` are points of the square (m, 2), or barycentric coordinates (m, 3) of the triangle.
+    """
+    if n_nodes == 4:
+        return _bilinear(xi)
+    if n_nodes == 8:
+        return serendipity(xi)
+    if n_nodes == 3:
+        return xi
+    corners = xi * (2 * xi - 1)
+    edges = 4 * xi * np.roll(xi, -1, axis=1)
+    return np.hstack([corners, edges])
 
 
 def inverse_map(corner: NDArray, x: NDArray) -> NDArray:
-    """Return reference coordinates (m, 2), or barycentric coordinates (m, 3), of the points ``x``
-    (m, 2) in a facet."""
+    """Return the coordinates on the reference facet of points ``x`` (m, 2) in a facet.
+
+    They are points of the square (m, 2), or barycentric coordinates (m, 3) of the triangle.
+    """
     if len(corner) == 3:
         edges = np.stack([corner[1] - corner[0], corner[2] - corner[0]], axis=1)
-        st = np.linalg.solve(edges, (x - corner[0]).T).T
-        return np.column_stack([1.0 - st.sum(axis=1), st])
+        along_edges = np.linalg.solve(edges, (x - corner[0]).T).T
+        return np.column_stack([1.0 - along_edges.sum(axis=1), along_edges])
+    # Newton's method, with Cramer's rule for the two unknowns
     xi = np.zeros_like(x)
     for _ in range(20):
         d_xi = 0.25 * SQUARE[:, 0] * (1 + xi[:, 1:] * SQUARE[:, 1]) @ corner
         d_eta = 0.25 * SQUARE[:, 1] * (1 + xi[:, :1] * SQUARE[:, 0]) @ corner
-        r = x - _bilinear(xi) @ corner
-        det = d_xi[:, 0] * d_eta[:, 1] - d_xi[:, 1] * d_eta[:, 0]
-        along_xi, along_eta = (
-            r[:, 0] * d_eta[:, 1] - r[:, 1] * d_eta[:, 0],
-            d_xi[:, 0] * r[:, 1] - d_xi[:, 1] * r[:, 0],
-        )
-        step = np.stack([along_xi / det, along_eta / det], axis=-1)
+        residual = x - _bilinear(xi) @ corner
+        determinant = d_xi[:, 0] * d_eta[:, 1] - d_xi[:, 1] * d_eta[:, 0]
+        along_xi = residual[:, 0] * d_eta[:, 1] - residual[:, 1] * d_eta[:, 0]
+        along_eta = d_xi[:, 0] * residual[:, 1] - d_xi[:, 1] * residual[:, 0]
+        step = np.stack([along_xi / determinant, along_eta / determinant], axis=-1)
         xi += step
         if np.abs(step).max() < 1e-14:
             break
@@ -229,18 +246,22 @@ def inverse_map(corner: NDArray, x: NDArray) -> NDArray:
 
 
 def _cut(polygon: NDArray, inside: NDArray) -> NDArray:
-    """Return the part (m, 2) of a convex polygon with non-negative distance ``inside`` of its
-    corners from a line."""
+    """Return the part (m, 2) of a convex polygon on one side of a line.
+
+    ``inside`` are the distances of its corners from the line, positive on the side that stays.
+    """
     if inside.min() >= 0.0:
         return polygon
-    out = []
+    corners = []
     for k in range(len(polygon)):
-        a, b, da, db = polygon[k - 1], polygon[k], inside[k - 1], inside[k]
-        if da * db < 0.0:
-            out.append(a + (b - a) * da / (da - db))
-        if db >= 0.0:
-            out.append(b)
-    return np.array(out) if len(out) >= 3 else np.empty((0, 2))
+        before, corner = polygon[k - 1], polygon[k]
+        distance_before, distance = inside[k - 1], inside[k]
+        if distance_before * distance < 0.0:
+            edge = corner - before
+            corners.append(before + edge * distance_before / (distance_before - distance))
+        if distance >= 0.0:
+            corners.append(corner)
+    return np.array(corners) if len(corners) >= 3 else np.empty((0, 2))
 
 
 def rectangle(low: NDArray, high: NDArray) -> NDArray:
@@ -255,25 +276,26 @@ def clip_to_polygon(polygon: NDArray, window: NDArray, sides: NDArray | None = N
 
     ``sides`` (k, 2) are the directions from its corners, by default to the next corners.
     """
-    for a, side in zip(window, np.roll(window, -1, axis=0) - window if sides is None else sides):
+    if sides is None:
+        sides = np.roll(window, -1, axis=0) - window
+    for corner, side in zip(window, sides):
         if len(polygon) == 0:
             return polygon
-        polygon = _cut(polygon, side[0] * (polygon[:, 1] - a[1]) - side[1] * (polygon[:, 0] - a[0]))
+        from_corner = side[0] * (polygon[:, 1] - corner[1]) - side[1] * (polygon[:, 0] - corner[0])
+        polygon = _cut(polygon, from_corner)
     return polygon
 
 
 def overlaps(
     polygons: Sequence[NDArray], windows: Sequence[NDArray], sides: NDArray | None = None
 ) -> Iterator[tuple[int, int, NDArray]]:
-    """Intersect convex polygons with windows; return both numbers and the intersection (m, 2) for
-    each overlap.
+    """Intersect convex polygons with windows.
 
-    For the parameters see :func:`clip_to_polygon`.
+    Iterate over both numbers and the intersection (m, 2) of each overlap.  For the parameters see
+    :func:`clip_to_polygon`.
     """
-    low, high = (
-        np.array([end(window, axis=0) for window in windows]).reshape(-1, 2)
-        for end in (np.min, np.max)
-    )
+    low = np.array([np.min(window, axis=0) for window in windows]).reshape(-1, 2)
+    high = np.array([np.max(window, axis=0) for window in windows]).reshape(-1, 2)
     for k, polygon in enumerate(polygons):
         near = np.all((low < polygon.max(axis=0)) & (high > polygon.min(axis=0)), axis=1)
         for m in np.flatnonzero(near).tolist():
@@ -290,12 +312,14 @@ def polygon_area(polygon: NDArray) -> float:
 
 def _quadrature(polygon: NDArray) -> tuple[NDArray, NDArray]:
     """Return points (m, 2) and weights (m,) of quadrature on a convex polygon."""
-    triangles = np.stack(
-        [np.broadcast_to(polygon[0], polygon[2:].shape), polygon[1:-1], polygon[2:]], axis=1
-    )
-    d1, d2 = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
-    area = 0.5 * np.abs(d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0])
-    return (_BARYCENTRIC @ triangles).reshape(-1, 2), np.outer(area, _WEIGHTS).ravel()
+    # triangles from the first corner
+    first = np.broadcast_to(polygon[0], polygon[2:].shape)
+    triangles = np.stack([first, polygon[1:-1], polygon[2:]], axis=1)
+    side_1 = triangles[:, 1] - triangles[:, 0]
+    side_2 = triangles[:, 2] - triangles[:, 0]
+    area = 0.5 * np.abs(side_1[:, 0] * side_2[:, 1] - side_1[:, 1] * side_2[:, 0])
+    points = (_BARYCENTRIC @ triangles).reshape(-1, 2)
+    return points, np.outer(area, _WEIGHTS).ravel()
 
 
 # --------------------------------------------------------------------------------------------------
@@ -311,27 +335,41 @@ class _Flat(NamedTuple):
 
 
 def _flatten(facets: Facets, nodes: NDArray, origin: NDArray, frame: NDArray, what: str) -> _Flat:
-    """Project facets onto a plane; reverse clockwise facets, and raise ValueError for folded
-    ones."""
-    rows, corners = [], []
+    """Project facets onto a plane and reverse clockwise ones.
+
+    Raises
+    ------
+    ValueError
+        If a facet is folded.
+    """
+    flat = _Flat([], [])
     for row in facets.each():
         n = corner_count(len(row))
-        x = (nodes[row[:n]] - origin) @ frame[:2].T
-        if polygon_area(x) < 0.0:
+        corners = (nodes[row[:n]] - origin) @ frame[:2].T
+        if polygon_area(corners) < 0.0:
             row = Facets((row[None],)).flipped().groups[0][0]
-            x = (nodes[row[:n]] - origin) @ frame[:2].T
-        ahead, behind = np.roll(x, -1, axis=0) - x, x - np.roll(x, 1, axis=0)
+            corners = (nodes[row[:n]] - origin) @ frame[:2].T
+        ahead = np.roll(corners, -1, axis=0) - corners
+        behind = corners - np.roll(corners, 1, axis=0)
         bend = behind[:, 0] * ahead[:, 1] - behind[:, 1] * ahead[:, 0]
-        if not polygon_area(x) > 0.0 or bend.min() < -1e-6 * bend.max():
-            raise ValueError(
-                f"a facet of {what} at {nodes[row[:n]].mean(axis=0)} m is folded or seen edge-on"
-            )
-        rows.append(row)
-        corners.append(x)
-    return _Flat(rows, corners)
+        if not polygon_area(corners) > 0.0 or bend.min() < -1e-6 * bend.max():
+            middle = nodes[row[:n]].mean(axis=0)
+            raise ValueError(f"a facet of {what} at {middle} m is folded or seen edge-on")
+        flat.nodes.append(row)
+        flat.corner.append(corners)
+    return flat
 
 
 class _Piece(NamedTuple):
+    """Part of a facet of face a, or of its intersection with a facet of face b.
+
+    Parameters
+    ----------
+    polygon : (m, 2) float
+    a, b : int
+        Numbers of the facets; b is -1 without a second face.
+    """
+
     polygon: NDArray
     a: int
     b: int
@@ -355,6 +393,20 @@ def _cells(
     return cells
 
 
+class _Entries(NamedTuple):
+    """Integrals of the shape functions of a facet over a piece of a cell.
+
+    Parameters
+    ----------
+    cell, node : (m,) int
+    integral : (m,) float, m2
+    """
+
+    cell: NDArray
+    node: NDArray
+    integral: NDArray
+
+
 def _means(
     cells: list[list[_Piece]],
     frames: NDArray,
@@ -364,28 +416,32 @@ def _means(
     """Integrate the shape functions of both bodies over the pieces of each cell."""
     n = len(cells)
     area = np.zeros(n)
-    data: list[list[tuple[NDArray, NDArray, NDArray]]] = [[], []]
+    of_body: tuple[list[_Entries], list[_Entries]] = ([], [])
     for i, pieces in enumerate(cells):
         for piece in pieces:
-            x, w = _quadrature(piece.polygon)
-            area[i] += w.sum()
-            for side, (flat, index) in enumerate(zip(flats, (piece.a, piece.b))):
-                if flat is not None:
-                    row = flat.nodes[index]
-                    values = w @ shape_functions(inverse_map(flat.corner[index], x), len(row))
-                    data[side].append((np.full(len(row), i), row, values))
+            points, weights = _quadrature(piece.polygon)
+            area[i] += weights.sum()
+            for entries, flat, facet in zip(of_body, flats, (piece.a, piece.b)):
+                if flat is None:
+                    continue
+                row = flat.nodes[facet]
+                xi = inverse_map(flat.corner[facet], points)
+                values = weights @ shape_functions(xi, len(row))
+                entries.append(_Entries(np.full(len(row), i), row, values))
     turn_rows = sp.block_diag(list(frames), format="csr")
 
-    def on_body(
-        entries: list[tuple[NDArray, NDArray, NDArray]], nodes: NDArray
-    ) -> tuple[NDArray, sp.csr_matrix]:
+    def on_body(entries: list[_Entries], nodes: NDArray) -> tuple[NDArray, sp.csr_matrix]:
         rows, columns, values = (np.concatenate(part) for part in zip(*entries))
-        weight = sp.csr_matrix((values, (rows, columns)), shape=(n, len(nodes)))
-        mean = sp.diags(1.0 / (weight @ np.ones(len(nodes)))) @ weight
-        return mean @ nodes, (turn_rows @ sp.kron(mean, sp.identity(3), format="csr")).tocsr()
+        integral = sp.csr_matrix((values, (rows, columns)), shape=(n, len(nodes)))
+        # weights of the sum 1 leave a rigid motion unchanged
+        mean = sp.diags(1.0 / (integral @ np.ones(len(nodes)))) @ integral
+        matrix = (turn_rows @ sp.kron(mean, sp.identity(3), format="csr")).tocsr()
+        return mean @ nodes, matrix
 
-    points_a, matrix_a = on_body(data[0], bodies[0])
-    points_b, matrix_b = (None, None) if bodies[1] is None else on_body(data[1], bodies[1])
+    points_a, matrix_a = on_body(of_body[0], bodies[0])
+    points_b, matrix_b = None, None
+    if bodies[1] is not None:
+        points_b, matrix_b = on_body(of_body[1], bodies[1])
     return PatchMeans(area, frames, points_a, points_b, matrix_a, matrix_b)
 
 
@@ -415,28 +471,37 @@ def patches_on_rectangles(
     """
     origin, frame = patches.centre[0], patches.frame[0]
     height = np.abs((nodes - origin) @ frame[2])
-    flat_enough = height < 1e-7 * float(np.ptp(nodes, axis=0).max())
-    groups = [
-        g[flat_enough[corners].all(axis=1)] for g, corners in zip(facets.groups, facets.corners)
-    ]
-    flat = _flatten(Facets(tuple(g for g in groups if len(g))), nodes, origin, frame, what)
-    middles = ((centre - origin) @ frame[:2].T for centre in patches.centre)
-    windows = [
-        rectangle(middle - 0.5 * size, middle + 0.5 * size)
-        for middle, size in zip(middles, patches.size)
-    ]
+    in_plane = height < 1e-7 * float(np.ptp(nodes, axis=0).max())
+    groups = []
+    for group, corners in zip(facets.groups, facets.corners):
+        flat_group = group[in_plane[corners].all(axis=1)]
+        if len(flat_group):
+            groups.append(flat_group)
+    flat = _flatten(Facets(tuple(groups)), nodes, origin, frame, what)
+    windows = []
+    for centre, size in zip(patches.centre, patches.size):
+        middle = (centre - origin) @ frame[:2].T
+        windows.append(rectangle(middle - 0.5 * size, middle + 0.5 * size))
     cells = _cells(_pieces(flat, None), windows)
     for i, (cell, area) in enumerate(zip(cells, patches.area)):
-        total = sum(polygon_area(p.polygon) for p in cell)
-        wrong = f"patch {i} at {patches.centre[i]} m has an area of {area:.6g} m2, but {what} covers {total:.6g} m2 of it"
-        check(abs(total - area) <= 1e-6 * area, wrong)
+        covered = sum(polygon_area(piece.polygon) for piece in cell)
+        check(
+            abs(covered - area) <= 1e-6 * area,
+            f"patch {i} at {patches.centre[i]} m has an area of {area:.6g} m2, "
+            f"but {what} covers {covered:.6g} m2 of it",
+        )
     return _means(cells, np.array(patches.frame), (flat, None), (nodes, None))
 
 
 def patches_on_faces(
-    points: int | tuple[int, int], nodes_a: NDArray, facets_a: Facets, nodes_b: NDArray | None = None,
-    facets_b: Facets | None = None, frame: NDArray | None = None, what: tuple[str, str] = ("face a", "face b"),
-) -> PatchMeans:  # fmt: skip
+    points: int | tuple[int, int],
+    nodes_a: NDArray,
+    facets_a: Facets,
+    nodes_b: NDArray | None = None,
+    facets_b: Facets | None = None,
+    frame: NDArray | None = None,
+    what: tuple[str, str] = ("face a", "face b"),
+) -> PatchMeans:
     """Compute means over a grid of patches on a face, or on the common area of two faces.
 
     Parameters
@@ -467,34 +532,38 @@ def patches_on_faces(
     flat_b = None
     if nodes_b is not None and facets_b is not None:
         flat_b = _flatten(facets_b, nodes_b, origin, frame, what[1])
-    pieces = [p for p in _pieces(flat_a, flat_b) if polygon_area(p.polygon) > 0.0]
+    pieces = [piece for piece in _pieces(flat_a, flat_b) if polygon_area(piece.polygon) > 0.0]
     check(pieces, f"{what[0]} and {what[1]} have no area in common")
-    whole = sum(polygon_area(p.polygon) for p in pieces)
-    low = np.min([p.polygon.min(axis=0) for p in pieces], axis=0)
-    high = np.max([p.polygon.max(axis=0) for p in pieces], axis=0)
+    common_area = sum(polygon_area(piece.polygon) for piece in pieces)
+    # rectangle around the common area
+    low = np.min([piece.polygon.min(axis=0) for piece in pieces], axis=0)
+    high = np.max([piece.polygon.max(axis=0) for piece in pieces], axis=0)
     n_1, n_2 = patch_grid(points, *(high - low))
     check(min(n_1, n_2) >= 1, f"points must be at least 1 along both edges, not ({n_1}, {n_2})")
-    edges = [np.linspace(low[k], high[k], n + 1) for k, n in enumerate((n_1, n_2))]
-    corners = np.stack(np.meshgrid(*edges, indexing="ij"), axis=-1)
+    edges_1 = np.linspace(low[0], high[0], n_1 + 1)
+    edges_2 = np.linspace(low[1], high[1], n_2 + 1)
+    corners = np.stack(np.meshgrid(edges_1, edges_2, indexing="ij"), axis=-1)
     windows = [rectangle(corners[i, j], corners[i + 1, j + 1]) for i, j in np.ndindex(n_1, n_2)]
-    cells = _without_small(
-        _cells(pieces, windows, 1e-13 * whole), float((high - low).prod()) / len(windows), n_2
-    )
+    cells = _cells(pieces, windows, 1e-13 * common_area)
+    full_cell = float((high - low).prod()) / len(windows)
+    cells = _without_small(cells, full_cell, n_2)
     frames = np.broadcast_to(frame, (len(cells), 3, 3)).copy()
-    means = _means(
-        cells, frames, (flat_a, flat_b), (nodes_a, nodes_b if flat_b is not None else None)
-    )
+    bodies = (nodes_a, nodes_b if flat_b is not None else None)
+    means = _means(cells, frames, (flat_a, flat_b), bodies)
     return replace(means, rows=n_1)
 
 
 def _without_small(cells: list[list[_Piece]], full: float, n_2: int) -> list[list[_Piece]]:
-    """Merge almost uncovered cells with the nearest other cells."""
-    area = np.array([sum(polygon_area(p.polygon) for p in cell) for cell in cells])
+    """Merge almost uncovered cells of a grid with the nearest other cells.
+
+    ``full`` is the area of a cell (m2), and ``n_2`` the number of cells along t2.
+    """
+    area = np.array([sum(polygon_area(piece.polygon) for piece in cell) for cell in cells])
     large = np.flatnonzero(area > SMALL_CELL * full)
     if len(large) == 0:
         large = np.array([int(area.argmax())])
-    position = np.stack(np.divmod(np.arange(len(cells)), n_2), axis=1)
+    place = np.stack(np.divmod(np.arange(len(cells)), n_2), axis=1)
     for small in np.setdiff1d(np.flatnonzero(area > 0.0), large):
-        nearest = large[np.abs(position[large] - position[small]).sum(axis=1).argmin()]
-        cells[nearest].extend(cells[small])
+        steps_apart = np.abs(place[large] - place[small]).sum(axis=1)
+        cells[large[steps_apart.argmin()]].extend(cells[small])
     return [cells[k] for k in large]

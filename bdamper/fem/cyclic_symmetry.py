@@ -63,7 +63,8 @@ def factorise(matrix: sp.spmatrix) -> SuperLU:
     diagonal = matrix.diagonal().real
     if not (np.isfinite(matrix.data).all() and len(diagonal) and diagonal.min() > 0.0):
         raise ValueError(
-            "a positive definite matrix has finite entries and a positive diagonal, and this one has not"
+            "a positive definite matrix has finite entries and a positive diagonal, "
+            "and this one has not"
         )
     return splu(
         matrix.tocsc(),
@@ -93,10 +94,10 @@ def cyclic_transformation(
         If the fixed components of the faces contradict the phase condition.
     """
     clamped = np.asarray(clamped)
-    fixed = np.zeros((n_nodes, 3), bool)
     if clamped.dtype == bool and clamped.shape == (n_nodes, 3):
         fixed = clamped
     else:
+        fixed = np.zeros((n_nodes, 3), bool)
         fixed[clamped] = True
     left, right = faces.independent, faces.dependent
     if faces.matching:
@@ -105,24 +106,30 @@ def cyclic_transformation(
             (images == fixed[right]).all(),
             "a clamped node of one sector face has a free image on the other",
         )
-    wrong = (
-        "a node of a sector face is fixed in one of the directions X and Y that a rotation mixes"
+    fixed_alike = (fixed[faces.nodes, 0] == fixed[faces.nodes, 1]).all()
+    check(
+        faces.n_sectors == 1 or fixed_alike,
+        "a node of a sector face is fixed in one of the directions X and Y that a rotation mixes",
     )
-    check(faces.n_sectors == 1 or (fixed[faces.nodes, 0] == fixed[faces.nodes, 1]).all(), wrong)
-    own, axis = np.ones(n_nodes, bool), faces.axis[~fixed[faces.axis].any(axis=1)]
-    own[right] = False
+    # displacements of the independent nodes, and of nodes tied to the other face
+    independent = np.ones(n_nodes, bool)
+    independent[right] = False
     phase, rotation = faces.tie(nodal_diameter)
-    entries = faces.weights.tocoo()
-    tied = sp.csr_matrix(
-        (entries.data, (right[entries.row], left[entries.col])), shape=(n_nodes, n_nodes)
-    )
-    t = sp.kron(sp.diags(own.astype(float)), np.eye(3)) + sp.kron(tied, phase * rotation)
+    weights = faces.weights.tocoo()
+    places = (right[weights.row], left[weights.col])
+    tied = sp.csr_matrix((weights.data, places), shape=(n_nodes, n_nodes))
+    own_motion = sp.kron(sp.diags(independent.astype(float)), np.eye(3))
+    t = own_motion + sp.kron(tied, phase * rotation)
     t = (sp.diags((~fixed.ravel()).astype(float)) @ t.tocsr()).tocsc()
-    own[faces.axis] = False
-    columns = [t[:, np.flatnonzero((own[:, None] & ~fixed).ravel())]]
+    independent[faces.axis] = False
+    free_components = (independent[:, None] & ~fixed).ravel()
+    columns = [t[:, np.flatnonzero(free_components)]]
+    # a node on the axis is its own image, so only some of its motions satisfy the condition
+    axis = faces.axis[~fixed[faces.axis].any(axis=1)]
     if len(axis):
-        free = null_space(np.eye(3) - phase * rotation)
-        columns.append(t @ sp.kron(sp.identity(n_nodes, format="csc")[:, axis], free))
+        free_motion = null_space(np.eye(3) - phase * rotation)
+        axis_nodes = sp.identity(n_nodes, format="csc")[:, axis]
+        columns.append(t @ sp.kron(axis_nodes, free_motion))
     t = sp.hstack(columns).tocsr()
     t.eliminate_zeros()
     return t.tocsr()
@@ -131,8 +138,9 @@ def cyclic_transformation(
 def lowest_modes(
     stiffness: sp.spmatrix, mass: sp.spmatrix, solve: Callable[[NDArray], NDArray], n_modes: int
 ) -> tuple[NDArray, NDArray]:
-    """Compute the lowest modes of ``stiffness x = omega2 mass x``; ``solve`` applies the inverse of
-    the stiffness.
+    """Compute the lowest modes of ``stiffness x = omega2 mass x``.
+
+    ``solve`` applies the inverse of the stiffness.
 
     Returns
     -------
@@ -141,23 +149,24 @@ def lowest_modes(
         Mass-normalised.
     """
     n = mass.shape[0]
-    if n <= 2 * n_modes + 20:  # too small for a Krylov space
-        omega2, v = eigh(hermitian(stiffness.toarray()), hermitian(mass.toarray()))
-        lowest = np.flatnonzero(omega2 > 1e-12 * np.abs(omega2).max())[
-            :n_modes
-        ]  # without rigid motions
-        return omega2[lowest], v[:, lowest]
+    n_krylov = 2 * n_modes + 20
+    if n <= n_krylov:  # too small for a Krylov space
+        omega2, shapes = eigh(hermitian(stiffness.toarray()), hermitian(mass.toarray()))
+        # without rigid motions
+        elastic = np.flatnonzero(omega2 > 1e-12 * np.abs(omega2).max())
+        lowest = elastic[:n_modes]
+        return omega2[lowest], shapes[:, lowest]
     inverse = LinearOperator((n, n), matvec=solve, dtype=mass.dtype)
     # a fixed start vector makes the result reproducible
     start = np.random.default_rng(0).standard_normal(n).astype(mass.dtype)
     _, v = eigsh(
-        stiffness, n_modes, M=mass, sigma=0.0, OPinv=inverse, v0=start, ncv=min(n, 2 * n_modes + 20)
+        stiffness, n_modes, M=mass, sigma=0.0, OPinv=inverse, v0=start, ncv=min(n, n_krylov)
     )
     # The complex Lanczos vectors come from a general Arnoldi process, which does not keep them
     # orthogonal in the mass matrix; one Rayleigh-Ritz step does.
-    omega2, combination = eigh(
-        *(hermitian(v.conj().T @ (matrix @ v)) for matrix in (stiffness, mass))
-    )
+    reduced_stiffness = hermitian(v.conj().T @ (stiffness @ v))
+    reduced_mass = hermitian(v.conj().T @ (mass @ v))
+    omega2, combination = eigh(reduced_stiffness, reduced_mass)
     return omega2, v @ combination
 
 
@@ -295,14 +304,13 @@ class Waves:
 
 def _difference(shapes: NDArray, faces: SectorFaces, d: int) -> NDArray:
     """Return the violation of the phase condition on the faces, (k, n)."""
-    u = shapes.reshape(-1, 3, shapes.shape[1])
+    n_shapes = shapes.shape[1]
+    u = shapes.reshape(-1, 3, n_shapes)
     phase, rotation = faces.tie(d)
-    tied = (faces.weights @ u[faces.independent].reshape(len(faces.independent), -1)).reshape(
-        -1, *u.shape[1:]
-    )
-    return np.asarray(
-        u[faces.dependent] - phase * np.einsum("ij,njm->nim", rotation, tied)
-    ).reshape(-1, shapes.shape[1])
+    independent = u[faces.independent].reshape(len(faces.independent), -1)
+    interpolated = (faces.weights @ independent).reshape(-1, 3, n_shapes)
+    images = phase * np.einsum("ij,njm->nim", rotation, interpolated)
+    return np.asarray(u[faces.dependent] - images).reshape(-1, n_shapes)
 
 
 def travelling_waves(
@@ -332,41 +340,51 @@ def travelling_waves(
     size = np.maximum(size, 1e-6 * whole)
     if 2 * d % n == 0:
         return _standing(frequency, shapes, faces, d, size)
-    forward = _difference(shapes, faces, d)
     if np.iscomplexobj(shapes) and np.abs(shapes.imag).max() > 1e-9 * np.abs(shapes).max():
-        ahead = np.linalg.norm(forward, axis=0) / size
-        behind = np.linalg.norm(_difference(shapes.conj(), faces, d), axis=0) / size
-        error = np.minimum(ahead, behind)
-        _refuse(error, frequency, d, "")
-        other = behind < ahead
-        return Waves(
-            np.arange(len(frequency)),
-            np.where(other, shapes.conj(), shapes),
-            error,
-            int(other.sum()),
-            0,
-        )
+        return _complex_waves(frequency, shapes, faces, d, size)
+    return _combined(frequency, shapes, faces, d, size)
+
+
+def _complex_waves(
+    frequency: NDArray, shapes: NDArray, faces: SectorFaces, d: int, size: NDArray
+) -> Waves:
+    """Replace shapes that travel the other way by their conjugates."""
+    forward_error = np.linalg.norm(_difference(shapes, faces, d), axis=0) / size
+    backward_error = np.linalg.norm(_difference(shapes.conj(), faces, d), axis=0) / size
+    error = np.minimum(forward_error, backward_error)
+    _refuse(error, frequency, d, "")
+    backward = backward_error < forward_error
+    toward_x = np.where(backward, shapes.conj(), shapes)
+    return Waves(np.arange(len(frequency)), toward_x, error, int(backward.sum()), 0)
+
+
+def _combined(
+    frequency: NDArray, shapes: NDArray, faces: SectorFaces, d: int, size: NDArray
+) -> Waves:
+    """Combine pairs of real shapes of the same frequency to waves."""
+    difference = _difference(shapes, faces, d)
     real = shapes.real
     index: list[int] = []
     waves, errors = [], []
     for k in range(0, len(frequency), 2):
-        if (
-            k + 1 == len(frequency)
-            or abs(frequency[k + 1] - frequency[k]) > PAIR_TOLERANCE * frequency[k]
-        ):
-            if k + 1 == len(frequency) and index:  # the partner of the last shape was not written
-                break
-            alone = "no partner of the same frequency, and a real shape alone is no travelling wave"
-            raise ValueError(f"nodal diameter {d}: the shape of {frequency[k]:.6g} Hz has {alone}")
-        a, b = forward[:, k], forward[:, k + 1]
+        is_last = k + 1 == len(frequency)
+        if is_last and index:
+            break  # the partner of the last shape was not written
+        if is_last or abs(frequency[k + 1] - frequency[k]) > PAIR_TOLERANCE * frequency[k]:
+            raise ValueError(
+                f"nodal diameter {d}: the shape of {frequency[k]:.6g} Hz has no partner of the "
+                "same frequency, and a real shape alone is no travelling wave"
+            )
+        a, b = difference[:, k], difference[:, k + 1]
         c = -np.vdot(b, a) / max(np.vdot(b, b).real, 1e-300)
-        error = float(np.linalg.norm(a + c * b) / np.hypot(size[k], abs(c) * size[k + 1]))
+        size_of_pair = np.hypot(size[k], abs(c) * size[k + 1])
+        errors.append(float(np.linalg.norm(a + c * b) / size_of_pair))
         index.append(k)
         waves.append(real[:, k] + c * real[:, k + 1])
-        errors.append(error)
-    found = np.array(errors)
-    _refuse(found, frequency[np.array(index, int)], d, "the pair of shapes ")
-    return Waves(np.array(index, int), np.array(waves).T, found, 0, len(index))
+    error = np.array(errors)
+    first = np.array(index, int)
+    _refuse(error, frequency[first], d, "the pair of shapes ")
+    return Waves(first, np.array(waves).T, error, 0, len(index))
 
 
 def _standing(
@@ -376,10 +394,9 @@ def _standing(
     if np.iscomplexobj(shapes):
         square = np.einsum("ij,ij->j", shapes, shapes)
         shapes = shapes * np.exp(-0.5j * np.angle(square))
-        rest = np.linalg.norm(shapes.imag, axis=0) / np.maximum(
-            np.linalg.norm(shapes, axis=0), 1e-300
-        )
-        _refuse(rest, frequency, d, "the imaginary part of ")
+        size_of_shape = np.maximum(np.linalg.norm(shapes, axis=0), 1e-300)
+        imaginary_part = np.linalg.norm(shapes.imag, axis=0) / size_of_shape
+        _refuse(imaginary_part, frequency, d, "the imaginary part of ")
         shapes = shapes.real
     error = np.linalg.norm(_difference(shapes, faces, d), axis=0) / size
     _refuse(error, frequency, d, "")
@@ -387,8 +404,12 @@ def _standing(
 
 
 def _refuse(error: NDArray, frequency: NDArray, d: int, what: str) -> None:
-    if len(error) and not error.max() <= PHASE_TOLERANCE:
-        k = int(np.argmax(error))
-        why = "does not repeat from one sector face to the other with the phase of a wave of this nodal diameter"
-        off = f"in either direction (off by {100.0 * error[k]:.3g} %)"
-        raise ValueError(f"nodal diameter {d}: {what}{frequency[k]:.6g} Hz {why}, {off}")
+    """Raise ValueError if the error of a shape is too large, or NaN."""
+    if len(error) == 0 or error.max() <= PHASE_TOLERANCE:
+        return
+    worst = int(np.argmax(error))
+    raise ValueError(
+        f"nodal diameter {d}: {what}{frequency[worst]:.6g} Hz does not repeat from one sector face "
+        "to the other with the phase of a wave of this nodal diameter, "
+        f"in either direction (off by {100.0 * error[worst]:.3g} %)"
+    )

@@ -27,6 +27,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -89,35 +90,58 @@ class Solids:
     poisson_ratio: float
 
 
-def _values(element: object, points: NDArray) -> tuple[NDArray, NDArray]:
-    """Return shape functions (n, n_points) and gradients (n, dimension, n_points) of an element of
-    scikit-fem."""
-    both = [element.lbasis(points, k) for k in range(len(element.doflocs))]  # type: ignore[attr-defined]
-    return np.array([value for value, _ in both]), np.array([gradient for _, gradient in both])
+def _values(element: Any, points: NDArray) -> tuple[NDArray, NDArray]:
+    """Return shape functions and their gradients for an element of scikit-fem.
+
+    Returns
+    -------
+    values : (n, n_points)
+    gradients : (n, dimension, n_points)
+    """
+    values, gradients = [], []
+    for k in range(len(element.doflocs)):
+        value, gradient = element.lbasis(points, k)
+        values.append(value)
+        gradients.append(gradient)
+    return np.array(values), np.array(gradients)
 
 
 def _wedge(points: NDArray) -> tuple[NDArray, NDArray]:
-    """Return shape functions and gradients of the second-order wedge: corners, edges of the
-    triangles, other edges."""
-    (t, dt), (p, dp) = (_values(e, points[:2]) for e in (ElementTriP2(), ElementTriP1()))
-    (l, dl), (q, dq) = (_values(e, points[2:]) for e in (ElementLineP1(), ElementLineP2()))
-    b, db = q[2], dq[2]
+    """Return shape functions and gradients of the second-order wedge.
+
+    The nodes are the corners, the edges of the triangles, then the other edges.
+    """
+    across, along = points[:2], points[2:]
+    quadratic, d_quadratic = _values(ElementTriP2(), across)
+    linear, d_linear = _values(ElementTriP1(), across)
+    ends, d_ends = _values(ElementLineP1(), along)
+    line, d_line = _values(ElementLineP2(), along)
+    middle, d_middle = line[2], d_line[2]
 
     def product(f: NDArray, df: NDArray, g: NDArray, dg: NDArray) -> NDArray:
         return np.concatenate([(f * g)[:, None], df * g, (f * dg[0])[:, None]], axis=1)
 
-    upright = product(p, dp, b, db)
-    ends = [product(t, dt, l[e], dl[e]) for e in (0, 1)]
-    both = np.concatenate(
-        [*(end[:3] - 0.5 * upright for end in ends), *(end[3:] for end in ends), upright]
-    )
-    return both[:, 0], both[:, 1:]
+    upright = product(linear, d_linear, middle, d_middle)
+    lower = product(quadratic, d_quadratic, ends[0], d_ends[0])
+    upper = product(quadratic, d_quadratic, ends[1], d_ends[1])
+    # the corners are zero at the middles of the upright edges
+    lower_corners = lower[:3] - 0.5 * upright
+    upper_corners = upper[:3] - 0.5 * upright
+    every = np.concatenate([lower_corners, upper_corners, lower[3:], upper[3:], upright])
+    return every[:, 0], every[:, 1:]
 
 
 def _shape_functions(n_nodes: int, points: NDArray) -> tuple[NDArray, NDArray]:
-    """Return shape functions (n_nodes, n_points) and gradients (n_nodes, 3, n_points) of an
-    element."""
-    return _wedge(points) if n_nodes == 15 else _values({**_FIRST, **_SECOND}[n_nodes], points)
+    """Return shape functions and their gradients for an element with ``n_nodes`` nodes.
+
+    Returns
+    -------
+    values : (n_nodes, n_points)
+    gradients : (n_nodes, 3, n_points)
+    """
+    if n_nodes == 15:
+        return _wedge(points)
+    return _values({**_FIRST, **_SECOND}[n_nodes], points)
 
 
 @cache
@@ -132,28 +156,35 @@ def _places(n_nodes: int) -> NDArray:
 
 @cache
 def _samples(kind: str, n_nodes: int) -> tuple[NDArray, NDArray]:
-    """Return integration points (3, n_points) and the extrapolation (n_nodes, n_points) from them
-    to the nodes.
+    """Return the integration points and the extrapolation to the nodes.
 
     The extrapolation fits the first-order shape functions by least squares; with 27 points it uses
     all 20 functions.
+
+    Returns
+    -------
+    points : (3, n_points)
+    extrapolation : (n_nodes, n_points)
     """
-    element = first = _FIRST[N_CORNER[n_nodes]]
+    first = _FIRST[N_CORNER[n_nodes]]
+    element = first
     if len(first.doflocs) == 6:
+        # scikit-fem has no rule for wedges
         across = get_quadrature(ElementTriP1(), 2)[0]
         if kind == "C3D6R":
             across = across.mean(axis=1, keepdims=True)
         line = get_quadrature(ElementLineP1(), 3 if n_nodes == 6 else 5)[0][0]
         points = np.array([[*xy, z] for z in line for xy in across.T]).T
     elif n_nodes == 20 and kind != "C3D20R":
-        element, points = _SECOND[20], get_quadrature(first, 5)[0]
+        element = _SECOND[20]
+        points = get_quadrature(first, 5)[0]
     else:
         points = get_quadrature(first, 3 if n_nodes > 10 or n_nodes == 8 else 2)[0]
     if n_nodes == 4:
         points = points.mean(axis=1, keepdims=True)
-    return points, _values(element, _places(n_nodes).T)[0].T @ np.linalg.pinv(
-        _values(element, points)[0].T
-    )
+    at_nodes = _values(element, _places(n_nodes).T)[0].T
+    at_points = _values(element, points)[0].T
+    return points, at_nodes @ np.linalg.pinv(at_points)
 
 
 def in_reference_order(elements: NDArray, nodes: NDArray) -> NDArray:
@@ -166,20 +197,27 @@ def in_reference_order(elements: NDArray, nodes: NDArray) -> NDArray:
         If a midside node is missing.
     """
     n = elements.shape[1]
-    places, corners = _places(n), N_CORNER[n]
-    order = np.linalg.norm(_COMMON[corners] - places[:corners, None], axis=2).argmin(axis=1)
-    corner_nodes = elements[:, order]
-    if n == corners:
+    n_corners = N_CORNER[n]
+    places = _places(n)
+    distance = np.linalg.norm(_COMMON[n_corners] - places[:n_corners, None], axis=2)
+    corner_nodes = elements[:, distance.argmin(axis=1)]
+    if n == n_corners:
         return corner_nodes
-    pairs = np.array(list(combinations(range(corners), 2)))
+    # the edge of each midside node of the reference element
+    pairs = np.array(list(combinations(range(n_corners), 2)))
     middles = 0.5 * (places[pairs[:, 0]] + places[pairs[:, 1]])
-    edge = pairs[np.linalg.norm(middles - places[corners:, None], axis=2).argmin(axis=1)]
-    ends, between = nodes[corner_nodes[:, edge]], elements[:, corners:]
-    distance = np.linalg.norm(nodes[between][:, None] - ends.mean(axis=2)[:, :, None], axis=3)
+    distance = np.linalg.norm(middles - places[n_corners:, None], axis=2)
+    edges = pairs[distance.argmin(axis=1)]
+    # the midside node nearest to the middle of this edge in each element
+    ends = nodes[corner_nodes[:, edges]]
+    midside = elements[:, n_corners:]
+    middles = ends.mean(axis=2)
+    distance = np.linalg.norm(nodes[midside][:, None] - middles[:, :, None], axis=3)
     length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
     if np.any(distance.min(axis=2) > 0.3 * length + 1e-9 * length.max()):
         raise ValueError("no node between two corners of an element of second order")
-    return np.hstack([corner_nodes, np.take_along_axis(between, distance.argmin(axis=2), axis=1)])
+    ordered = np.take_along_axis(midside, distance.argmin(axis=2), axis=1)
+    return np.hstack([corner_nodes, ordered])
 
 
 def _gradients(group: Solids, x: NDArray) -> tuple[NDArray, NDArray | None]:
@@ -229,22 +267,21 @@ def nodal_integrals(elements: NDArray, nodes: NDArray) -> tuple[NDArray, NDArray
     ordered = in_reference_order(elements, nodes)
     n = elements.shape[1]
     if N_CORNER[n] == 6:  # scikit-fem has no rule for wedges
-        (across, weight), (line, length) = (
-            get_quadrature(e, 4) for e in (ElementTriP1(), ElementLineP1())
-        )
-        points = np.vstack([np.repeat(across, len(length), axis=1), np.tile(line, len(weight))])
-        weight = np.outer(weight, length).ravel()
+        across, across_weight = get_quadrature(ElementTriP1(), 4)
+        along, along_weight = get_quadrature(ElementLineP1(), 4)
+        n_across, n_along = len(across_weight), len(along_weight)
+        points = np.vstack([np.repeat(across, n_along, axis=1), np.tile(along, n_across)])
+        weight = np.outer(across_weight, along_weight).ravel()
     else:
         points, weight = get_quadrature(_FIRST[N_CORNER[n]], 4)
-    values, local = _shape_functions(n, points)
-    jacobian = np.einsum("eai,ajp->epij", nodes[ordered], local, optimize=True)
-    cofactor = np.stack(
-        [np.cross(jacobian[..., (k + 1) % 3], jacobian[..., (k + 2) % 3]) for k in range(3)],
-        axis=-1,
-    )
+    values, local_gradient = _shape_functions(n, points)
+    jacobian = np.einsum("eai,ajp->epij", nodes[ordered], local_gradient, optimize=True)
+    columns = [np.cross(jacobian[..., (k + 1) % 3], jacobian[..., (k + 2) % 3]) for k in range(3)]
+    cofactor = np.stack(columns, axis=-1)
     determinant = np.einsum("epi,epi->ep", jacobian[..., 0], cofactor[..., 0])
+    # the sign is negative for corners in the opposite turn
     signed = weight * np.sign(determinant)
-    gradient = np.einsum("ep,ajp,epij->eai", signed, local, cofactor, optimize=True)
+    gradient = np.einsum("ep,ajp,epij->eai", signed, local_gradient, cofactor, optimize=True)
     return ordered, (signed * determinant) @ values.T, gradient
 
 
@@ -419,18 +456,26 @@ class StressRows:
             Squared frequencies (rad2/s2) and shapes of the basis of the body.
         """
         d = sector.nodal_diameter
-        S = self._rows @ shapes
+        modes = self._rows @ shapes
         unit = self._rows @ (sector.transformation @ sector.contact_response(contact))
-        A = unit - (S / omega2) @ (contact @ shapes).conj().T
-        self._modes[d], self._contact[d] = self._kept(S), self._kept(A)
+        # static stress of contact forces without its part in the modes
+        contact_stress = unit - (modes / omega2) @ (contact @ shapes).conj().T
+        self._modes[d] = self._kept(modes)
+        self._contact[d] = self._kept(contact_stress)
         if d == 0:
             self._static = (self._rows @ spin_displacement(sector).real).reshape(-1, 6)
+        # in the lowest mode of the first nodal diameter other than 0, if there is one
         if (d and len(self._modes) <= 2) or self._spread is None:
-            mean = (self._rows @ shapes[:, 0]).reshape(-1, 6)
-            apart = von_mises_size((self._pairs @ shapes[:, 0]).reshape(-1, 6) - mean[self._owner])
-            spread = np.zeros(len(self.nodes))
-            np.maximum.at(spread, self._owner, apart)
-            self._spread = spread / von_mises_size(mean)
+            self._spread = self._spread_of(shapes[:, 0])
+
+    def _spread_of(self, shape: NDArray) -> NDArray:
+        """Return the largest relative difference of an element from the mean at each node."""
+        mean = (self._rows @ shape).reshape(-1, 6)
+        of_pair = (self._pairs @ shape).reshape(-1, 6)
+        difference = von_mises_size(of_pair - mean[self._owner])
+        largest = np.zeros(len(self.nodes))
+        np.maximum.at(largest, self._owner, difference)
+        return largest / von_mises_size(mean)
 
     def largest(self, nodal_diameter: int) -> int:
         """Return the node of the largest von Mises stress in the lowest mode of a nodal
@@ -439,15 +484,25 @@ class StressRows:
 
     @staticmethod
     def _kept(rows: NDArray) -> NDArray:
-        out = rows.reshape(-1, 6, rows.shape[1])
-        single = np.complex64 if np.iscomplexobj(out) else np.float32
-        return out.astype(single).astype(out.dtype)
+        """Return rows (6 n, m) as (n, 6, m), rounded to single precision."""
+        by_node = rows.reshape(-1, 6, rows.shape[1])
+        single = np.complex64 if np.iscomplexobj(by_node) else np.float32
+        return by_node.astype(single).astype(by_node.dtype)
 
     def set(self, body: str, source: str, numbers: NDArray | None = None) -> StressSet:
-        """Return the stress set of the added nodal diameters for the named body, with the numbers
-        of all its nodes."""
+        """Return the stress set of the added nodal diameters for the named body.
+
+        ``numbers`` are the numbers of all its nodes.
+        """
         return StressSet(
-            name=self.name, body=body, points=self.points, modes=self._modes, contact=self._contact, static=self._static,
-            spread=self._spread, near_contact=self._near, source=source,
+            name=self.name,
+            body=body,
+            points=self.points,
+            modes=self._modes,
+            contact=self._contact,
+            static=self._static,
+            spread=self._spread,
+            near_contact=self._near,
+            source=source,
             nodes=None if numbers is None else numbers[self.nodes],
-        )  # fmt: skip
+        )

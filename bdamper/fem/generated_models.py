@@ -168,15 +168,18 @@ def averaging_matrix(body: Discretisation, *faces: Patches) -> sp.csr_matrix:
 
 
 def damper_body(
-    damper: FreeBody[Discretisation], faces: Sequence[Patches], nodes: Mapping[str, int], n_modes: int,
-    damping_ratio: float, g: Geometry,
-) -> Body:  # fmt: skip
-    """Return the damper of sector 0 with the patches of its faces and with locations at
-    ``nodes``."""
-    wanted = Wanted(
-        DAMPER_PORTS, averaging_matrix(damper.body, *faces), nodes, n_modes, damping_ratio
-    )
-    return free_body("damper", wanted, damper, turn(0.5 * g.pitch)[:, 1])
+    damper: FreeBody[Discretisation],
+    faces: Sequence[Patches],
+    nodes: Mapping[str, int],
+    n_modes: int,
+    damping_ratio: float,
+    g: Geometry,
+) -> Body:
+    """Return the damper of sector 0 with the patches of its faces and locations at ``nodes``."""
+    contact = averaging_matrix(damper.body, *faces)
+    wanted = Wanted(DAMPER_PORTS, contact, nodes, n_modes, damping_ratio)
+    radial = turn(0.5 * g.pitch)[:, 1]
+    return free_body("damper", wanted, damper, radial)
 
 
 # ---- Finite element bodies ----
@@ -204,11 +207,11 @@ class SectorFE:
     def __post_init__(self) -> None:
         g = self.geometry
         self.blade: Discretisation = discretise(sector_mesh(g, self.density), self.material)
-        self.damper: FreeBody[Discretisation] = FreeBody(
-            discretise(damper_mesh(g, self.density), self.material), turn(0.5 * g.pitch).T
-        )
+        damper = discretise(damper_mesh(g, self.density), self.material)
+        self.damper: FreeBody[Discretisation] = FreeBody(damper, turn(0.5 * g.pitch).T)
         nodes = self.blade.nodes
-        angle, radius = np.arctan2(nodes[:, 0], nodes[:, 1]), np.hypot(nodes[:, 0], nodes[:, 1])
+        angle = np.arctan2(nodes[:, 0], nodes[:, 1])
+        radius = np.hypot(nodes[:, 0], nodes[:, 1])
         on_disk = radius < g.rim_radius + 1e-8
         left = np.flatnonzero(on_disk & (np.abs(angle + 0.5 * g.pitch) < 1e-9))
         right = np.flatnonzero(on_disk & (np.abs(angle - 0.5 * g.pitch) < 1e-9))
@@ -315,22 +318,26 @@ def blade_stress(
 
 
 def blade_points(body: Discretisation, g: Geometry) -> NDArray:
-    """Return nodes around the airfoil, at a sixth of its height, and around the shank, at half its
-    height.
+    """Return nodes around the airfoil at a sixth of its height, and around the shank at half of it.
 
     Around the airfoil these are leading edge, trailing edge and the middle of either side; around
     the shank its four edges and the middle of either side.
     """
     root = g.ridge_radius + g.platform_edge_thickness
     # the root itself is a sharp edge
-    places = [*airfoil_points(g, [0.0, 0.0, -1.0, 1.0], [-1.0, 1.0, 0.0, 0.0], 1.0 / 6.0, root)]
-    underside = float(g.underside_points(np.array([g.underside_range[1]]))[0, 1])  # at the shank
-    middle = 0.5 * (np.sqrt(g.rim_radius**2 - 0.25 * g.shank_width**2) + underside)
-    places += [
-        np.array([sx * 0.5 * g.shank_width, middle, sz * 0.5 * g.axial_length])
-        for sx in (-1, 1)
-        for sz in (-1, 0, 1)
-    ]
+    around_airfoil = airfoil_points(
+        g, [0.0, 0.0, -1.0, 1.0], [-1.0, 1.0, 0.0, 0.0], 1.0 / 6.0, root
+    )
+    at_shank = np.array([g.underside_range[1]])
+    underside = float(g.underside_points(at_shank)[0, 1])
+    rim = np.sqrt(g.rim_radius**2 - 0.25 * g.shank_width**2)
+    middle = 0.5 * (rim + underside)
+    places = [*around_airfoil]
+    for side in (-1, 1):
+        for end in (-1, 0, 1):
+            x = side * 0.5 * g.shank_width
+            z = end * 0.5 * g.axial_length
+            places.append(np.array([x, middle, z]))
     return np.array([body.nearest_node(place) for place in places])
 
 
@@ -442,15 +449,19 @@ def reference_disk(points: int, progress: bool = False) -> Model:
 
 
 def paper_disk(points: int, progress: bool = False) -> Model:
-    """Generate the disk of the paper with 9, 24 or 48 contact points: 3, 4 and 4 rows along the
-    slope."""
-    rows, full = 3 if points == 9 else 4, points == 24  # others: one harmonic, for small files
+    """Generate the disk of the paper with 9, 24 or 48 contact points.
+
+    They lie in 3, 4 and 4 rows along the slope.
+    """
+    n_rows = 3 if points == 9 else 4
+    # the others are small files with one harmonic
+    is_full = points == 24
     return bladed_disk(
-        (rows, points // rows),
+        (n_rows, points // n_rows),
         fe=SectorFE(paper_geometry(), MeshDensity.preset("coarse")),
         damping_ratio=0.0021,
-        harmonics=7 if full else 1,
-        n_modes=40 if full else 20,
+        harmonics=7 if is_full else 1,
+        n_modes=40 if is_full else 20,
         pictures=(5,),
         progress=progress,
     )

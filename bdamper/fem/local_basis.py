@@ -117,8 +117,9 @@ class BladePart:
     def __post_init__(self) -> None:
         inside = self.inside
         coupled = abs(self.body.stiffness) + abs(self.body.mass)
-        outside = np.repeat(~inside, 3) @ coupled > 0.0
-        root = inside & outside.reshape(-1, 3).any(axis=1)
+        coupled_outside = np.repeat(~inside, 3) @ coupled > 0.0
+        # the root is shared with the disk
+        root = inside & coupled_outside.reshape(-1, 3).any(axis=1)
         moving = ~self.fixed.ravel()
         self.root: NDArray = np.flatnonzero(root)
         self.root_dofs: NDArray = np.flatnonzero(np.repeat(root, 3) & moving)
@@ -144,16 +145,15 @@ class BladePart:
             If a contact point or location is not on the blade, or a node of the blade is on a cut
             face.
         """
+        on_blade = self.inside
         check(
-            self.inside[wanted.contact.indices // 3].all(),
+            on_blade[wanted.contact.indices // 3].all(),
             "contact points that are not on the blade",
         )
         for name, place in wanted.locations.items():
-            check(
-                self.inside[nodes_of(place)].all(), f"location '{name}', which is not on the blade"
-            )
+            check(on_blade[nodes_of(place)].all(), f"location '{name}', which is not on the blade")
         check(
-            not self.inside[faces.nodes].any(),
+            not on_blade[faces.nodes].any(),
             "a node of the blade that lies on a face at which the sector repeats",
         )
 
@@ -171,9 +171,8 @@ class BladePart:
     def cantilever(self, n_modes: int) -> tuple[NDArray, NDArray]:
         """Return squared frequencies (n_modes,) and modes (3 n_nodes, n_modes) of the blade clamped
         at its root."""
-        stiffness, mass = (
-            m[self.own_dofs][:, self.own_dofs] for m in (self.body.stiffness, self.body.mass)
-        )
+        stiffness = self.body.stiffness[self.own_dofs][:, self.own_dofs]
+        mass = self.body.mass[self.own_dofs][:, self.own_dofs]
         omega2, shapes = lowest_modes(stiffness, mass, self.solver.solve, n_modes)
         return omega2, fix_phase(self._spread(shapes), self.body.mass)
 
@@ -188,18 +187,20 @@ class BladePart:
 
         The result is mass-normalised.
         """
-        shapes = columns - modes @ (modes.T @ (self.body.mass @ columns))  # rounding
-        k, m = (shapes.T @ (matrix @ shapes) for matrix in (self.body.stiffness, self.body.mass))
-        return np.asarray(shapes @ eigh(k, m)[1])
+        # a second time, because rounding disturbs the first projection
+        shapes = columns - modes @ (modes.T @ (self.body.mass @ columns))
+        stiffness = shapes.T @ (self.body.stiffness @ shapes)
+        mass = shapes.T @ (self.body.mass @ shapes)
+        _, combination = eigh(stiffness, mass)
+        return np.asarray(shapes @ combination)
 
     def carried(self, shapes: NDArray) -> NDArray:
         """Return the static shapes (3 n_nodes, n) of the blade for displacements (n_root_dofs, n)
         of its root."""
-        out = -self._spread(
-            self.solver.solve(self.body.stiffness[self.own_dofs][:, self.root_dofs] @ shapes)
-        )
-        out[self.root_dofs] = shapes
-        return out
+        force = self.body.stiffness[self.own_dofs][:, self.root_dofs] @ shapes
+        displacement = -self._spread(self.solver.solve(force))
+        displacement[self.root_dofs] = shapes
+        return displacement
 
 
 def disk_matrices(
@@ -213,37 +214,50 @@ def disk_matrices(
     diameter.  With a factorisation at each of 19 nodal diameters the import of a sector of 2,865
     nodes takes 1.4 times as long.
     """
-    body, held = blade.body, blade.fixed.copy()
-    held.ravel()[blade.own_dofs] = True
-    moving, faces = ~held.ravel(), np.zeros(body.n_dof, bool)
-    moving[blade.root_dofs] = False
-    faces[body.dofs(sector.faces.nodes)] = True
-    face, inner = np.flatnonzero(moving & faces), np.flatnonzero(moving & ~faces)
-    of_inner, of_face = body.stiffness[inner], body.stiffness[face]
-    factor, coupling = factorise(of_inner[:, inner]), of_inner[:, face].tocsc()
+    body = blade.body
     motion = carried[blade.root_dofs]
-    driven = factor.solve(np.ascontiguousarray(of_inner[:, blade.root_dofs] @ motion))
-    stiffness = of_face[:, face].toarray()
+    # the clamped blade and its root do not take part in the solution for the disk
+    held = blade.fixed.copy()
+    held.ravel()[blade.own_dofs] = True
+    moving = ~held.ravel()
+    moving[blade.root_dofs] = False
+    on_faces = np.zeros(body.n_dof, bool)
+    on_faces[body.dofs(sector.faces.nodes)] = True
+    face = np.flatnonzero(moving & on_faces)
+    inner = np.flatnonzero(moving & ~on_faces)
+
+    # disk with held faces, driven by the roots
+    inner_stiffness = body.stiffness[inner]
+    factor = factorise(inner_stiffness[:, inner])
+    coupling = inner_stiffness[:, face].tocsc()
+    driven = factor.solve(np.ascontiguousarray(inner_stiffness[:, blade.root_dofs] @ motion))
+
+    # stiffness of the faces without the inner displacements, and forces of the roots on them
+    face_stiffness = body.stiffness[face]
+    stiffness = face_stiffness[:, face].toarray()
     for start in range(0, len(face), 64):  # columns at a time, for memory
         columns = slice(start, start + 64)
         stiffness[:, columns] -= coupling.T @ factor.solve(coupling[:, columns].toarray())
-    load = of_face[:, blade.root_dofs] @ motion - coupling.T @ driven
-    out = []
+    load = face_stiffness[:, blade.root_dofs] @ motion - coupling.T @ driven
+
+    stiffness_of_wave, mass_of_wave = [], []
     for d in range(sector.faces.n_sectors // 2 + 1):
         blade.step(f"disk of the wheel, nodal diameter {d}")
         t = cyclic_transformation(len(body.nodes), sector.faces, held, d)[face]
         t = t[:, np.unique(t.indices)].toarray()
-        whole = np.zeros(carried.shape, t.dtype)
-        whole[blade.own_dofs], whole[blade.root_dofs] = carried[blade.own_dofs], motion
-        whole[face] = -t @ np.linalg.solve(t.conj().T @ stiffness @ t, t.conj().T @ load)
-        push = coupling @ whole[face]
-        parts = [factor.solve(np.ascontiguousarray(part)) for part in (push.real, push.imag)]
-        whole[inner] = -driven - (parts[0] + 1j * parts[1] if np.iscomplexobj(t) else parts[0])
-        out.append(
-            [hermitian(whole.conj().T @ (matrix @ whole)) for matrix in (body.stiffness, body.mass)]
-        )
-    k, m = np.moveaxis(np.array(out, complex), 1, 0)
-    return k, m
+        shapes = np.zeros(carried.shape, t.dtype)
+        shapes[blade.own_dofs] = carried[blade.own_dofs]
+        shapes[blade.root_dofs] = motion
+        shapes[face] = -t @ np.linalg.solve(t.conj().T @ stiffness @ t, t.conj().T @ load)
+        push = coupling @ shapes[face]
+        # the factorisation is real
+        pushed = factor.solve(np.ascontiguousarray(push.real))
+        if np.iscomplexobj(t):
+            pushed = pushed + 1j * factor.solve(np.ascontiguousarray(push.imag))
+        shapes[inner] = -driven - pushed
+        stiffness_of_wave.append(hermitian(shapes.conj().T @ (body.stiffness @ shapes)))
+        mass_of_wave.append(hermitian(shapes.conj().T @ (body.mass @ shapes)))
+    return np.array(stiffness_of_wave, complex), np.array(mass_of_wave, complex)
 
 
 def sampled_waves(n_sectors: int) -> list[int]:
@@ -254,13 +268,14 @@ def sampled_waves(n_sectors: int) -> list[int]:
 
 def root_shapes(blade: BladePart, sector: Sectors, n_sectors: int, sizes: LocalSizes) -> NDArray:
     """Return the principal shapes (n_root_dofs, n) of the root in the lowest modes."""
-    motion = []
+    motions = []
     for d in sampled_waves(n_sectors):
         omega2, shapes = sector(d).modes(sizes.modes)
-        found = shapes[blade.root_dofs] / np.sqrt(omega2)
-        motion += [found.real, found.imag]
-    shapes, size, _ = np.linalg.svd(np.hstack(motion), full_matrices=False)
-    return np.asarray(shapes[:, size > 1e-8 * size[0]][:, : sizes.interface])
+        root_motion = shapes[blade.root_dofs] / np.sqrt(omega2)
+        motions += [root_motion.real, root_motion.imag]
+    shapes, size, _ = np.linalg.svd(np.hstack(motions), full_matrices=False)
+    independent = shapes[:, size > 1e-8 * size[0]]
+    return np.asarray(independent[:, : sizes.interface])
 
 
 def damper_motion(
@@ -272,17 +287,22 @@ def damper_motion(
     Sectors are relative to the blade.  Points in contact with the ground or another blade have zero
     motion.
     """
-    motion, sector = [], []
+    motions, sectors = [], []
     for name, side in ports:
         face = interfaces[name]
-        other = face.body_b if side == "a" else face.body_a
-        rigid = face.frame @ rigid_motions(face.points, np.zeros(3), np.eye(3)).reshape(-1, 3, 6)
-        body = face.body_a if side == "a" else face.body_b
-        motion.append(rigid.reshape(-1, 6) * (other not in (body, "ground")))
-        sector.append(
-            np.full(3 * face.n_points, (face.sector_b - face.sector_a) * (1 if side == "a" else -1))
-        )
-    return np.concatenate(motion), np.concatenate(sector)
+        if side == "a":
+            body, other = face.body_a, face.body_b
+            sector = face.sector_b - face.sector_a
+        else:
+            body, other = face.body_b, face.body_a
+            sector = face.sector_a - face.sector_b
+        in_model_axes = rigid_motions(face.points, np.zeros(3), np.eye(3)).reshape(-1, 3, 6)
+        motion = (face.frame @ in_model_axes).reshape(-1, 6)
+        if other in (body, "ground"):
+            motion = np.zeros_like(motion)
+        motions.append(motion)
+        sectors.append(np.full(3 * face.n_points, sector))
+    return np.concatenate(motions), np.concatenate(sectors)
 
 
 def stuck_loads(
@@ -315,29 +335,36 @@ def stuck_loads(
         See :func:`local_basis`.
     n_sectors : int
     """
-    found, root = [], np.linalg.pinv(loads)  # the flexibility is root.T @ root
-    spring = len(loads) / float(np.square(root).sum())
+    root = np.linalg.pinv(loads)  # the flexibility is root.T @ root
+    mean_stiffness = len(loads) / float(np.square(root).sum())
     contact = wheel.contact_modes.reshape(-1, wheel.n)
+    damper_modes, damper_sectors = dampers
+    last = min(sizes.modes, wheel.n) - 1
+    forces = []
     for d in sampled_waves(n_sectors):
-        motion = dampers[0] * np.exp(2j * np.pi * d * dampers[1] / n_sectors)[:, None]
-        rigid, size, _ = np.linalg.svd(motion, full_matrices=False)
+        phase = np.exp(2j * np.pi * d * damper_sectors / n_sectors)
+        rigid, size, _ = np.linalg.svd(damper_modes * phase[:, None], full_matrices=False)
         rigid = rigid[:, size > 1e-9 * size[0]]
-        stuck = contact - rigid @ (rigid.conj().T @ contact)
-        for held in (factor * spring * stuck for factor in SPRINGS):
-            last = min(sizes.modes, wheel.n) - 1
+        # displacement relative to free dampers, which follow the points as far as possible
+        relative = contact - rigid @ (rigid.conj().T @ contact)
+        for factor in SPRINGS:
+            springs = factor * mean_stiffness * relative
             omega2, modes = eigh(
-                wheel.stiffness(d) + contact.T @ held, wheel.mass(d), subset_by_index=(0, last)
+                wheel.stiffness(d) + contact.T @ springs, wheel.mass(d), subset_by_index=(0, last)
             )
-            forces = held @ modes / np.sqrt(omega2)
-            found += [forces.real, forces.imag]
-    shapes = np.linalg.svd(root @ np.hstack(found), full_matrices=False)[0]
-    return np.asarray(loads @ shapes[:, : sizes.attachment])
+            modal_forces = springs @ modes / np.sqrt(omega2)
+            forces += [modal_forces.real, modal_forces.imag]
+    principal, _, _ = np.linalg.svd(root @ np.hstack(forces), full_matrices=False)
+    return np.asarray(loads @ principal[:, : sizes.attachment])
 
 
 def local_shapes(
-    blade: BladePart, sector: Sectors, wanted: Wanted, dampers: tuple[NDArray, NDArray],
+    blade: BladePart,
+    sector: Sectors,
+    wanted: Wanted,
+    dampers: tuple[NDArray, NDArray],
     sizes: LocalSizes,
-) -> tuple[NDArray, NDArray, NDArray, NDArray]:  # fmt: skip
+) -> tuple[NDArray, NDArray, NDArray, NDArray]:
     """Compute the shapes of the local basis; for the parameters see :func:`local_basis`.
 
     Returns
@@ -349,39 +376,47 @@ def local_shapes(
     stiffness, mass : (N // 2 + 1, n_interface, n_interface) complex
         Matrices of the root shapes, blade and disk together, at each nodal diameter.
     """
-    contact, (omega2, modes) = wanted.contact, blade.cantilever(sizes.cantilever)
+    contact = wanted.contact
+    omega2, modes = blade.cantilever(sizes.cantilever)
     first = sector(0)
     n_sectors = first.faces.n_sectors
     carried = blade.carried(root_shapes(blade, sector, n_sectors, sizes))
-    disk = disk_matrices(blade, first, carried)
+    disk_stiffness, disk_mass = disk_matrices(blade, first, carried)
     # shapes of unit mass on the average over all waves, so that all matrices have similar entries
-    scale = eigh(*(mean_over_waves(matrices, n_sectors) for matrices in disk))[1]
-    k, m = (hermitian(scale.T @ matrices @ scale) for matrices in disk)
+    mean_stiffness = mean_over_waves(disk_stiffness, n_sectors)
+    _, scale = eigh(mean_stiffness, mean_over_waves(disk_mass, n_sectors))
+    stiffness = hermitian(scale.T @ disk_stiffness @ scale)
+    mass = hermitian(scale.T @ disk_mass @ scale)
     carried = carried @ scale
+
+    # static shapes of the contact forces without their part in the cantilever modes
     columns = blade.contact_columns(contact)
     columns -= (modes / omega2) @ (contact @ modes).T
-    size, loads = np.linalg.eigh(hermitian(contact @ columns))
-    real = size > 1e-9 * size.max(initial=0.0)
+    flexibility, loads = np.linalg.eigh(hermitian(contact @ columns))
+    flexible = flexibility > 1e-9 * flexibility.max(initial=0.0)
     attached = np.zeros((len(modes), 0))
-    if sizes.attachment and real.any():
-        loads = loads[:, real] / np.sqrt(size[real])
-        wheel = _made_of(blade, wanted, omega2, np.hstack([modes, columns @ loads, carried]), k, m)
-        attached = blade.attachments(
-            columns @ stuck_loads(wheel, loads, dampers, n_sectors, sizes), modes
-        )
+    if sizes.attachment and flexible.any():
+        loads = loads[:, flexible] / np.sqrt(flexibility[flexible])
+        every_shape = np.hstack([modes, columns @ loads, carried])
+        wheel = _made_of(blade, wanted, omega2, every_shape, stiffness, mass)
+        principal = stuck_loads(wheel, loads, dampers, n_sectors, sizes)
+        attached = blade.attachments(columns @ principal, modes)
     if wanted.static_shapes and wanted.locations:
-        loads = location_loads(blade.body, wanted.locations.values())
-        static = residual_shapes(
-            blade.body, np.hstack([modes, attached]), loads, blade.contact_columns(loads.T.tocsr())
-        )
-        attached = np.hstack([attached, static[1]])
-    return omega2, np.hstack([modes, attached, carried]), k, m
+        forces = location_loads(blade.body, wanted.locations.values())
+        static = blade.contact_columns(forces.T.tocsr())
+        _, residual = residual_shapes(blade.body, np.hstack([modes, attached]), forces, static)
+        attached = np.hstack([attached, residual])
+    return omega2, np.hstack([modes, attached, carried]), stiffness, mass
 
 
 def local_basis(
-    blade: BladePart, sector: Sectors, wanted: Wanted, dampers: tuple[NDArray, NDArray],
-    sizes: LocalSizes, region: str,
-) -> LocalBasis:  # fmt: skip
+    blade: BladePart,
+    sector: Sectors,
+    wanted: Wanted,
+    dampers: tuple[NDArray, NDArray],
+    sizes: LocalSizes,
+    region: str,
+) -> LocalBasis:
     """Reduce a sector to its local basis.
 
     Parameters
@@ -407,7 +442,8 @@ def local_basis(
         If contact points or locations are not on the blade, or its root is on a cut face.
     """
     blade.check_wanted(wanted, sector(0).faces)
-    basis = _made_of(blade, wanted, *local_shapes(blade, sector, wanted, dampers, sizes))
+    omega2, shapes, stiffness, mass = local_shapes(blade, sector, wanted, dampers, sizes)
+    basis = _made_of(blade, wanted, omega2, shapes, stiffness, mass)
     flexibility = hermitian(wanted.contact @ blade.contact_columns(wanted.contact))
     return replace(basis, region=region, flexibility=flexibility)
 
@@ -421,32 +457,45 @@ def _made_of(
     mass: NDArray,
 ) -> LocalBasis:
     """Return the local basis with the shapes and matrices of :func:`local_shapes`."""
-    body, n, r = blade.body, shapes.shape[1], stiffness.shape[1]
-    clamped, root_rows, strain = slice(0, n - r), slice(n - r, n), np.zeros((r, r))
+    body = blade.body
+    n = shapes.shape[1]
+    n_root = stiffness.shape[1]
+    clamped = slice(0, n - n_root)
+    root_rows = slice(n - n_root, n)
+    clamped_shapes = shapes[:, clamped]
     carried = shapes[:, root_rows]
+    # the stiffness of the blade alone is known if its elements are
+    strain = np.zeros((n_root, n_root))
     if blade.stiffness is not None:
         strain = hermitian(carried.T @ (blade.stiffness @ carried))
+    energies = np.einsum("ij,ij->j", clamped_shapes, body.stiffness @ clamped_shapes)
+    attached = energies[len(omega2) :]
     blade_stiffness = np.zeros((n, n))
-    attached = np.einsum("ij,ij->j", shapes[:, clamped], body.stiffness @ shapes[:, clamped])[
-        len(omega2) :
-    ]
     blade_stiffness[clamped, clamped] = np.diag(np.append(omega2, attached))
     blade_stiffness[root_rows, root_rows] = strain
     blade_mass = shapes.T @ (body.mass @ shapes)
+    # the mass of the root is part of the disk
     root = carried[blade.root_dofs]
-    blade_mass[root_rows, root_rows] -= root.T @ (
-        body.mass[blade.root_dofs][:, blade.root_dofs] @ root
-    )  # part of the disk
+    root_mass = body.mass[blade.root_dofs][:, blade.root_dofs]
+    blade_mass[root_rows, root_rows] -= root.T @ (root_mass @ root)
     blade_mass = hermitian(blade_mass)
     return LocalBasis(
-        region="", omega2=omega2.copy(), damping_ratio=np.full(n, wanted.damping_ratio), blade_stiffness=blade_stiffness,
-        blade_mass=blade_mass, disk_stiffness=stiffness - strain, disk_mass=mass - blade_mass[root_rows, root_rows],
-        contact_modes=(wanted.contact @ shapes).reshape(-1, 3, n), locations=location_rows(wanted.locations, shapes),
-    )  # fmt: skip
+        region="",
+        omega2=omega2.copy(),
+        damping_ratio=np.full(n, wanted.damping_ratio),
+        blade_stiffness=blade_stiffness,
+        blade_mass=blade_mass,
+        disk_stiffness=stiffness - strain,
+        disk_mass=mass - blade_mass[root_rows, root_rows],
+        contact_modes=(wanted.contact @ shapes).reshape(-1, 3, n),
+        locations=location_rows(wanted.locations, shapes),
+    )
 
 
 def mean_over_waves(matrices: NDArray, n_sectors: int) -> NDArray:
     """Return the real mean (n, n) of Hermitian matrices (N // 2 + 1, n, n) over all waves in both
     directions."""
-    weight = np.where(2 * np.arange(len(matrices)) % n_sectors == 0, 1.0, 2.0)
-    return np.asarray(np.einsum("d,dij->ij", weight, matrices).real / n_sectors)
+    # a wave of 0 or N/2 nodal diameters is its own reverse
+    is_standing = 2 * np.arange(len(matrices)) % n_sectors == 0
+    n_directions = np.where(is_standing, 1.0, 2.0)
+    return np.asarray(np.einsum("d,dij->ij", n_directions, matrices).real / n_sectors)

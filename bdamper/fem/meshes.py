@@ -218,9 +218,6 @@ def paper_geometry() -> Geometry:
 # ---- Structured meshes ----
 
 
-# Local corners in the order in which scikit-fem numbers them.
-
-
 @dataclass(frozen=True)
 class MeshDensity:
     """Numbers of elements.
@@ -254,11 +251,25 @@ class MeshDensity:
     @classmethod
     def preset(cls, name: str) -> MeshDensity:
         """Return the density ``"coarse"`` or ``"reference"``."""
+        # in the order of the fields
         presets = {
             "coarse": (2, 2, 1, 4, 2, 2, 1, 6, 3, 1, 2, 6),
             "reference": (2, 4, 1, 8, 5, 6, 3, 24, 5, 1, 4, 9),
         }
         return cls(*presets[validation.choice("mesh", name, presets)])
+
+
+# nodes of an element in a block, in the order of scikit-fem
+HEXAHEDRON = (
+    (1, 1, 1),
+    (1, 1, 0),
+    (1, 0, 1),
+    (0, 1, 1),
+    (1, 0, 0),
+    (0, 1, 0),
+    (0, 0, 1),
+    (0, 0, 0),
+)
 
 
 def join_blocks(blocks: list[NDArray]) -> MeshHex:
@@ -269,31 +280,21 @@ def join_blocks(blocks: list[NDArray]) -> MeshHex:
     blocks : list of (ni, nj, nk, 3) float, m
         Common positions of two blocks must be equal to 1e-9 m.
     """
-    points, cells, start = [], [], 0
-    corners = (
-        (1, 1, 1),
-        (1, 1, 0),
-        (1, 0, 1),
-        (0, 1, 1),
-        (1, 0, 0),
-        (0, 1, 0),
-        (0, 0, 1),
-        (0, 0, 0),
-    )
+    points, cells = [], []
+    start = 0
     for block in blocks:
         shape = block.shape[:3]
         number = start + np.arange(np.prod(shape)).reshape(shape)
-        ends = [slice(c, n - 1 + c) for c in (0, 1) for n in shape]
-        corner = [
-            number[ends[3 * a], ends[3 * b + 1], ends[3 * c + 2]].ravel() for a, b, c in corners
-        ]
-        cells.append(np.array(corner))
+        # the first or the last node of each element along an edge
+        ends = (slice(None, -1), slice(1, None))
+        corners = [number[ends[a], ends[b], ends[c]].ravel() for a, b, c in HEXAHEDRON]
+        cells.append(np.array(corners))
         points.append(block.reshape(-1, 3))
         start += number.size
-    p, t = np.concatenate(points), np.concatenate(cells, axis=1)
-    _, first, inverse = np.unique(
-        np.round(p / 1e-9).astype(np.int64), axis=0, return_index=True, return_inverse=True
-    )
+    p = np.concatenate(points)
+    t = np.concatenate(cells, axis=1)
+    rounded = np.round(p / 1e-9).astype(np.int64)
+    _, first, inverse = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
     return MeshHex(np.ascontiguousarray(p[first].T), np.ascontiguousarray(inverse.reshape(-1)[t]))
 
 
@@ -316,11 +317,10 @@ def airfoil_points(g: Geometry, zeta: ArrayLike, xi: ArrayLike, eta: float, root
     chord = g.root_chord + eta * (g.tip_chord - g.root_chord)
     thickness = g.root_thickness + eta * (g.tip_thickness - g.root_thickness)
     x = g.camber * (1.0 / 3.0 - xi**2) + 0.5 * zeta * thickness * (1.0 - 0.75 * xi**2)
+    y = np.full_like(x, root + eta * g.airfoil_height)
     z = 0.5 * xi * chord
     c, s = np.cos(eta * g.twist), np.sin(eta * g.twist)
-    return np.stack(
-        [c * x + s * z, np.full_like(x, root + eta * g.airfoil_height), c * z - s * x], axis=-1
-    )
+    return np.stack([c * x + s * z, y, c * z - s * x], axis=-1)
 
 
 def sector_blocks(g: Geometry, n: MeshDensity) -> list[NDArray]:
@@ -390,20 +390,16 @@ def sector_mesh(g: Geometry, n: MeshDensity) -> MeshHex:
 
 
 def damper_mesh(g: Geometry, n: MeshDensity) -> MeshHex:
-    """Return the mesh of the damper of sector 0, between blade 0 and blade 1, in the axes of blade
-    0."""
+    """Return the mesh of the damper between blades 0 and 1, in the axes of blade 0."""
     left = g.face_points(np.linspace(g.face_length, 0.0, n.damper_face + 1))
-    ridge = np.linspace(-0.5, 0.5, n.damper_ridge + 1)[1:-1] * g.ridge_width
-    roof = np.concatenate(
-        [
-            left,
-            np.stack([ridge, np.full_like(ridge, g.ridge_radius)], axis=-1),
-            left[::-1] * [-1.0, 1.0],
-        ]
-    )
+    ridge_x = np.linspace(-0.5, 0.5, n.damper_ridge + 1)[1:-1] * g.ridge_width
+    ridge = np.stack([ridge_x, np.full_like(ridge_x, g.ridge_radius)], axis=-1)
+    right = left[::-1] * [-1.0, 1.0]
+    roof = np.concatenate([left, ridge, right])
     z = np.linspace(-0.5, 0.5, n.damper_length + 1) * g.face_width
     top = np.empty((len(roof), len(z), 3))
-    top[..., :2], top[..., 2] = roof[:, None], z[None]
+    top[..., :2] = roof[:, None]
+    top[..., 2] = z[None]
     bottom = top.copy()
     bottom[..., 1] = left[0, 1] - g.damper_body_height
     return join_blocks([_layers(bottom, top, n.damper_height) @ turn(0.5 * g.pitch).T])
@@ -413,17 +409,11 @@ def damper_mesh(g: Geometry, n: MeshDensity) -> MeshHex:
 
 
 def local_order() -> NDArray:
-    """Return the numbers in scikit-fem of the 20 local nodes in the order of CalculiX and
-    Abaqus."""
+    """Return the numbers in scikit-fem of the 20 nodes in the order of CalculiX and Abaqus."""
     ours = 2.0 * ElementHexS2().doflocs - 1.0
     middles = 0.5 * (SQUARE + np.roll(SQUARE, -1, axis=0))
-    layers = (
-        (SQUARE, -1.0),
-        (SQUARE, 1.0),
-        (middles, -1.0),
-        (middles, 1.0),
-        (SQUARE, 0.0),
-    )  # on the cube [-1, 1]^3
+    # on the cube from -1 to 1
+    layers = ((SQUARE, -1.0), (SQUARE, 1.0), (middles, -1.0), (middles, 1.0), (SQUARE, 0.0))
     theirs = np.concatenate([np.column_stack([xy, np.full(4, z)]) for xy, z in layers])
     return np.abs(theirs[:, None] - ours[None]).max(axis=2).argmin(axis=1)
 
@@ -494,15 +484,14 @@ def discretise(mesh: MeshHex, material: Material) -> Discretisation:
 
 
 def clamped_segment(body: Discretisation, g: Geometry, n_pitches: int) -> CyclicSector:
-    """Return a disk segment of ``n_pitches`` pitches, clamped at the bore and at its cut faces: an
-    acyclic structure."""
-    angle, radius = (
-        np.arctan2(body.nodes[:, 0], body.nodes[:, 1]),
-        np.hypot(body.nodes[:, 0], body.nodes[:, 1]),
-    )
-    cut = (radius < g.rim_radius + 1e-8) & (np.abs(angle) > 0.5 * n_pitches * g.pitch - 1e-9)
-    clamped = np.flatnonzero((radius < g.bore_radius + 1e-8) | cut)
-    return CyclicSector(body, no_faces(), clamped, 0)
+    """Return a disk segment clamped at the bore and at its cut faces: an acyclic structure."""
+    x, y = body.nodes[:, 0], body.nodes[:, 1]
+    angle = np.arctan2(x, y)
+    radius = np.hypot(x, y)
+    in_disk = radius < g.rim_radius + 1e-8
+    at_cut_face = in_disk & (np.abs(angle) > 0.5 * n_pitches * g.pitch - 1e-9)
+    at_bore = radius < g.bore_radius + 1e-8
+    return CyclicSector(body, no_faces(), np.flatnonzero(at_bore | at_cut_face), 0)
 
 
 def surface_mesh(body: Discretisation, shapes: Mapping[int, NDArray] | None = None) -> SurfaceMesh:
@@ -514,10 +503,10 @@ def surface_mesh(body: Discretisation, shapes: Mapping[int, NDArray] | None = No
     shapes : mapping of nodal diameter to (3 n_nodes, n_modes), optional
         Mode shapes to store at the nodes of the surface.
     """
-    modes = {
-        d: columns.reshape(-1, 3, columns.shape[1])[..., :PICTURED_MODES]
-        for d, columns in (shapes or {}).items()
-    }
+    modes = {}
+    for d, columns in (shapes or {}).items():
+        by_node = columns.reshape(-1, 3, columns.shape[1])
+        modes[d] = by_node[..., :PICTURED_MODES]
     return picture_mesh(body.surface, body.nodes, modes)
 
 
@@ -551,10 +540,11 @@ def blade_nodes(body: Discretisation, g: Geometry) -> dict[str, int]:
         "tip_trailing_edge": (1.0, 1.0),
         "tip_leading_edge": (-1.0, 1.0),
     }
-    return {
-        name: body.nearest_node(airfoil_points(g, 0.0, xi, eta, root))
-        for name, (xi, eta) in places.items()
-    }
+    nodes = {}
+    for name, (along_chord, height) in places.items():
+        point = airfoil_points(g, 0.0, along_chord, height, root)
+        nodes[name] = body.nearest_node(point)
+    return nodes
 
 
 def locations(name: str, body: Discretisation, nodes: Mapping[str, int]) -> dict[str, Location]:
@@ -565,12 +555,15 @@ def locations(name: str, body: Discretisation, nodes: Mapping[str, int]) -> dict
 def provenance(source: str, *bodies: Discretisation, over_speed: bool = False) -> dict[str, str]:
     """Return the origin of a model: function, programs, date and mesh."""
     elements = " + ".join(str(body.mesh.t.shape[1]) for body in bodies)
+    stiffening = "by squared speed" if over_speed else "left out"
     return {
         "source": source,
-        "programs": f"scikit-fem {skfem.__version__}, scipy {scipy.__version__}, numpy {np.__version__}",
+        "programs": (
+            f"scikit-fem {skfem.__version__}, scipy {scipy.__version__}, numpy {np.__version__}"
+        ),
         "date": datetime.date.today().isoformat(),
         "elements": f"{elements} 20-node hexahedra",
-        "rotor speed": f"0 (stress stiffening and spin softening {'by squared speed' if over_speed else 'left out'})",
+        "rotor speed": f"0 (stress stiffening and spin softening {stiffening})",
     }
 
 

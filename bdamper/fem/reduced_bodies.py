@@ -44,8 +44,9 @@ from bdamper.model.structure import Body, BodyLoad, ModalBasis, Port, SurfaceMes
 
 
 def isostatic_dofs(nodes: NDArray, corner: int = 0) -> NDArray:
-    """Return six degrees of freedom that constrain rigid-body motion: 3 + 2 + 1 at three distant
-    nodes.
+    """Return six degrees of freedom that constrain rigid-body motion.
+
+    They are 3 + 2 + 1 components at three distant nodes.
 
     Parameters
     ----------
@@ -53,14 +54,15 @@ def isostatic_dofs(nodes: NDArray, corner: int = 0) -> NDArray:
     corner : int
         Index of the first of the three nodes; any node may be chosen.
     """
-    a = corner
-    b = int(np.argmax(np.linalg.norm(nodes - nodes[a], axis=1)))
-    direction = (nodes[b] - nodes[a]) / np.linalg.norm(nodes[b] - nodes[a])
-    off = (nodes - nodes[a]) - np.outer((nodes - nodes[a]) @ direction, direction)
-    c = int(np.argmax(np.linalg.norm(off, axis=1)))
-    candidates = np.concatenate([3 * a + np.arange(3), 3 * b + np.arange(3), 3 * c + np.arange(3)])
-    motion = rigid_motions(nodes, nodes[a], np.eye(3))[candidates]
-    motion[:, 3:] /= np.linalg.norm(nodes[b] - nodes[a])
+    from_corner = nodes - nodes[corner]
+    second = int(np.argmax(np.linalg.norm(from_corner, axis=1)))
+    length = np.linalg.norm(nodes[second] - nodes[corner])
+    direction = (nodes[second] - nodes[corner]) / length
+    off_line = from_corner - np.outer(from_corner @ direction, direction)
+    third = int(np.argmax(np.linalg.norm(off_line, axis=1)))
+    candidates = np.concatenate([3 * node + np.arange(3) for node in (corner, second, third)])
+    motion = rigid_motions(nodes, nodes[corner], np.eye(3))[candidates]
+    motion[:, 3:] /= length
     # choose six rows by pivoting: the largest component orthogonal to the previous rows
     chosen = qr(motion.T, mode="r", pivoting=True)[1][:6]
     return np.sort(candidates[chosen])
@@ -91,11 +93,12 @@ class FreeBody(Generic[S]):
         body, mass = self.body, self.body.mass
         if self.constrained is None:
             self.constrained = isostatic_dofs(body.nodes)
-        unit = np.tile(np.eye(3), (len(body.nodes), 1))
-        self.total_mass = float(unit[:, 0] @ (mass @ unit[:, 0]))
-        self.centre: NDArray = (
-            np.array([unit[:, k] @ (mass @ body.nodes.ravel()) for k in range(3)]) / self.total_mass
-        )
+        translations = np.tile(np.eye(3), (len(body.nodes), 1))
+        along_x = translations[:, 0]
+        self.total_mass = float(along_x @ (mass @ along_x))
+        momentum = mass @ body.nodes.ravel()
+        first_moment = np.array([translations[:, k] @ momentum for k in range(3)])
+        self.centre: NDArray = first_moment / self.total_mass
         rotation = rigid_motions(body.nodes, self.centre, np.eye(3))[:, 3:]
         self.inertia: NDArray = rotation.T @ (mass @ rotation)
         motion = rigid_motions(body.nodes, self.centre, self.axes)
@@ -126,20 +129,26 @@ class FreeBody(Generic[S]):
         return self.remove_rigid(out)
 
     def modes(self, n_modes: int) -> tuple[NDArray, NDArray]:
-        """Return omega2 (n_modes,) and shapes (3 n_nodes, n_modes) of six rigid-body modes, then
-        elastic modes."""
+        """Compute six rigid-body modes and the lowest elastic modes.
+
+        Returns
+        -------
+        omega2 : (n_modes,) float, rad2/s2
+        shapes : (3 n_nodes, n_modes) float, kg^-1/2
+        """
         check(n_modes >= 6, f"a free body has six rigid modes; n_modes = {n_modes}")
-        n = n_modes - 6
-        if n and (self._modes is None or len(self._modes[0]) < n):
+        n_elastic = n_modes - 6
+        missing = self._modes is None or len(self._modes[0]) < n_elastic
+        if n_elastic and missing:
             omega2, shapes = lowest_modes(
-                self.body.stiffness, self.body.mass, self.elastic_response, n
+                self.body.stiffness, self.body.mass, self.elastic_response, n_elastic
             )
             self._modes = omega2, fix_phase(self.remove_rigid(shapes), self.body.mass)
         if self._modes is None:
             return np.zeros(6), self.rigid
-        return np.append(np.zeros(6), self._modes[0][:n]), np.hstack(
-            [self.rigid, self._modes[1][:, :n]]
-        )
+        omega2, shapes = self._modes
+        every_omega2 = np.append(np.zeros(6), omega2[:n_elastic])
+        return every_omega2, np.hstack([self.rigid, shapes[:, :n_elastic]])
 
     def receptance(self, contact: sp.spmatrix) -> NDArray:
         """Return the elastic receptance (n, n) between the rows of ``contact``
@@ -166,10 +175,15 @@ PICTURED_MODES = 10
 
 
 def needed_nodal_diameters(n_blades: int, engine_order: int, harmonics: int) -> tuple[int, ...]:
-    """Return the nodal diameters of harmonics 0 to ``harmonics`` of an engine order, folded to at
-    most N/2."""
-    orders = (engine_order * h % n_blades for h in range(harmonics + 1))
-    return tuple(sorted({min(d, n_blades - d) for d in orders}))
+    """Return the nodal diameters of harmonics 0 to ``harmonics`` of an engine order.
+
+    A wave of more than N/2 nodal diameters is a wave of fewer in the other direction.
+    """
+    diameters = set()
+    for harmonic in range(harmonics + 1):
+        d = engine_order * harmonic % n_blades
+        diameters.add(min(d, n_blades - d))
+    return tuple(sorted(diameters))
 
 
 Place = int | NDArray
@@ -178,17 +192,23 @@ Place = int | NDArray
 
 def nodes_of(place: Place) -> NDArray:
     """Return the indices of the nodes with forces."""
-    return np.flatnonzero(place.any(axis=1)) if isinstance(place, np.ndarray) else np.array([place])
+    if isinstance(place, np.ndarray):
+        return np.flatnonzero(place.any(axis=1))
+    return np.array([place])
 
 
 def place_loads(place: Place, n_dof: int) -> sp.csc_matrix:
-    """Return unit forces (n_dof, 3) along X, Y and Z at a node, or real part, imaginary part and
-    zeros of a field."""
+    """Return three loads (n_dof, 3) at a location.
+
+    They are unit forces along X, Y and Z at a node, or real part, imaginary part and zeros of a
+    field.
+    """
     if isinstance(place, np.ndarray):
-        return sp.csc_matrix(
-            np.stack([place.real.ravel(), place.imag.ravel(), np.zeros(place.size)], axis=1)
-        )
-    return sp.csc_matrix((np.ones(3), (3 * place + np.arange(3), np.arange(3))), shape=(n_dof, 3))
+        columns = [place.real.ravel(), place.imag.ravel(), np.zeros(place.size)]
+        return sp.csc_matrix(np.stack(columns, axis=1))
+    components = np.arange(3)
+    entries = (np.ones(3), (3 * place + components, components))
+    return sp.csc_matrix(entries, shape=(n_dof, 3))
 
 
 def location_rows(places: Mapping[str, Place], shapes: NDArray) -> dict[str, NDArray]:
@@ -207,14 +227,16 @@ def location_loads(body: Structure, places: Iterable[Place]) -> sp.csc_matrix:
 
 
 def picture_mesh(surface: Facets, nodes: NDArray, shapes: Mapping[int, NDArray]) -> SurfaceMesh:
-    """Return the corners of a surface as quadrilaterals for plots; triangles repeat their last
-    corner.
+    """Return the corners of a surface as quadrilaterals for plots.
 
-    ``shapes`` are mode shapes (n_nodes, 3, n_modes) by nodal diameter.
+    Triangles repeat their last corner.  ``shapes`` are mode shapes (n_nodes, 3, n_modes) by nodal
+    diameter.
     """
-    quads = np.concatenate(
-        [g[:, [0, 1, 2, 3 if corner_count(g.shape[1]) == 4 else 2]] for g in surface.groups]
-    )
+    groups = []
+    for facets in surface.groups:
+        is_quadrilateral = corner_count(facets.shape[1]) == 4
+        groups.append(facets[:, [0, 1, 2, 3 if is_quadrilateral else 2]])
+    quads = np.concatenate(groups)
     used, compact = np.unique(quads, return_inverse=True)
     modes = {d: values[used] for d, values in shapes.items()}
     return SurfaceMesh(nodes[used].copy(), compact.reshape(quads.shape).astype(np.int32), modes)
@@ -296,28 +318,38 @@ def residual_shapes(
         mass and stiffness.  There are fewer shapes than loads if residual shapes are zero or
         dependent.
     """
-    kept_stiffness, residual = (
-        np.einsum("ij,ij->j", kept.conj(), body.stiffness @ kept).real,
-        static,
-    )
+    kept_stiffness = np.einsum("ij,ij->j", kept.conj(), body.stiffness @ kept).real
+    residual = static
     for _ in range(2):  # twice, to reduce rounding errors
-        residual = residual - (kept / kept_stiffness) @ (
-            kept.conj().T @ (body.stiffness @ residual)
-        )
+        parts = kept.conj().T @ (body.stiffness @ residual)
+        residual = residual - (kept / kept_stiffness) @ parts
+
+    # shapes of unit energy, without those that the retained shapes already contain
     energy = np.einsum("ij,ij->j", residual.conj(), body.stiffness @ residual).real
-    left = energy > LEAST * loads.multiply(static.conj()).sum(axis=0).A1.real
-    residual = residual[:, left] / np.sqrt(energy[left])
-    size, V = np.linalg.eigh(hermitian(residual.conj().T @ (body.stiffness @ residual)))
-    real = size > LEAST * size.max(initial=0.0)
-    residual = residual @ (V[:, real] / np.sqrt(size[real]))
-    square, V = np.linalg.eigh(hermitian(residual.conj().T @ (body.mass @ residual)))
-    return 1.0 / square[::-1], fix_phase((residual @ V / np.sqrt(square))[:, ::-1], body.mass)
+    static_energy = loads.multiply(static.conj()).sum(axis=0).A1.real
+    is_new = energy > LEAST * static_energy
+    residual = residual[:, is_new] / np.sqrt(energy[is_new])
+
+    # orthogonal in the stiffness, without dependent shapes
+    stiffness = hermitian(residual.conj().T @ (body.stiffness @ residual))
+    energy, combination = np.linalg.eigh(stiffness)
+    independent = energy > LEAST * energy.max(initial=0.0)
+    residual = residual @ (combination[:, independent] / np.sqrt(energy[independent]))
+
+    # orthogonal in the mass too; a shape of unit energy has the inverse of omega2 as its mass
+    mass, combination = np.linalg.eigh(hermitian(residual.conj().T @ (body.mass @ residual)))
+    shapes = (residual @ combination / np.sqrt(mass))[:, ::-1]
+    return 1.0 / mass[::-1], fix_phase(shapes, body.mass)
 
 
 def constrained_body(
-    name: str, wanted: Wanted, sector: Sectors, nodal_diameters: Iterable[int],
-    rotation: Rotation | None = None, seen: Callable[[CyclicSector, NDArray, NDArray], None] = lambda *_: None,
-) -> Body:  # fmt: skip
+    name: str,
+    wanted: Wanted,
+    sector: Sectors,
+    nodal_diameters: Iterable[int],
+    rotation: Rotation | None = None,
+    seen: Callable[[CyclicSector, NDArray, NDArray], None] | None = None,
+) -> Body:
     """Return the body for a supported sector at several nodal diameters.
 
     Parameters
@@ -336,36 +368,45 @@ def constrained_body(
     bases = {}
     for d in nodal_diameters:
         reduced = sector(d)
-        omega2, shapes, static = wanted.shapes(reduced)
-        seen(reduced, omega2, shapes)
-        bases[d] = wanted.basis(omega2, shapes, reduced.receptance(wanted.contact), static)
+        omega2, shapes, n_static = wanted.shapes(reduced)
+        if seen is not None:
+            seen(reduced, omega2, shapes)
+        flexibility = reduced.receptance(wanted.contact)
+        bases[d] = wanted.basis(omega2, shapes, flexibility, n_static)
         if rotation is not None:
             bases[d] = rotation.basis(bases[d], reduced, shapes, wanted.contact)
     spin = None
     if rotation is not None:
-        moved = spin_displacement(sector(0))
-        theory: Literal["linear", "stiffened"] = (
-            "linear" if rotation.omega_ref == 0.0 else "stiffened"
-        )
-        at_points = (wanted.contact @ moved).reshape(-1, 3)
+        displacement = spin_displacement(sector(0))
+        theory: Literal["linear", "stiffened"] = "stiffened"
+        if rotation.omega_ref == 0.0:
+            theory = "linear"
         spin = SpinStatic(
-            at_points, location_rows(wanted.locations, moved), theory, rotation.omega_ref
+            (wanted.contact @ displacement).reshape(-1, 3),
+            location_rows(wanted.locations, displacement),
+            theory,
+            rotation.omega_ref,
         )
     return Body(name, "constrained", wanted.ports, bases, spin=spin)
 
 
 def free_body(name: str, wanted: Wanted, free: FreeBody, radial: NDArray) -> Body:
-    """Return a free body with rigid-body and elastic modes under centrifugal load along ``radial``
-    (3,).
+    """Return a free body with rigid-body and elastic modes.
 
-    The number of modes in ``wanted`` includes the six rigid-body modes.
+    Its centrifugal load is along ``radial`` (3,).  The number of modes in ``wanted`` includes the
+    six rigid-body modes.
     """
     omega2, shapes = free.modes(wanted.n_modes)
     force = free.centrifugal_load(radial)
     basis = wanted.basis(omega2, shapes, free.receptance(wanted.contact))
-    moved = (wanted.contact @ free.elastic_response(force)).reshape(-1, 3)
-    load = BodyLoad(direction=radial, generalised=shapes.T @ force, displacement=moved)
-    mass, centre, inertia = free.total_mass, free.centre, free.inertia
+    displacement = (wanted.contact @ free.elastic_response(force)).reshape(-1, 3)
     return Body(
-        name, "free", wanted.ports, {0: basis}, mass=mass, centre=centre, inertia=inertia, load=load
+        name,
+        "free",
+        wanted.ports,
+        {0: basis},
+        mass=free.total_mass,
+        centre=free.centre,
+        inertia=free.inertia,
+        load=BodyLoad(direction=radial, generalised=shapes.T @ force, displacement=displacement),
     )
