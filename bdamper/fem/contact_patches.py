@@ -28,6 +28,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from bdamper.fem.surface import Facets, area_vectors, check, corner_count
+from bdamper.util import quantities, validation
 
 
 def _seven_points() -> tuple[NDArray, NDArray]:
@@ -74,6 +75,9 @@ class Patches:
     centre: NDArray
     frame: NDArray
     size: NDArray
+
+    def __post_init__(self) -> None:
+        validation.check_attributes(self, quantities.in_lists, "centre", "size", unit="m")
 
     @property
     def area(self) -> NDArray:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -22,7 +22,7 @@ from bdamper.importers.fe_body import BOUNDS
 from bdamper.importers.prepared_body import FaceSet, PreparedBody
 from bdamper.model.contact_points import ROWS
 from bdamper.model.structure import ContactStiffness, Interface, Port, turn
-from bdamper.util import validation
+from bdamper.util import quantities, validation
 from bdamper.util.errors import check, warn_implausible
 from bdamper.util.formatting import short_repr
 
@@ -73,7 +73,7 @@ class ContactFaces:
     sector_b: Annotated[int, partial(validation.integer, least=-1, most=1)] | None = None
     gap: Annotated[float | Literal["measured"], _gap] = 0.0
     patches: Patches | None = None
-    stiffness: NDArray | tuple[float, float, float] | None = None
+    stiffness: Annotated[NDArray | tuple[float, float, float], _stiffness] | None = None
 
     def __post_init__(self) -> None:
         validation.instance("name of a contact", self.name, str, "a text")
@@ -104,6 +104,11 @@ def _gap(name: str, gap: float | str) -> float | str:
     expected = "a distance in the units of the files, or 'measured'"
     validation.check_value(gap == "measured", name, expected, gap)
     return gap
+
+
+def _stiffness(name: str, stiffness: Any) -> Any:
+    """Convert quantities; their number is checked when the number of points is known."""
+    return quantities.in_lists(name, stiffness, "N/m")
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from bdamper.util import validation
+from bdamper.util import quantities, validation
 from bdamper.util.display import Summarised
 from bdamper.util.errors import BdamperError, ModelError, check, mismatch, too_little_memory
 from bdamper.util.formatting import short_repr
@@ -103,6 +103,7 @@ class Modes:
 
     def __post_init__(self) -> None:
         item = f"{self.source or 'modes'}, nodal diameter {self.nodal_diameter}"
+        validation.check_attributes(self, quantities.in_lists, "frequency", unit="Hz")
         n_nodes = len(self.numbers)
         n_modes = len(self.frequency)
         check(self.nodal_diameter >= 0, item, "a nodal diameter >= 0", self.nodal_diameter)
@@ -178,6 +179,11 @@ class MassProperties:
     mass: float
     centre: NDArray
     inertia: NDArray
+
+    def __post_init__(self) -> None:
+        # the units of the file are not known here
+        fields = ("mass", "centre", "inertia")
+        validation.check_attributes(self, quantities.in_lists, *fields, unit="")
 
 
 @dataclass(frozen=True)
@@ -286,6 +292,7 @@ class FEBody(Summarised):
     element_kinds: tuple[ElementKind, ...] = ()
 
     def __post_init__(self) -> None:
+        validation.check_attributes(self, quantities.in_lists, "rotor_speed", unit="rad/s")
         shapes = [np.shape(elements) for elements in self.elements]
         check(
             all(len(shape) == 2 for shape in shapes),

@@ -17,7 +17,7 @@ import scipy  # scipy.signal loads on first use
 from numpy.typing import NDArray
 
 from bdamper.importers.measurements import HERTZ, motion_unit, read_columns
-from bdamper.util import validation
+from bdamper.util import quantities, validation
 from bdamper.util.errors import check
 from bdamper.util.formatting import short_repr
 from bdamper.util.records import check_all
@@ -66,6 +66,9 @@ class MeasuredMode:
     source: str = "mode"
 
     def __post_init__(self) -> None:
+        units = {"amplitude": "m", "frequency": "Hz", "damping_ratio": "", "preload": "N"}
+        for field, unit in units.items():
+            validation.check_attributes(self, quantities.in_lists, field, unit=unit)
         n_points = len(self.amplitude)
         for name in ("amplitude", "frequency", "damping_ratio"):
             values = np.asarray(getattr(self, name), float)

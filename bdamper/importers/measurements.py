@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.importers.fe_body import data_lines, parsing, reader
-from bdamper.util import validation
+from bdamper.util import quantities, validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import check, import_extra, mismatch
 from bdamper.util.formatting import short_repr
@@ -134,6 +134,8 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
 
     def __post_init__(self) -> None:
         item = self.source or self.name
+        for field, unit in (("frequency", "Hz"), ("response", ""), ("force", "N")):
+            validation.check_attributes(self, quantities.in_lists, field, unit=unit)
         n_points = len(self.frequency)
         frequency, response = np.asarray(self.frequency), np.asarray(self.response)
         if response.shape != (n_points,) or n_points == 0:

@@ -11,7 +11,18 @@ import bdamper as bd
 from bdamper.contact.laws import ContactLaw
 from bdamper.contact.stiffness import PerArea
 from bdamper.fatigue.criteria import Material
+from bdamper.fem.contact_patches import Patches
 from bdamper.harmonic_balance.settings import Settings
+from bdamper.importers import (
+    ContactFaces,
+    FEBody,
+    MassProperties,
+    MeasuredMode,
+    Measurement,
+    Modes,
+    Placement,
+    Sector,
+)
 from bdamper.util import quantities, validation
 from tests.each import each
 from tests.plain import plain_study
@@ -167,7 +178,7 @@ def test_varied_values_are_converted(study):
 SI = ("N", "m", "rad", "rad/s", "Hz", "Hz/s", "Pa", "kg", "N/m", "N/m3", "kg/m3", "N s/m")
 DOORS = doors()
 PLAIN = {"ContactFaces", "Patches", "Mistuning.from_csv", "Mistuning.from_frequencies"}
-"""Functions that the documentation lists as those of plain numbers."""
+"""Functions with plain numbers, and classes of an import, which convert on their own."""
 
 
 def documented():
@@ -196,3 +207,50 @@ def test_the_unit_of_a_quantity_is_the_documented_one(name, parameter, unit):
         Settings.__init__ if door is bd.Study else door.__init__ if isinstance(door, type) else door
     )
     assert hasattr(called, "doubts"), f"decorate {name} with validation.check_arguments"
+
+
+def test_data_of_an_import_convert_quantities():
+    face = ContactFaces("root", "a", "b", stiffness=(Q(2.0, "N/um"), 3e6, Q(4.0, "kN/mm")))
+    np.testing.assert_allclose(face.stiffness, (2e6, 3e6, 4e6), rtol=1e-12)
+    whole = ContactFaces("root", "a", "b", stiffness=Q(np.ones((24, 3)), "N/um"))
+    np.testing.assert_allclose(whole.stiffness, np.full((24, 3), 1e6), rtol=1e-12)
+    patches = Patches(Q(np.ones((1, 3)), "mm"), np.eye(3)[None], Q(np.ones((1, 2)), "cm"))
+    np.testing.assert_allclose(patches.centre, np.full((1, 3), 1e-3), rtol=1e-12)
+    np.testing.assert_allclose(patches.area, [1e-4], rtol=1e-12)
+    body = FEBody(np.arange(2), np.zeros((2, 3)), rotor_speed=Q(600.0, "rpm"))
+    assert body.rotor_speed == pytest.approx(20.0 * np.pi, rel=1e-12)
+    modes = Modes(0, Q(np.array([1.0]), "kHz"), np.arange(2), np.zeros((2, 3, 1)))
+    np.testing.assert_allclose(modes.frequency, [1000.0], rtol=1e-12)
+
+
+def test_measurements_convert_quantities():
+    mode = MeasuredMode(
+        Q(np.array([1.0, 2.0]), "um"),
+        Q(np.array([6e4, 12e4]), "rpm"),
+        Q(np.array([1.0, 2.0]), "percent"),
+        preload=Q(0.1, "kN"),
+    )
+    np.testing.assert_allclose(mode.amplitude, [1e-6, 2e-6], rtol=1e-12)
+    np.testing.assert_allclose(mode.frequency, [1000.0, 2000.0], rtol=1e-12)
+    np.testing.assert_allclose(mode.damping_ratio, [0.01, 0.02], rtol=1e-12)
+    assert mode.preload == pytest.approx(100.0, rel=1e-12)
+    swept = Measurement(
+        "tip", Q(np.array([1.0]), "kHz"), np.ones(1), force=Q(np.array([5.0]), "mN")
+    )
+    np.testing.assert_allclose(swept.frequency, [1000.0], rtol=1e-12)
+    np.testing.assert_allclose(swept.force, [0.005], rtol=1e-12)
+
+
+@each(
+    "make",
+    [
+        lambda: ContactFaces("root", "a", "b", gap=Q(1.0, "um")),
+        lambda: Placement(origin=Q([0.0, 1.0, 0.0], "mm")),
+        lambda: Sector(elasticity=(Q(210.0, "GPa"), 0.3)),
+        lambda: MassProperties(Q(1.0, "g"), np.zeros(3), np.eye(3)),
+        lambda: Measurement("tip", np.ones(1), Q(np.ones(1), "mm")),
+    ],
+)
+def test_numbers_in_the_units_of_a_file_refuse_quantities(make):
+    with pytest.raises(bd.SettingError, match="expected a plain number"):
+        make()
