@@ -22,6 +22,8 @@
  * d(R_l/a)/dxi. The unknown is zeta. The force does not act on coordinates without mass. */
 #include "balance/nonlinear_mode.h"
 
+#include "util/storage.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -50,15 +52,15 @@ static double dot(const double *x, const double *y, size_t n) {
 static bd_status evaluate_sector(modes_equations *modes, double omega, double xi, int derivative) {
     bd_hbm *hbm = &modes->sector->hbm;
     double *damping = hbm->damping, *force = hbm->force;
-    size_t mode = 0;
-    for (int l = 0; l <= hbm->n_harm; ++l)
-        for (int j = 0; j < hbm->n_mode[l]; ++j, ++mode)
-            modes->damping[mode] = damping[mode] - xi * hbm->mass[mode];
+    double *J = derivative ? modes->J : NULL, *C = derivative ? modes->C : NULL;
+    size_t n_mode = 0; /* of all harmonics */
+    for (int l = 0; l <= hbm->n_harm; ++l) n_mode += (size_t)hbm->n_mode[l];
+    for (size_t j = 0; j < n_mode; ++j) modes->damping[j] = damping[j] - xi * hbm->mass[j];
+
+    /* the sector keeps its own damping and force */
     hbm->damping = modes->damping;
     hbm->force = modes->force;
-    const bd_status status =
-        bd_hbm_evaluate(hbm, modes->u, omega, modes->r, derivative ? modes->J : NULL,
-                        derivative ? modes->C : NULL);
+    const bd_status status = bd_hbm_evaluate(hbm, modes->u, omega, modes->r, J, C);
     hbm->damping = damping;
     hbm->force = force;
     return status;
@@ -79,38 +81,45 @@ static void differentiate_by_xi(modes_equations *modes, const double *y, double 
     }
 }
 
+/* Rows of the sector, and the two rows that fix amplitude and phase. The columns are the mean, the
+ * vibration, omega and zeta; C is the derivative with respect to ln a. */
 static void fill_jacobian(modes_equations *modes, const double *y, double omega, double zeta,
                           double a) {
     bd_equations *e = &modes->dense.base;
-    const size_t n = (size_t)modes->sector->dense.base.n, n2 = n + 2,
-                 mean = (size_t)modes->sector->hbm.n_mode[0];
+    const size_t n = (size_t)modes->sector->dense.base.n, n2 = n + 2;
+    const size_t n_mean = (size_t)modes->sector->hbm.n_mode[0];
     for (size_t i = 0; i < n; ++i) {
+        const int is_mean = i < n_mean;
+        const double unit = is_mean ? 1.0 : 1.0 / a; /* rows of the vibration are divided by a */
         const double *from = modes->J + i * n;
         double *to = e->J + i * n2;
-        const double unit = i < mean ? 1.0 : 1.0 / a;
-        for (size_t j = 0; j < mean; ++j) to[j] = unit * from[j];
-        for (size_t j = mean; j < n; ++j) to[j] = unit * a * from[j];
+        for (size_t j = 0; j < n_mean; ++j) to[j] = unit * from[j];
+        for (size_t j = n_mean; j < n; ++j) to[j] = unit * a * from[j];
         to[n] = unit * modes->C[i] + 2.0 * zeta * modes->by_xi[i];
         to[n + 1] = 2.0 * omega * modes->by_xi[i];
-        e->C[i] = dot(to + mean, y + mean, n - mean) - (i < mean ? 0.0 : e->r[i]);
+        e->C[i] = dot(to + n_mean, y + n_mean, n - n_mean) - (is_mean ? 0.0 : e->r[i]);
     }
-    memset(e->J + n * n2, 0, sizeof(double) * 2 * n2);
+    double *amplitude = e->J + n * n2, *phase = amplitude + n2;
+    memset(amplitude, 0, sizeof(double) * 2 * n2);
     for (size_t j = 0; j < n; ++j) {
-        e->J[n * n2 + j] = modes->weight * modes->re[j];
-        e->J[(n + 1) * n2 + j] = modes->weight * modes->im[j];
+        amplitude[j] = modes->weight * modes->re[j];
+        phase[j] = modes->weight * modes->im[j];
     }
     e->C[n] = e->C[n + 1] = 0.0;
 }
 
 static bd_status evaluate(bd_equations *e, const double *y, int derivative) {
     modes_equations *modes = (modes_equations *)e;
-    const size_t n = (size_t)modes->sector->dense.base.n,
-                 mean = (size_t)modes->sector->hbm.n_mode[0];
+    const size_t n = (size_t)modes->sector->dense.base.n;
+    const size_t n_mean = (size_t)modes->sector->hbm.n_mode[0];
     const double omega = y[n], zeta = y[n + 1], a = exp(y[n + 2]);
-    for (size_t i = 0; i < n; ++i) modes->u[i] = i < mean ? y[i] : a * y[i];
+    for (size_t i = 0; i < n_mean; ++i) modes->u[i] = y[i];
+    for (size_t i = n_mean; i < n; ++i) modes->u[i] = a * y[i];
     const bd_status status = evaluate_sector(modes, omega, 2.0 * omega * zeta, derivative);
     if (status != BD_OK) return status;
-    for (size_t i = 0; i < n; ++i) e->r[i] = i < mean ? modes->r[i] : modes->r[i] / a;
+
+    for (size_t i = 0; i < n_mean; ++i) e->r[i] = modes->r[i];
+    for (size_t i = n_mean; i < n; ++i) e->r[i] = modes->r[i] / a;
     e->r[n] = modes->weight * (dot(modes->re, y, n) - 1.0);
     e->r[n + 1] = modes->weight * dot(modes->im, y, n);
     if (derivative) {
@@ -136,7 +145,7 @@ static const bd_equations_type MODES = {evaluate,       bd_dense_factor,
 bd_status bd_modes_create(bd_equations **out, bd_sector *sector, const double *re, const double *im,
                           double weight, const double *row_scale) {
     const bd_hbm *hbm = &sector->hbm;
-    const size_t n = (size_t)hbm->n_unknown, mean = (size_t)hbm->n_mode[0];
+    const size_t n = (size_t)hbm->n_unknown, n_mean = (size_t)hbm->n_mode[0];
     *out = NULL;
     /* the arrays of a family are undefined before an evaluation */
     if (hbm->variation) return BD_BAD_ARGUMENT;
@@ -152,23 +161,25 @@ bd_status bd_modes_create(bd_equations **out, bd_sector *sector, const double *r
         destroy(&modes->dense.base);
         return status;
     }
-    double *p = modes->memory;
     modes->sector = sector;
     modes->weight = weight;
-    modes->re = p, p += n;
-    modes->im = p, p += n;
-    modes->u = p, p += n;
-    modes->r = p, p += n;
-    modes->C = p, p += n;
-    modes->force = p, p += n;
-    modes->by_xi = p, p += n;
-    modes->J = p, p += n * n;
-    modes->damping = p;
-    if (n > mean) {
-        memcpy(modes->re + mean, re + mean, sizeof(double) * (n - mean));
-        memcpy(modes->im + mean, im + mean, sizeof(double) * (n - mean));
+    double *rest = modes->memory;
+    modes->re = bd_take(&rest, n);
+    modes->im = bd_take(&rest, n);
+    modes->u = bd_take(&rest, n);
+    modes->r = bd_take(&rest, n);
+    modes->C = bd_take(&rest, n);
+    modes->force = bd_take(&rest, n);
+    modes->by_xi = bd_take(&rest, n);
+    modes->J = bd_take(&rest, n * n);
+    modes->damping = bd_take(&rest, n_mode);
+
+    /* the mean has no part in the amplitude, and only its force remains */
+    if (n > n_mean) {
+        memcpy(modes->re + n_mean, re + n_mean, sizeof(double) * (n - n_mean));
+        memcpy(modes->im + n_mean, im + n_mean, sizeof(double) * (n - n_mean));
     }
-    if (mean > 0) memcpy(modes->force, hbm->force, sizeof(double) * mean);
+    if (n_mean > 0) memcpy(modes->force, hbm->force, sizeof(double) * n_mean);
     *out = &modes->dense.base;
     return BD_OK;
 }

@@ -46,38 +46,45 @@ static int read_call(PyObject *args, PyObject *kwargs, contact_call *c) {
                                      &kt_object, &e->kn, &e->mu, &e->n0, &w_object, &F, &J, &law,
                                      &c->evaluation, &c->n_time, &e->load, &point_law))
         return 0;
-    if (!PyArray_Check(x) || PyArray_NDIM((PyArrayObject *)x) != 2 ||
-        PyArray_DIM((PyArrayObject *)x, 0) != 3 || PyArray_DIM((PyArrayObject *)x, 1) % 2 != 1) {
+    int good_x = PyArray_Check(x) && PyArray_NDIM((PyArrayObject *)x) == 2;
+    if (good_x) {
+        const npy_intp n_row = PyArray_DIM((PyArrayObject *)x, 0);
+        const npy_intp n_column = PyArray_DIM((PyArrayObject *)x, 1);
+        good_x = n_row == 3 && n_column % 2 == 1;
+    }
+    if (!good_x) {
         PyErr_SetString(PyExc_ValueError, "x: expected a numpy array of shape (3, 2 n_harm + 1)");
         return 0;
     }
-    core_arguments arguments = {0};
-    const npy_intp n = c->n_coef = PyArray_DIM((PyArrayObject *)x, 1), shape[2] = {3, n},
-                   shape_J[4] = {3, n, 3, n}, two = 2;
+    const npy_intp n = PyArray_DIM((PyArrayObject *)x, 1);
+    c->n_coef = n;
     if (!core_check_n_harm((n - 1) / 2)) return 0;
     c->n_harm = (int)((n - 1) / 2);
+
+    core_arguments arguments = {0};
+    const npy_intp shape[2] = {3, n}, shape_J[4] = {3, n, 3, n}, two = 2;
     const double *kt, *w;
     if (!(c->x = core_numbers(&arguments, x, "x", 2, shape, BD_FINITE))) return 0;
-    if (!(kt = core_numbers(&arguments, kt_object, "kt", 1, &two,
-                            law == BD_LAW_CUBIC ? BD_FINITE : BD_NON_NEGATIVE)))
-        return 0;
+    kt = core_numbers(&arguments, kt_object, "kt", 1, &two,
+                      law == BD_LAW_CUBIC ? BD_FINITE : BD_NON_NEGATIVE);
+    if (!kt) return 0;
     if (!(w = core_vector(&arguments, w_object, "w", two, BD_INPUT))) return 0;
     if (!(c->F = core_doubles(&arguments, F, "F", 2, shape, BD_OUTPUT))) return 0;
     if (!(c->J = core_doubles(&arguments, J, "J", 4, shape_J, BD_OUTPUT))) return 0;
-    if (!core_check_evaluation(c->evaluation, c->n_time, c->n_harm) ||
-        !core_point_laws(point_law, 1, &c->point_law))
-        return 0;
-    const int user = law == BD_LAW_USER && c->evaluation != BD_EXACT;
-    if ((!user && !core_check_law(law, c->evaluation)) ||
-        !core_check_point_laws(&law, c->point_law, 1))
-        return 0;
-    e->point_law = c->point_law;
+    if (!core_check_evaluation(c->evaluation, c->n_time, c->n_harm)) return 0;
+    if (!core_point_laws(point_law, 1, &c->point_law)) return 0;
+
+    /* the exact evaluation refuses user laws */
+    const int is_user_law = law == BD_LAW_USER && c->evaluation != BD_EXACT;
+    if (!is_user_law && !core_check_law(law, c->evaluation)) return 0;
+    if (!core_check_point_laws(&law, c->point_law, 1)) return 0;
     if (isnan(e->load)) e->load = e->n0;
-    if (!core_check_number(e->kn, "kn", BD_NON_NEGATIVE) ||
-        !core_check_number(e->mu, "mu", BD_NON_NEGATIVE) ||
-        !core_check_number(e->n0, "n0", BD_FINITE) ||
-        !core_check_number(e->load, "load", BD_FINITE) || !core_check_slider(w, law))
-        return 0;
+    if (!core_check_number(e->kn, "kn", BD_NON_NEGATIVE)) return 0;
+    if (!core_check_number(e->mu, "mu", BD_NON_NEGATIVE)) return 0;
+    if (!core_check_number(e->n0, "n0", BD_FINITE)) return 0;
+    if (!core_check_number(e->load, "load", BD_FINITE)) return 0;
+    if (!core_check_slider(w, law)) return 0;
+    e->point_law = c->point_law;
     e->law = (bd_law)law;
     memcpy(e->kt, kt, sizeof e->kt);
     memcpy(e->w, w, sizeof e->w);
@@ -150,6 +157,14 @@ PyObject *core_check_laws(PyObject *module, PyObject *laws) {
     return Py_NewRef(Py_None);
 }
 
+/* Largest number of states of the laws. */
+static int most_states(const bd_point_law *law, npy_intp n) {
+    int most = 0;
+    for (npy_intp p = 0; p < n; ++p)
+        if (law[p].function && law[p].n_state > most) most = law[p].n_state;
+    return most;
+}
+
 PyObject *core_step_laws(PyObject *module, PyObject *args) {
     (void)module;
     PyObject *own_object, *x_object, *from_object, *to_object, *F_object, *D_object;
@@ -161,38 +176,38 @@ PyObject *core_step_laws(PyObject *module, PyObject *args) {
         return NULL;
     }
     core_arguments arguments = {0};
-    const npy_intp n = PyArray_DIM((PyArrayObject *)from_object, 0),
-                   width = PyArray_DIM((PyArrayObject *)from_object, 1);
+    const npy_intp n = PyArray_DIM((PyArrayObject *)from_object, 0);
+    const npy_intp width = PyArray_DIM((PyArrayObject *)from_object, 1);
     const npy_intp by_x[2] = {n, 3}, by_memory[2] = {n, width}, by_D[3] = {n, 3, 3};
     double *x, *from, *to, *F, *D, *work = NULL;
-    bd_point_law *point_law = NULL;
-    int done = 0, n_state = 0;
+    bd_point_law *law = NULL;
     if (!(x = core_numbers(&arguments, x_object, "x", 2, by_x, BD_FINITE))) return NULL;
     if (!(from = core_numbers(&arguments, from_object, "memory", 2, by_memory, BD_FINITE)))
         return NULL;
     if (!(to = core_doubles(&arguments, to_object, "after", 2, by_memory, BD_OUTPUT))) return NULL;
     if (!(F = core_doubles(&arguments, F_object, "F", 2, by_x, BD_OUTPUT))) return NULL;
     if (!(D = core_doubles(&arguments, D_object, "D", 3, by_D, BD_OUTPUT))) return NULL;
-    if (!core_point_laws(own_object, n, &point_law)) return NULL;
-    for (npy_intp p = 0; point_law && p < n; ++p)
-        if (point_law[p].function && point_law[p].n_state > n_state) n_state = point_law[p].n_state;
-    if (n_state + 3 > width)
+    if (!core_point_laws(own_object, n, &law)) return NULL;
+
+    const int n_state = law ? most_states(law, n) : 0;
+    if (n_state + 3 > width) {
         PyErr_Format(PyExc_ValueError, "memory: expected %d columns, found %zd", n_state + 3,
                      (Py_ssize_t)width);
-    else if (!(work = PyMem_Malloc(sizeof(double) * bd_point_law_work_size(n_state))))
-        PyErr_NoMemory();
-    for (npy_intp p = 0; work && point_law && p < n; ++p) {
-        if (!point_law[p].function) continue;
-        bd_point_law_derivatives derivatives =
-            bd_point_law_derivatives_in(work, point_law[p].n_state);
-        bd_point_law_step(point_law + p, x + 3 * p, from + width * p, to + width * p, F + 3 * p,
-                          &derivatives);
-        bd_point_law_tangent(point_law + p, &derivatives, D + 9 * p);
+    } else {
+        work = PyMem_Malloc(sizeof(double) * bd_point_law_work_size(n_state));
+        if (!work) PyErr_NoMemory();
     }
-    done = work != NULL;
+    for (npy_intp p = 0; work && law && p < n; ++p) {
+        if (!law[p].function) continue;
+        bd_point_law_derivatives derivatives = bd_point_law_derivatives_in(work, law[p].n_state);
+        bd_point_law_step(law + p, x + 3 * p, from + width * p, to + width * p, F + 3 * p,
+                          &derivatives);
+        bd_point_law_tangent(law + p, &derivatives, D + 9 * p);
+    }
+    const int is_done = work != NULL;
     PyMem_Free(work);
-    PyMem_Free(point_law);
-    return done ? Py_NewRef(Py_None) : NULL;
+    PyMem_Free(law);
+    return is_done ? Py_NewRef(Py_None) : NULL;
 }
 
 /* ---- shipped laws ---- */

@@ -40,59 +40,63 @@ static npy_intp length(PyObject *object, const char *name, npy_intp most) {
     return -1;
 }
 
+/* Whole numbers from 0 to most. */
 static int *integers(core_arguments *arguments, PyObject *object, const char *name, int n_dim,
                      const npy_intp *shape, int most) {
     npy_intp n = 1;
     for (int i = 0; i < n_dim; ++i) n *= shape[i];
     int *x = core_array(arguments, object, name, NPY_INT, "intc", n_dim, shape, BD_INPUT);
-    for (npy_intp i = 0; x && i < n; ++i)
-        if (x[i] < 0 || x[i] > most) {
-            PyErr_Format(PyExc_ValueError, "%s: expected 0 to %d, found %d at flat index %zd", name,
-                         most, x[i], (Py_ssize_t)i);
-            return NULL;
-        }
+    if (!x) return NULL;
+    for (npy_intp i = 0; i < n; ++i) {
+        if (x[i] >= 0 && x[i] <= most) continue;
+        PyErr_Format(PyExc_ValueError, "%s: expected 0 to %d, found %d at flat index %zd", name,
+                     most, x[i], (Py_ssize_t)i);
+        return NULL;
+    }
     return x;
 }
 
+/* Modes, excitation and responses. */
 static int read_families(core_arguments *arguments, const ring_objects *o, bd_time_input *in) {
-    const npy_intp n_family = length(o->n_mode, "n_mode", BD_MAX_HARM + 1),
-                   n_point = length(o->kn, "kn", 1000000);
+    const npy_intp n_family = length(o->n_mode, "n_mode", BD_MAX_HARM + 1);
+    const npy_intp n_point = length(o->kn, "kn", 1000000);
     if (n_family < 0 || n_point < 0) return 0;
-    in->n_family = (int)n_family, in->n_point = (int)n_point;
-    if (!(in->n_mode = integers(arguments, o->n_mode, "n_mode", 1, &n_family, 100000))) return 0;
-    if (!(in->diameter =
-              integers(arguments, o->diameter, "diameter", 1, &n_family, in->n_sector - 1)))
-        return 0;
-    npy_intp n = 0;
+    in->n_family = (int)n_family;
+    in->n_point = (int)n_point;
+    in->n_mode = integers(arguments, o->n_mode, "n_mode", 1, &n_family, 100000);
+    if (!in->n_mode) return 0;
+    in->diameter = integers(arguments, o->diameter, "diameter", 1, &n_family, in->n_sector - 1);
+    if (!in->diameter) return 0;
+    npy_intp n = 0; /* modes of all families */
     for (npy_intp f = 0; f < n_family; ++f) n += in->n_mode[f];
     if (n < 1 || n > 100000) {
         PyErr_Format(PyExc_ValueError, "n_mode: expected a total of 1 to 100000 modes, found %zd",
                      (Py_ssize_t)n);
         return 0;
     }
-    const npy_intp n_G = 3 * n_point * n, n_row = length(o->row, "row", 100000),
-                   by_row[2] = {n_row, 2 * n};
+    const npy_intp n_row = length(o->row, "row", 100000);
     if (n_row < 0) return 0;
     in->n_row = (int)n_row;
-    if (!(in->stiffness =
-              core_numbers(arguments, o->stiffness, "stiffness", 1, &n, BD_NON_NEGATIVE)))
-        return 0;
-    if (!(in->mass = core_numbers(arguments, o->mass, "mass", 1, &n, BD_NON_NEGATIVE))) return 0;
-    if (!(in->damping = core_numbers(arguments, o->damping, "damping", 1, &n, BD_NON_NEGATIVE)))
-        return 0;
-    if (!(in->G = core_array(arguments, o->G, "G", NPY_CDOUBLE, "complex128", 1, &n_G, BD_INPUT)))
-        return 0;
-    if (!core_check_numbers(in->G, 2 * n_G, "G", BD_FINITE)) return 0;
-    const npy_intp n_force = length(o->order, "order", BD_MAX_HARM + 1),
-                   shape[3] = {n_force, 2, 2 * n};
+    in->stiffness = core_numbers(arguments, o->stiffness, "stiffness", 1, &n, BD_NON_NEGATIVE);
+    if (!in->stiffness) return 0;
+    in->mass = core_numbers(arguments, o->mass, "mass", 1, &n, BD_NON_NEGATIVE);
+    if (!in->mass) return 0;
+    in->damping = core_numbers(arguments, o->damping, "damping", 1, &n, BD_NON_NEGATIVE);
+    if (!in->damping) return 0;
+    const npy_intp n_G = 3 * n_point * n;
+    in->G = core_array(arguments, o->G, "G", NPY_CDOUBLE, "complex128", 1, &n_G, BD_INPUT);
+    if (!in->G || !core_check_numbers(in->G, 2 * n_G, "G", BD_FINITE)) return 0;
+
+    const npy_intp n_force = length(o->order, "order", BD_MAX_HARM + 1);
     if (n_force < 0) return 0;
     in->n_force = (int)n_force;
-    if (!(in->force_order = integers(arguments, o->order, "order", 1, &n_force, BD_MAX_HARM)))
-        return 0;
-    if (!(in->excitation = core_numbers(arguments, o->force, "force", 3, shape, BD_FINITE)))
-        return 0;
-    return (in->response_row = core_numbers(arguments, o->row, "row", 2, by_row, BD_FINITE)) !=
-           NULL;
+    const npy_intp by_force[3] = {n_force, 2, 2 * n}, by_row[2] = {n_row, 2 * n};
+    in->force_order = integers(arguments, o->order, "order", 1, &n_force, BD_MAX_HARM);
+    if (!in->force_order) return 0;
+    in->excitation = core_numbers(arguments, o->force, "force", 3, by_force, BD_FINITE);
+    if (!in->excitation) return 0;
+    in->response_row = core_numbers(arguments, o->row, "row", 2, by_row, BD_FINITE);
+    return in->response_row != NULL;
 }
 
 static int read_points(core_arguments *arguments, const ring_objects *o, bd_time_input *in) {
@@ -145,21 +149,46 @@ static PyObject *Ring_new(PyTypeObject *type, PyObject *args, PyObject *kwargs) 
 }
 
 static int check_path(const bd_time_path *path) {
-    if (path->n_step < 0 || path->first_step < 0 || path->steps_per_period < 1 ||
-        path->n_step > 1000000000 || path->first_step > 1000000000) {
+    enum { MOST_STEPS = 1000000000 };
+    const int good_steps = path->n_step >= 0 && path->n_step <= MOST_STEPS;
+    const int good_first = path->first_step >= 0 && path->first_step <= MOST_STEPS;
+    if (!good_steps || !good_first || path->steps_per_period < 1) {
         PyErr_SetString(
             PyExc_ValueError,
             "n_step, first, per_period: expected 0 to 1000000000 steps, at least one per period");
         return 0;
     }
-    if (!(path->spectral_radius >= 0.0 && path->spectral_radius <= 1.0 && path->tolerance > 0.0 &&
-          path->tolerance <= 0.01)) {
+    const int good_radius = path->spectral_radius >= 0.0 && path->spectral_radius <= 1.0;
+    const int good_tolerance = path->tolerance > 0.0 && path->tolerance <= 0.01;
+    if (!good_radius || !good_tolerance) {
         PyErr_SetString(PyExc_ValueError,
                         "radius, tolerance: expected 0 to 1, and a positive number up to 0.01");
         return 0;
     }
-    return core_check_number(path->omega, "omega", BD_POSITIVE) &&
-           core_check_number(path->omega_end, "omega_end", BD_POSITIVE);
+    if (!core_check_number(path->omega, "omega", BD_POSITIVE)) return 0;
+    return core_check_number(path->omega_end, "omega_end", BD_POSITIVE);
+}
+
+/* The part of a path from step `done` to step `end`, with its outputs. */
+static bd_time_path part_of(const bd_time *t, const bd_time_path *path, long done, long end) {
+    bd_time_path part = *path;
+    part.n_step = end - done;
+    part.find_acceleration = path->find_acceleration && !done;
+    part.first_step = (path->first_step + done) % path->steps_per_period;
+
+    /* the square of the frequency is linear in the angle */
+    const double square = path->omega * path->omega;
+    const double gain = path->omega_end * path->omega_end - square;
+    if (done) part.omega = sqrt(square + gain * (double)done / (double)path->n_step);
+    if (end < path->n_step)
+        part.omega_end = sqrt(square + gain * (double)end / (double)path->n_step);
+
+    const size_t n_period_before = (size_t)(done / path->steps_per_period);
+    const size_t per_period = 2 * (size_t)t->n_row * (size_t)(path->n_harm + 1);
+    if (path->response_harmonics) part.response_harmonics += per_period * n_period_before;
+    if (path->energy) part.energy += 4 * n_period_before;
+    if (path->coordinates) part.coordinates += 2 * (size_t)t->n_total * (size_t)done;
+    return part;
 }
 
 /* Integrate whole periods, some thousand steps at a time; Ctrl-C stops the integration between
@@ -167,27 +196,12 @@ static int check_path(const bd_time_path *path) {
 static int integrate_in_parts(RingObject *self, const bd_time_path *path, double *q, double *v,
                               double *a, double *w, bd_time_effort *effort, bd_status *status) {
     enum { STEPS = 4096 };
-    const long most = path->steps_per_period > STEPS
-                          ? path->steps_per_period
-                          : STEPS / path->steps_per_period * path->steps_per_period;
-    const double square = path->omega * path->omega,
-                 gain = path->omega_end * path->omega_end - square;
+    const long per_period = path->steps_per_period;
+    const long most = per_period > STEPS ? per_period : STEPS / per_period * per_period;
     long done = 0;
     do {
-        bd_time_path part = *path;
         const long end = path->n_step - done > most ? done + most : path->n_step;
-        part.n_step = end - done;
-        part.find_acceleration = path->find_acceleration && !done;
-        part.first_step = (path->first_step + done) % path->steps_per_period;
-        if (done) part.omega = sqrt(square + gain * (double)done / (double)path->n_step);
-        if (end < path->n_step)
-            part.omega_end = sqrt(square + gain * (double)end / (double)path->n_step);
-        const size_t period = (size_t)(done / path->steps_per_period);
-        if (path->response_harmonics)
-            part.response_harmonics +=
-                2 * (size_t)self->time.n_row * (size_t)(path->n_harm + 1) * period;
-        if (path->energy) part.energy += 4 * period;
-        if (path->coordinates) part.coordinates += 2 * (size_t)self->time.n_total * (size_t)done;
+        const bd_time_path part = part_of(&self->time, path, done, end);
         Py_BEGIN_ALLOW_THREADS;
         PyThread_acquire_lock(self->lock, WAIT_LOCK);
         *status = bd_time_integrate(&self->time, &part, q, v, a, w, effort);
@@ -203,17 +217,38 @@ static int integrate_in_parts(RingObject *self, const bd_time_path *path, double
 static double *state(core_arguments *arguments, PyObject *object, const char *name, int n_dim,
                      const npy_intp *shape) {
     double *x = core_doubles(arguments, object, name, n_dim, shape, BD_OUTPUT);
-    return x && core_check_numbers(x, PyArray_SIZE((PyArrayObject *)object), name, BD_FINITE)
-               ? x
-               : NULL;
+    if (!x) return NULL;
+    const npy_intp n = PyArray_SIZE((PyArrayObject *)object);
+    return core_check_numbers(x, n, name, BD_FINITE) ? x : NULL;
+}
+
+/* Optional output of the harmonics (n_state, n_period, n_row, n_harm + 1). Set n_harm; *X remains
+ * NULL for None. Return 0 with an exception. */
+static int read_harmonics(core_arguments *arguments, PyObject *object, const bd_time *t,
+                          npy_intp n_state, npy_intp n_period, int *n_harm, double **X) {
+    if (object == Py_None) return 1;
+    if (!PyArray_Check(object) || PyArray_NDIM((PyArrayObject *)object) != 4) {
+        PyErr_SetString(PyExc_TypeError, "harmonic: expected a numpy array of four dimensions");
+        return 0;
+    }
+    const npy_intp n_column = PyArray_DIM((PyArrayObject *)object, 3);
+    if (n_column < 1 || n_column > BD_MAX_HARM + 1) {
+        PyErr_Format(PyExc_ValueError, "harmonic: expected 1 to %d columns, found %zd",
+                     BD_MAX_HARM + 1, (Py_ssize_t)n_column);
+        return 0;
+    }
+    const npy_intp shape[4] = {n_state, n_period, t->n_row, n_column};
+    *X = core_array(arguments, object, "harmonic", NPY_CDOUBLE, "complex128", 4, shape, BD_OUTPUT);
+    *n_harm = (int)n_column - 1;
+    return *X != NULL;
 }
 
 static PyObject *Ring_integrate(RingObject *self, PyObject *args, PyObject *kwargs) {
     static char *names[] = {"q",     "v",         "a",      "w",         "n_step", "per_period",
                             "omega", "omega_end", "radius", "tolerance", "fresh",  "harmonic",
                             "trace", "first",     "energy", NULL};
-    PyObject *q_object, *v_object, *a_object, *w_object, *harmonic = Py_None, *trace = Py_None,
-                                                         *energy = Py_None;
+    PyObject *q_object, *v_object, *a_object, *w_object;
+    PyObject *harmonic = Py_None, *trace = Py_None, *energy = Py_None;
     bd_time_path path = {0};
     if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOlidddd|pOOlO:integrate", names, &q_object,
                                      &v_object, &a_object, &w_object, &path.n_step,
@@ -224,47 +259,39 @@ static PyObject *Ring_integrate(RingObject *self, PyObject *args, PyObject *kwar
         return NULL;
     core_arguments arguments = {0};
     const bd_time *t = &self->time;
-    const npy_intp m = length(q_object, "q", 1000000), n = 2 * t->n_total, by_q[2] = {m, n};
-    const npy_intp by_w[4] = {m, t->n_sector, t->n_point, 2 + t->n_memory},
-                   n_w = by_w[1] * by_w[2] * by_w[3];
+    const npy_intp n_state = length(q_object, "q", 1000000), n = 2 * t->n_total;
+    if (n_state < 0 || !check_path(&path)) return NULL;
+
+    /* states, which the integration overwrites */
+    const npy_intp by_q[2] = {n_state, n};
+    const npy_intp by_w[4] = {n_state, t->n_sector, t->n_point, 2 + t->n_memory};
+    const npy_intp n_w = by_w[1] * by_w[2] * by_w[3];
     double *q, *v, *a, *w;
-    if (m < 0 || !check_path(&path)) return NULL;
-    if (!(q = state(&arguments, q_object, "q", 2, by_q)) ||
-        !(v = state(&arguments, v_object, "v", 2, by_q)))
-        return NULL;
+    if (!(q = state(&arguments, q_object, "q", 2, by_q))) return NULL;
+    if (!(v = state(&arguments, v_object, "v", 2, by_q))) return NULL;
     if (!(a = state(&arguments, a_object, "a", 2, by_q))) return NULL;
     if (!(w = state(&arguments, w_object, "w", 4, by_w))) return NULL;
-    const npy_intp periods = path.n_step / path.steps_per_period, by_trace[3] = {m, path.n_step, n},
-                   by_energy[3] = {m, periods, 4};
-    npy_intp n_harmonic = 0;
+
+    /* optional outputs */
+    const npy_intp n_period = path.n_step / path.steps_per_period;
+    const npy_intp by_trace[3] = {n_state, path.n_step, n}, by_energy[3] = {n_state, n_period, 4};
     double *X = NULL, *x = NULL, *e = NULL;
+    if (!read_harmonics(&arguments, harmonic, t, n_state, n_period, &path.n_harm, &X)) return NULL;
+    if (trace != Py_None) {
+        x = core_doubles(&arguments, trace, "trace", 3, by_trace, BD_OUTPUT);
+        if (!x) return NULL;
+    }
+    if (energy != Py_None) {
+        e = core_doubles(&arguments, energy, "energy", 3, by_energy, BD_OUTPUT);
+        if (!e) return NULL;
+    }
+
     bd_time_effort effort = {0};
     bd_status status = BD_OK;
-    if (harmonic != Py_None) {
-        if (!PyArray_Check(harmonic) || PyArray_NDIM((PyArrayObject *)harmonic) != 4) {
-            PyErr_SetString(PyExc_TypeError, "harmonic: expected a numpy array of four dimensions");
-            return NULL;
-        }
-        n_harmonic = PyArray_DIM((PyArrayObject *)harmonic, 3);
-        const npy_intp by_harmonic[4] = {m, periods, t->n_row, n_harmonic};
-        if (n_harmonic < 1 || n_harmonic > BD_MAX_HARM + 1) {
-            PyErr_Format(PyExc_ValueError, "harmonic: expected 1 to %d columns, found %zd",
-                         BD_MAX_HARM + 1, (Py_ssize_t)n_harmonic);
-            return NULL;
-        }
-        X = core_array(&arguments, harmonic, "harmonic", NPY_CDOUBLE, "complex128", 4, by_harmonic,
-                       BD_OUTPUT);
-        if (!X) return NULL;
-        path.n_harm = (int)n_harmonic - 1;
-    }
-    if (trace != Py_None && !(x = core_doubles(&arguments, trace, "trace", 3, by_trace, BD_OUTPUT)))
-        return NULL;
-    if (energy != Py_None &&
-        !(e = core_doubles(&arguments, energy, "energy", 3, by_energy, BD_OUTPUT)))
-        return NULL;
-    for (npy_intp i = 0; i < m && status == BD_OK; ++i) {
-        path.response_harmonics = X ? X + 2 * i * periods * t->n_row * n_harmonic : NULL;
-        path.energy = e ? e + 4 * i * periods : NULL;
+    const npy_intp per_state = 2 * n_period * t->n_row * (path.n_harm + 1);
+    for (npy_intp i = 0; i < n_state && status == BD_OK; ++i) {
+        path.response_harmonics = X ? X + i * per_state : NULL;
+        path.energy = e ? e + 4 * i * n_period : NULL;
         path.coordinates = x ? x + i * path.n_step * n : NULL;
         if (!integrate_in_parts(self, &path, q + i * n, v + i * n, a + i * n, w + i * n_w, &effort,
                                 &status))

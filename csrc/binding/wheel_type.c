@@ -26,21 +26,27 @@ static const double *waves(core_arguments *a, PyObject *object, const char *name
 static const double MOST = 1 << 28;
 
 static int check_sizes(const bd_wheel_input *in) {
-    const double N = in->n_sector, b = in->n_blade, sector = b + in->n_damper,
-                 nc = 2.0 * in->n_harm + 1.0;
     if (!core_check_n_harm(in->n_harm)) return 0;
-    if (N * nc * sector > MOST || 3.0 * N * nc * in->n_point > MOST || N * b * b > MOST) {
+    const double n_sector = in->n_sector, n_blade = in->n_blade;
+    const double sector_size = n_blade + in->n_damper;
+    const double n_coef = 2.0 * in->n_harm + 1.0;
+    const double vector_size = n_sector * n_coef * sector_size;
+    const double n_motion = 3.0 * n_sector * n_coef * in->n_point;
+    const double n_stiffness = n_sector * n_blade * n_blade;
+    if (vector_size > MOST || n_motion > MOST || n_stiffness > MOST) {
         PyErr_Format(
             PyExc_ValueError,
             "n_sector, n_harm, n_blade, n_damper, n_point: expected at most %d numbers in an array",
             (int)MOST);
         return 0;
     }
-    if (in->n_sector >= 3 && in->n_sector <= 10000 && in->n_blade >= 1 && in->n_damper >= 0 &&
-        in->n_root >= 0 && in->n_root <= in->n_blade && in->n_kept >= 0 &&
-        in->n_kept <= in->n_root && (in->n_kept || in->n_damper) && sector <= 1000.0 &&
-        in->n_point >= 0 && in->n_point <= 100000)
-        return 1;
+    const int good_sector = in->n_sector >= 3 && in->n_sector <= 10000;
+    const int good_bodies = in->n_blade >= 1 && in->n_damper >= 0 && sector_size <= 1000.0;
+    const int good_root = in->n_root >= 0 && in->n_root <= in->n_blade;
+    const int good_kept = in->n_kept >= 0 && in->n_kept <= in->n_root;
+    const int has_ring = in->n_kept || in->n_damper;
+    const int good_points = in->n_point >= 0 && in->n_point <= 100000;
+    if (good_sector && good_bodies && good_root && good_kept && has_ring && good_points) return 1;
     PyErr_SetString(
         PyExc_ValueError,
         "n_sector, n_blade, n_damper, n_root, n_kept, n_point: expected 3 to 10000 sectors, "
@@ -49,47 +55,62 @@ static int check_sizes(const bd_wheel_input *in) {
     return 0;
 }
 
-static int read_structure(core_arguments *a, const wheel_objects *o, bd_wheel_input *in) {
-    const npy_intp N = in->n_sector, b = in->n_blade, d = in->n_damper, D = N / 2 + 1,
-                   nc = bd_n_coef(in->n_harm);
-    const npy_intp rows[3] = {in->n_point, 3, b + d}, blades[3] = {N, b, b}, blade[2] = {b, b},
-                   dampers[2] = {N, d};
-    if (!(in->on_next = flags(a, o->next, "next", in->n_point))) return 0;
-    if (!(in->motion_rows = core_numbers(a, o->rows, "rows", 3, rows, BD_FINITE))) return 0;
-    if (!(in->active = flags(a, o->active, "active", nc)) ||
-        !(in->pinned = flags(a, o->pinned, "pinned", N)))
+/* Return whether cosine and sine of each harmonic are active together. */
+static int check_pairs(const unsigned char *active, npy_intp n_coef) {
+    for (npy_intp cosine = 1; cosine < n_coef; cosine += 2) {
+        if (active[cosine] == active[cosine + 1]) continue;
+        PyErr_SetString(PyExc_ValueError,
+                        "active: expected cosine and sine of a harmonic together");
         return 0;
-    for (npy_intp c = 1; c < nc; c += 2)
-        if (in->active[c] != in->active[c + 1]) {
-            PyErr_SetString(PyExc_ValueError,
-                            "active: expected cosine and sine of a harmonic together");
-            return 0;
-        }
-    if (!(in->stiffness = core_numbers(a, o->stiffness, "stiffness", 3, blades, BD_FINITE)))
-        return 0;
-    if (!(in->mass = core_numbers(a, o->mass, "mass", 2, blade, BD_FINITE))) return 0;
-    if (!(in->disk_stiffness = waves(a, o->disk_stiffness, "disk_stiffness", D, in->n_root)))
-        return 0;
-    if (!(in->disk_mass = waves(a, o->disk_mass, "disk_mass", D, in->n_root))) return 0;
-    if (!(in->damping = waves(a, o->damping, "damping", D, b))) return 0;
-    if (!(in->damper_stiffness =
-              core_numbers(a, o->damper_stiffness, "damper_stiffness", 1, &d, BD_FINITE)))
-        return 0;
-    if (!(in->damper_mass = core_numbers(a, o->damper_mass, "damper_mass", 2, dampers, BD_FINITE)))
-        return 0;
-    if (!(in->damper_damping =
-              core_numbers(a, o->damper_damping, "damper_damping", 1, &d, BD_FINITE)))
-        return 0;
-    if (!(in->springs = core_numbers(a, o->springs, "springs", 2, dampers, BD_NON_NEGATIVE)))
-        return 0;
-    if (!(in->jacobian_springs =
-              core_numbers(a, o->neutral, "neutral", 2, dampers, BD_NON_NEGATIVE)))
-        return 0;
-    return (in->spring_origin = core_numbers(a, o->home, "home", 2, dampers, BD_FINITE)) != NULL;
+    }
+    return 1;
 }
 
+/* Matrices of blades, disk and dampers. */
+static int read_structure(core_arguments *a, const wheel_objects *o, bd_wheel_input *in) {
+    const npy_intp n_sector = in->n_sector, n_wave = n_sector / 2 + 1;
+    const npy_intp n_blade = in->n_blade, n_damper = in->n_damper;
+    const npy_intp n_coef = bd_n_coef(in->n_harm);
+    const npy_intp rows[3] = {in->n_point, 3, n_blade + n_damper};
+    const npy_intp blades[3] = {n_sector, n_blade, n_blade}, blade[2] = {n_blade, n_blade};
+    const npy_intp dampers[2] = {n_sector, n_damper};
+    if (!(in->on_next = flags(a, o->next, "next", in->n_point))) return 0;
+    if (!(in->motion_rows = core_numbers(a, o->rows, "rows", 3, rows, BD_FINITE))) return 0;
+    if (!(in->active = flags(a, o->active, "active", n_coef))) return 0;
+    if (!(in->pinned = flags(a, o->pinned, "pinned", n_sector))) return 0;
+    if (!check_pairs(in->active, n_coef)) return 0;
+
+    in->stiffness = core_numbers(a, o->stiffness, "stiffness", 3, blades, BD_FINITE);
+    if (!in->stiffness) return 0;
+    in->mass = core_numbers(a, o->mass, "mass", 2, blade, BD_FINITE);
+    if (!in->mass) return 0;
+    in->disk_stiffness = waves(a, o->disk_stiffness, "disk_stiffness", n_wave, in->n_root);
+    if (!in->disk_stiffness) return 0;
+    in->disk_mass = waves(a, o->disk_mass, "disk_mass", n_wave, in->n_root);
+    if (!in->disk_mass) return 0;
+    in->damping = waves(a, o->damping, "damping", n_wave, n_blade);
+    if (!in->damping) return 0;
+
+    in->damper_stiffness =
+        core_numbers(a, o->damper_stiffness, "damper_stiffness", 1, &n_damper, BD_FINITE);
+    if (!in->damper_stiffness) return 0;
+    in->damper_mass = core_numbers(a, o->damper_mass, "damper_mass", 2, dampers, BD_FINITE);
+    if (!in->damper_mass) return 0;
+    in->damper_damping =
+        core_numbers(a, o->damper_damping, "damper_damping", 1, &n_damper, BD_FINITE);
+    if (!in->damper_damping) return 0;
+    in->springs = core_numbers(a, o->springs, "springs", 2, dampers, BD_NON_NEGATIVE);
+    if (!in->springs) return 0;
+    in->jacobian_springs = core_numbers(a, o->neutral, "neutral", 2, dampers, BD_NON_NEGATIVE);
+    if (!in->jacobian_springs) return 0;
+    in->spring_origin = core_numbers(a, o->home, "home", 2, dampers, BD_FINITE);
+    return in->spring_origin != NULL;
+}
+
+/* Parameters of the contact points of all sectors. */
 static int read_points(core_arguments *a, const wheel_objects *o, bd_wheel_input *in) {
-    const npy_intp n = in->n_sector * (npy_intp)in->n_point, by2[2] = {n, 2}, by3[2] = {n, 3};
+    const npy_intp n = in->n_sector * (npy_intp)in->n_point;
+    const npy_intp by2[2] = {n, 2}, by3[2] = {n, 3};
     if (!(in->kt = core_numbers(a, o->kt, "kt", 2, by2, BD_FINITE))) return 0;
     if (!(in->kn = core_numbers(a, o->kn, "kn", 1, &n, BD_NON_NEGATIVE))) return 0;
     if (!(in->mu = core_numbers(a, o->mu, "mu", 1, &n, BD_NON_NEGATIVE))) return 0;
@@ -98,24 +119,25 @@ static int read_points(core_arguments *a, const wheel_objects *o, bd_wheel_input
     if (!(in->law = core_array(a, o->law, "law", NPY_INT, "intc", 1, &n, BD_INPUT))) return 0;
     if (!(in->load = core_numbers(a, o->load, "load", 1, &n, BD_FINITE))) return 0;
     if (!(in->shift = core_numbers(a, o->shift, "shift", 2, by3, BD_FINITE))) return 0;
-    for (npy_intp p = 0; p < n; ++p)
-        if (!core_check_law(in->law[p], in->evaluation) ||
-            !core_check_slider(in->w + 2 * p, in->law[p]))
-            return 0;
+    for (npy_intp p = 0; p < n; ++p) {
+        if (!core_check_law(in->law[p], in->evaluation)) return 0;
+        if (!core_check_slider(in->w + 2 * p, in->law[p])) return 0;
+    }
     return 1;
 }
 
 /* Forces and scales of the unknowns. */
 static int read_forces(core_arguments *a, const wheel_objects *o, bd_wheel_input *in) {
-    npy_intp n = 0;
-    for (int c = 0; c < bd_n_coef(in->n_harm); ++c) n += in->active[c] != 0;
-    n *= (npy_intp)in->n_sector * (in->n_blade + in->n_damper);
+    npy_intp n_active = 0;
+    for (int c = 0; c < bd_n_coef(in->n_harm); ++c) n_active += in->active[c] != 0;
+    const npy_intp n = n_active * (npy_intp)in->n_sector * (in->n_blade + in->n_damper);
     if (n < 1) {
         PyErr_SetString(PyExc_ValueError, "active: expected at least one coefficient, found none");
         return 0;
     }
     if (!(in->force = core_numbers(a, o->force, "force", 1, &n, BD_FINITE))) return 0;
-    return (in->row_scale = core_numbers(a, o->row_scale, "row_scale", 1, &n, BD_POSITIVE)) != NULL;
+    in->row_scale = core_numbers(a, o->row_scale, "row_scale", 1, &n, BD_POSITIVE);
+    return in->row_scale != NULL;
 }
 
 static PyObject *Wheel_new(PyTypeObject *type, PyObject *args, PyObject *kwargs) {

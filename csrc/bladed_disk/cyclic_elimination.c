@@ -300,72 +300,87 @@ static void add_blade(bd_ring *w) {
     }
 }
 
-/* Extract the matrix of the outer unknowns of a sector: the ring unknowns a and y_n, and the damper
- * y_(n-1) of the sector before, in this order. */
+/* Extract the matrix S of the outer unknowns of a sector: the ring unknowns a and y_n, and the
+ * damper y_(n-1) of the sector before, in this order. */
 static void extract_outer(bd_ring *w, double *S) {
-    const int nb = w->input.n_blade, ns = w->sector_size, e = nb - w->input.n_kept;
-    const int s = w->n_ring, side = w->n_damper_unknown, q = s + side, A = s - side;
+    const int n_blade = w->input.n_blade, sector_size = w->sector_size;
+    const int kept = n_blade - w->input.n_kept; /* first coordinate of the ring */
+    const int n_damper = w->n_damper_unknown, n_outer = w->n_ring + n_damper;
+    const int damper = w->n_ring - n_damper, before = w->n_ring; /* first columns of y */
     const double *own = w->own_side, *next = w->next_side;
-    double *of_damper = S + (size_t)A * (size_t)q, *of_before = S + (size_t)s * (size_t)q;
-    memset(S, 0, sizeof(double) * (size_t)q * (size_t)q);
-    extract(w, own, e, nb, e, nb, S, q);
-    extract(w, own, e, nb, nb, ns, S + A, q);
-    extract(w, next, e, nb, nb, ns, S + s, q);
-    extract(w, own, nb, ns, e, nb, of_damper, q);
-    extract(w, own, nb, ns, nb, ns, of_damper + A, q);
-    extract(w, next, nb, ns, e, nb, of_before, q);
-    extract(w, next, nb, ns, nb, ns, of_before + s, q);
+    double *of_damper = S + (size_t)damper * (size_t)n_outer;
+    double *of_before = S + (size_t)before * (size_t)n_outer;
+    memset(S, 0, sizeof(double) * (size_t)n_outer * (size_t)n_outer);
+    extract(w, own, kept, n_blade, kept, n_blade, S, n_outer);
+    extract(w, own, kept, n_blade, n_blade, sector_size, S + damper, n_outer);
+    extract(w, next, kept, n_blade, n_blade, sector_size, S + before, n_outer);
+    extract(w, own, n_blade, sector_size, kept, n_blade, of_damper, n_outer);
+    extract(w, own, n_blade, sector_size, n_blade, sector_size, of_damper + damper, n_outer);
+    extract(w, next, n_blade, sector_size, kept, n_blade, of_before, n_outer);
+    extract(w, next, n_blade, sector_size, n_blade, sector_size, of_before + before, n_outer);
 }
 
-/* Extract E_n, and its couplings to the outer unknowns: columns (E, q) and couple (q, E). */
+/* Extract E_n, and its couplings to the outer unknowns: columns (n_inner, n_outer) and couple
+ * (n_outer, n_inner). */
 static void extract_inner(bd_ring *w, double *inner, double *columns, double *couple) {
-    const int nb = w->input.n_blade, ns = w->sector_size, e = nb - w->input.n_kept;
-    const int E = w->n_inner, s = w->n_ring, side = w->n_damper_unknown, q = s + side, A = s - side;
+    const int n_blade = w->input.n_blade, sector_size = w->sector_size;
+    const int kept = n_blade - w->input.n_kept; /* first coordinate of the ring */
+    const int n_inner = w->n_inner;
+    const int n_damper = w->n_damper_unknown, n_outer = w->n_ring + n_damper;
+    const int damper = w->n_ring - n_damper, before = w->n_ring; /* first columns of y */
     const double *own = w->own_side, *next = w->next_side;
-    extract(w, own, 0, e, 0, e, inner, E);
-    extract(w, own, 0, e, e, nb, columns, q);
-    extract(w, own, 0, e, nb, ns, columns + A, q);
-    extract(w, next, 0, e, nb, ns, columns + s, q);
-    extract(w, own, e, nb, 0, e, couple, E);
-    extract(w, own, nb, ns, 0, e, couple + (size_t)A * (size_t)E, E);
-    extract(w, next, nb, ns, 0, e, couple + (size_t)s * (size_t)E, E);
+    extract(w, own, 0, kept, 0, kept, inner, n_inner);
+    extract(w, own, 0, kept, kept, n_blade, columns, n_outer);
+    extract(w, own, 0, kept, n_blade, sector_size, columns + damper, n_outer);
+    extract(w, next, 0, kept, n_blade, sector_size, columns + before, n_outer);
+    double *of_damper = couple + (size_t)damper * (size_t)n_inner;
+    double *of_before = couple + (size_t)before * (size_t)n_inner;
+    extract(w, own, kept, n_blade, 0, kept, couple, n_inner);
+    extract(w, own, n_blade, sector_size, 0, kept, of_damper, n_inner);
+    extract(w, next, n_blade, sector_size, 0, kept, of_before, n_inner);
 }
 
 /* Add the matrix S of the outer unknowns of sector n to the blocks of the ring. */
 static void add_outer(bd_ring *w, int n, const double *S) {
     const int N = w->input.n_sector, before = (n + N - 1) % N;
-    const size_t s = (size_t)w->n_ring, side = (size_t)w->n_damper_unknown;
-    const size_t q = s + side, A = s - side, ss = s * s;
-    double *D = w->diagonal + (size_t)n * ss, *D_before = w->diagonal + (size_t)before * ss;
-    double *L = w->lower + (size_t)n * ss, *U_before = w->upper + (size_t)before * ss;
-    for (size_t i = 0; i < s; ++i) {
-        const double *row = S + i * q;
-        for (size_t j = 0; j < s; ++j) D[i * s + j] += row[j];
-        for (size_t j = 0; j < side; ++j) L[i * s + A + j] += row[s + j];
+    const size_t n_ring = (size_t)w->n_ring, block = n_ring * n_ring;
+    const size_t n_damper = (size_t)w->n_damper_unknown, n_outer = n_ring + n_damper;
+    const size_t damper = n_ring - n_damper; /* first row and column of y in a block */
+    double *D = w->diagonal + (size_t)n * block, *D_before = w->diagonal + (size_t)before * block;
+    double *L = w->lower + (size_t)n * block, *U_before = w->upper + (size_t)before * block;
+
+    /* rows of the sector: its own unknowns, then the damper before it */
+    for (size_t i = 0; i < n_ring; ++i) {
+        const double *row = S + i * n_outer;
+        for (size_t j = 0; j < n_ring; ++j) D[i * n_ring + j] += row[j];
+        for (size_t j = 0; j < n_damper; ++j) L[i * n_ring + damper + j] += row[n_ring + j];
     }
-    for (size_t i = 0; i < side; ++i) {
-        const double *row = S + (s + i) * q;
-        const size_t at = (A + i) * s;
-        for (size_t j = 0; j < s; ++j) U_before[at + j] += row[j];
-        for (size_t j = 0; j < side; ++j) D_before[at + A + j] += row[s + j];
+    /* rows of the damper before it */
+    for (size_t i = 0; i < n_damper; ++i) {
+        const double *row = S + (n_ring + i) * n_outer;
+        const size_t first = (damper + i) * n_ring;
+        for (size_t j = 0; j < n_ring; ++j) U_before[first + j] += row[j];
+        for (size_t j = 0; j < n_damper; ++j) D_before[first + damper + j] += row[n_ring + j];
     }
 }
 
-/* Eliminate the inner blade coordinates of sector n and add the remainder to
- * the blocks of the ring. */
+/* Eliminate the inner blade coordinates of sector n and add the remainder to the blocks of the
+ * ring. */
 static int eliminate_blade(bd_ring *w, int n) {
-    const int E = w->n_inner, q = w->n_ring + w->n_damper_unknown;
-    const size_t at = (size_t)n * (size_t)E;
-    double *inverse = w->inverse + at * (size_t)E;
-    double *back = w->inner_to_outer + at * (size_t)q;
-    double *couple = w->outer_to_inner + at * (size_t)q;
+    const int n_inner = w->n_inner, n_outer = w->n_ring + w->n_damper_unknown;
+    const size_t first_row = (size_t)n * (size_t)n_inner;
+    double *inverse = w->inverse + first_row * (size_t)n_inner;
+    double *back = w->inner_to_outer + first_row * (size_t)n_outer;
+    double *couple = w->outer_to_inner + first_row * (size_t)n_outer;
     double *S = w->outer;
     extract_inner(w, inverse, w->columns, couple);
     extract_outer(w, S);
-    if (E > 0) {
-        if (!invert(w, inverse, E)) return 0;
-        multiply(w, E, q, E, inverse, E, w->columns, q, back, q);
-        add_multiple(w, q, q, E, -1.0, couple, E, back, q, S, q);
+    if (n_inner > 0) {
+        if (!invert(w, inverse, n_inner)) return 0;
+        multiply(w, n_inner, n_outer, n_inner, inverse, n_inner, w->columns, n_outer, back,
+                 n_outer);
+        add_multiple(w, n_outer, n_outer, n_inner, -1.0, couple, n_inner, back, n_outer, S,
+                     n_outer);
     }
     add_outer(w, n, S);
     return 1;
@@ -510,92 +525,104 @@ static void solve_ring_transposed(bd_ring *w, double *b) {
     }
 }
 
-/* Copy the inner right-hand side of sector n to t and add the remainder to the ring. */
-static void split_sector(const bd_ring *w, const double *from, double *t, double *to) {
-    const int k = w->input.n_kept, e = w->input.n_blade - k, nd = w->input.n_damper;
-    const int A = w->n_ring - w->n_damper_unknown;
+/* Copy the inner right-hand side of a sector to `inner` and add the remainder to `ring`. */
+static void split_sector(const bd_ring *w, const double *from, double *inner, double *ring) {
+    const int n_kept = w->input.n_kept, n_inner = w->input.n_blade - n_kept;
+    const int n_damper = w->input.n_damper;
+    double *damper = ring + w->n_ring - w->n_damper_unknown;
     for (int c = 0; c < w->input.n_coef; ++c, from += w->sector_size) {
-        memcpy(t + c * e, from, sizeof(double) * (size_t)e);
-        for (int i = 0; i < k; ++i) to[c * k + i] += from[e + i];
-        for (int i = 0; i < nd; ++i) to[A + c * nd + i] += from[e + k + i];
+        const double *kept = from + n_inner, *y = kept + n_kept;
+        memcpy(inner + c * n_inner, from, sizeof(double) * (size_t)n_inner);
+        for (int i = 0; i < n_kept; ++i) ring[c * n_kept + i] += kept[i];
+        for (int i = 0; i < n_damper; ++i) damper[c * n_damper + i] += y[i];
     }
 }
 
-/* Copy the inner coordinates t and the ring coordinates to the sector. */
-static void join_sector(const bd_ring *w, const double *t, const double *ring, double *to) {
-    const int k = w->input.n_kept, e = w->input.n_blade - k, nd = w->input.n_damper;
-    const int A = w->n_ring - w->n_damper_unknown;
+/* Copy the inner coordinates and the ring coordinates to the sector. */
+static void join_sector(const bd_ring *w, const double *inner, const double *ring, double *to) {
+    const int n_kept = w->input.n_kept, n_inner = w->input.n_blade - n_kept;
+    const int n_damper = w->input.n_damper;
+    const double *damper = ring + w->n_ring - w->n_damper_unknown;
     for (int c = 0; c < w->input.n_coef; ++c, to += w->sector_size) {
-        memcpy(to, t + c * e, sizeof(double) * (size_t)e);
-        memcpy(to + e, ring + c * k, sizeof(double) * (size_t)k);
-        memcpy(to + e + k, ring + A + c * nd, sizeof(double) * (size_t)nd);
+        double *kept = to + n_inner, *y = kept + n_kept;
+        memcpy(to, inner + c * n_inner, sizeof(double) * (size_t)n_inner);
+        memcpy(kept, ring + c * n_kept, sizeof(double) * (size_t)n_kept);
+        memcpy(y, damper + c * n_damper, sizeof(double) * (size_t)n_damper);
     }
 }
 
-/* Eliminate the inner unknowns from the right-hand side r of sector n: their part remains in inner
- * (E), `here` and `before` are the right-hand sides of the ring for this sector and for the damper
- * before it. */
+/* Eliminate the inner unknowns from the right-hand side r of sector n. Their part remains in
+ * `inner`. `here` and `before` are the right-hand sides of the ring for this sector and for the
+ * damper before it. */
 static void reduce_sector(bd_ring *w, int transposed, int n, const double *r, double *inner,
                           double *here, double *before) {
-    const int E = w->n_inner, s = w->n_ring, side = w->n_damper_unknown, q = s + side;
-    const size_t at = (size_t)n * (size_t)E;
-    double *t = w->work;
+    const int n_inner = w->n_inner, n_ring = w->n_ring, n_damper = w->n_damper_unknown;
+    const int n_outer = n_ring + n_damper;
+    const size_t first_row = (size_t)n * (size_t)n_inner;
+    double *work = w->work;
     if (transposed) {
+        const double *back = w->inner_to_outer + first_row * (size_t)n_outer;
         split_sector(w, r, inner, here);
-        memset(t, 0, sizeof(double) * (size_t)q);
-        add_product(w, 1, E, q, -1.0, w->inner_to_outer + at * (size_t)q, inner, t);
-        for (int i = 0; i < s; ++i) here[i] += t[i];
-        for (int i = 0; i < side; ++i) before[i] += t[s + i];
+        memset(work, 0, sizeof(double) * (size_t)n_outer);
+        add_product(w, 1, n_inner, n_outer, -1.0, back, inner, work);
+        for (int i = 0; i < n_ring; ++i) here[i] += work[i];
+        for (int i = 0; i < n_damper; ++i) before[i] += work[n_ring + i];
         return;
     }
-    const double *couple = w->outer_to_inner + at * (size_t)q;
-    const double *couple_before = couple + (size_t)s * (size_t)E;
-    split_sector(w, r, t, here);
-    add_product(w, 0, E, E, 1.0, w->inverse + at * (size_t)E, t, inner);
-    add_product(w, 0, s, E, -1.0, couple, inner, here);
-    add_product(w, 0, side, E, -1.0, couple_before, inner, before);
+    const double *inverse = w->inverse + first_row * (size_t)n_inner;
+    const double *couple = w->outer_to_inner + first_row * (size_t)n_outer;
+    const double *couple_before = couple + (size_t)n_ring * (size_t)n_inner;
+    split_sector(w, r, work, here);
+    add_product(w, 0, n_inner, n_inner, 1.0, inverse, work, inner);
+    add_product(w, 0, n_ring, n_inner, -1.0, couple, inner, here);
+    add_product(w, 0, n_damper, n_inner, -1.0, couple_before, inner, before);
 }
 
 /* Inner unknowns of sector n from the solution of the ring. */
 static void solve_inner(bd_ring *w, int transposed, int n, const double *here, const double *before,
                         double *inner) {
-    const int E = w->n_inner, s = w->n_ring, side = w->n_damper_unknown, q = s + side;
-    const size_t at = (size_t)n * (size_t)E;
-    double *outer = w->work; /* (q) */
-    memcpy(outer, here, sizeof(double) * (size_t)s);
-    memcpy(outer + s, before, sizeof(double) * (size_t)side);
+    const int n_inner = w->n_inner, n_ring = w->n_ring, n_damper = w->n_damper_unknown;
+    const int n_outer = n_ring + n_damper;
+    const size_t first_row = (size_t)n * (size_t)n_inner;
+    double *outer = w->work; /* (n_outer) */
+    memcpy(outer, here, sizeof(double) * (size_t)n_ring);
+    memcpy(outer + n_ring, before, sizeof(double) * (size_t)n_damper);
     if (!transposed) {
-        add_product(w, 0, E, q, -1.0, w->inner_to_outer + at * (size_t)q, outer, inner);
+        const double *back = w->inner_to_outer + first_row * (size_t)n_outer;
+        add_product(w, 0, n_inner, n_outer, -1.0, back, outer, inner);
         return;
     }
-    double *right_side = outer + q;
-    add_product(w, 1, q, E, -1.0, w->outer_to_inner + at * (size_t)q, outer, inner);
-    memcpy(right_side, inner, sizeof(double) * (size_t)E);
-    memset(inner, 0, sizeof(double) * (size_t)E);
-    add_product(w, 1, E, E, 1.0, w->inverse + at * (size_t)E, right_side, inner);
+    const double *couple = w->outer_to_inner + first_row * (size_t)n_outer;
+    const double *inverse = w->inverse + first_row * (size_t)n_inner;
+    double *right_side = outer + n_outer;
+    add_product(w, 1, n_outer, n_inner, -1.0, couple, outer, inner);
+    memcpy(right_side, inner, sizeof(double) * (size_t)n_inner);
+    memset(inner, 0, sizeof(double) * (size_t)n_inner);
+    add_product(w, 1, n_inner, n_inner, 1.0, inverse, right_side, inner);
 }
 
 void bd_ring_solve(bd_ring *w, int transposed, const double *r, double *x) {
-    const int N = w->input.n_sector;
-    const size_t E = (size_t)w->n_inner, s = (size_t)w->n_ring;
-    const size_t A = s - (size_t)w->n_damper_unknown; /* the damper follows the blade */
+    const size_t N = (size_t)w->input.n_sector;
+    const size_t n_inner = (size_t)w->n_inner, n_ring = (size_t)w->n_ring;
+    const size_t damper = n_ring - (size_t)w->n_damper_unknown; /* first damper unknown */
     const size_t sector = (size_t)(w->input.n_coef * w->sector_size);
-    double *inner = w->outer;          /* (N, E) */
-    double *b = inner + (size_t)N * E; /* (N, s) */
-    memset(inner, 0, sizeof(double) * (size_t)N * E);
-    memset(b, 0, sizeof(double) * (size_t)N * s);
-    for (int n = 0; n < N; ++n) {
-        const size_t i = (size_t)n, i_before = (size_t)((n + N - 1) % N);
-        reduce_sector(w, transposed, n, r + i * sector, inner + i * E, b + i * s,
-                      b + i_before * s + A);
+    double *inner = w->outer;           /* (N, n_inner) */
+    double *ring = inner + N * n_inner; /* (N, n_ring) */
+    memset(inner, 0, sizeof(double) * N * n_inner);
+    memset(ring, 0, sizeof(double) * N * n_ring);
+    for (size_t n = 0; n < N; ++n) {
+        const size_t before = (n + N - 1) % N;
+        reduce_sector(w, transposed, (int)n, r + n * sector, inner + n * n_inner, ring + n * n_ring,
+                      ring + before * n_ring + damper);
     }
     if (transposed)
-        solve_ring_transposed(w, b);
+        solve_ring_transposed(w, ring);
     else
-        solve_ring(w, b);
-    for (int n = 0; n < N; ++n) {
-        const size_t i = (size_t)n, i_before = (size_t)((n + N - 1) % N);
-        solve_inner(w, transposed, n, b + i * s, b + i_before * s + A, inner + i * E);
-        join_sector(w, inner + i * E, b + i * s, x + i * sector);
+        solve_ring(w, ring);
+    for (size_t n = 0; n < N; ++n) {
+        const size_t before = (n + N - 1) % N;
+        solve_inner(w, transposed, (int)n, ring + n * n_ring, ring + before * n_ring + damper,
+                    inner + n * n_inner);
+        join_sector(w, inner + n * n_inner, ring + n * n_ring, x + n * sector);
     }
 }

@@ -158,32 +158,34 @@ void bd_wheel_add_waves(bd_wheel *w, const bd_waves *waves, double omega, int tr
 
 /* ---- linear parts ---- */
 
-/* Inertia of the blade and equations of the damper of sector n, for coefficient c; `out` already
- * holds the stiffness of the blade, `by` may be NULL. */
+/* Inertia of the blade and equations of the damper of sector n, for coefficient c. `out` already
+ * holds the stiffness of the blade; `by` may be NULL. */
 static void sector_part(const bd_wheel *w, double omega, int transposed, int n, int c,
                         const double *x, double *out, double *by) {
     const bd_wheel_input *in = &w->input;
-    const int nb = in->n_blade, nd = in->n_damper, ns = w->sector_size;
+    const int n_blade = in->n_blade, n_damper = in->n_damper, sector_size = w->sector_size;
     const int l = (c + 1) / 2;
-    const size_t row = (size_t)(n * w->n_coef + c), at = row * (size_t)ns;
     const double f = l * omega, sense = transposed ? -phase(c) : phase(c);
-    const double *inertia = w->inertia + row * (size_t)nb, *mass = in->damper_mass + n * nd;
-    const double *y = x + at + nb, *y_other = y + phase(c) * ns;
-    double *to = out + at, *to_damper = to + nb;
-    for (int i = 0; i < nb; ++i) to[i] -= f * f * inertia[i];
-    for (int i = 0; i < nd; ++i) {
+    const size_t row = (size_t)(n * w->n_coef + c), first = row * (size_t)sector_size;
+    const double *inertia = w->inertia + row * (size_t)n_blade;
+    const double *mass = in->damper_mass + n * n_damper;
+    const double *y = x + first + n_blade, *y_other = y + phase(c) * sector_size;
+    double *blade = out + first, *damper = blade + n_blade;
+    for (int i = 0; i < n_blade; ++i) blade[i] -= f * f * inertia[i];
+    for (int i = 0; i < n_damper; ++i) {
         const double damping = sense * in->damper_damping[i];
         const double dynamic = in->damper_stiffness[i] - f * f * mass[i];
-        to_damper[i] = dynamic * y[i] + (l ? f * damping * y_other[i] : 0.0);
+        damper[i] = dynamic * y[i] + (l ? f * damping * y_other[i] : 0.0);
     }
     if (!by) return;
 
-    double *rate = by + at, *rate_damper = rate + nb;
-    for (int i = 0; i < nb; ++i) rate[i] -= 2.0 * l * f * inertia[i];
+    /* derivatives with respect to omega */
+    double *blade_rate = by + first, *damper_rate = blade_rate + n_blade;
+    for (int i = 0; i < n_blade; ++i) blade_rate[i] -= 2.0 * l * f * inertia[i];
     if (l == 0) return;
-    for (int i = 0; i < nd; ++i) {
+    for (int i = 0; i < n_damper; ++i) {
         const double damping = sense * in->damper_damping[i];
-        rate_damper[i] = l * damping * y_other[i] - 2.0 * l * f * mass[i] * y[i];
+        damper_rate[i] = l * damping * y_other[i] - 2.0 * l * f * mass[i] * y[i];
     }
 }
 
@@ -210,16 +212,17 @@ static void linear_part(bd_wheel *w, double omega, int transposed, const double 
 
 /* Rows of inactive coordinates: out = x, by = 0. */
 static void set_inactive_rows(const bd_wheel *w, const double *x, double *out, double *by) {
-    const int N = w->input.n_sector, nc = w->n_coef, ns = w->sector_size, nb = w->input.n_blade;
-    for (int n = 0; n < N; ++n) {
-        for (int c = 0; c < nc; ++c) {
-            const int is_active = w->input.active[c], has_damper = !w->input.pinned[n];
+    const int n_coef = w->n_coef, sector_size = w->sector_size;
+    for (int n = 0; n < w->input.n_sector; ++n) {
+        const int has_damper = !w->input.pinned[n];
+        for (int c = 0; c < n_coef; ++c) {
+            const int is_active = w->input.active[c];
             if (is_active && has_damper) continue;
-            const int first = is_active ? nb : 0; /* the damper alone, or all */
-            for (int i = first; i < ns; ++i) {
-                const size_t at = (size_t)((n * nc + c) * ns + i);
-                out[at] = x[at];
-                if (by) by[at] = 0.0;
+            const size_t first = (size_t)((n * n_coef + c) * sector_size);
+            const int from = is_active ? w->input.n_blade : 0; /* the damper alone, or all */
+            for (size_t i = first + (size_t)from; i < first + (size_t)sector_size; ++i) {
+                out[i] = x[i];
+                if (by) by[i] = 0.0;
             }
         }
     }
@@ -625,75 +628,81 @@ static size_t larger(size_t a, size_t b) { return a > b ? a : b; }
 
 /* Sizes and memory; the arrays of the input are copied, and `input` points to the copies. */
 static bd_status parts_create(bd_wheel *w, const bd_wheel_input *in) {
-    const size_t N = (size_t)in->n_sector, D = N / 2 + 1; /* sectors and waves */
-    const size_t H = (size_t)in->n_harm + 1, nc = (size_t)bd_n_coef(in->n_harm);
-    const size_t b = (size_t)in->n_blade, d = (size_t)in->n_damper; /* coordinates of a sector */
-    const size_t r = (size_t)in->n_root, k = (size_t)in->n_kept;
-    const size_t n = (size_t)w->base.n;                /* unknowns */
-    const size_t W = N * nc * (b + d), Y = N * nc * b; /* a vector and its blade part */
-    const size_t points = N * (size_t)in->n_point, force = 3 * points * nc;
-    const size_t n_matrix = 2 * H * b * b + 2 * H * N * d + H * k * k;
-    const size_t M = BD_WHEEL_KRYLOV, n_krylov = (M + 1) * (Y + M + W) + 5 * M;
-    const size_t of_waves = 6 * D * nc * b + 6 * b;
+    const size_t n_sector = (size_t)in->n_sector, n_wave = n_sector / 2 + 1;
+    const size_t n_harmonic = (size_t)in->n_harm + 1, n_coef = (size_t)bd_n_coef(in->n_harm);
+    const size_t n_blade = (size_t)in->n_blade, n_damper = (size_t)in->n_damper;
+    const size_t n_root = (size_t)in->n_root, n_kept = (size_t)in->n_kept;
+    const size_t n_unknown = (size_t)w->base.n;
+    const size_t sector_size = n_blade + n_damper;
+    const size_t vector = n_sector * n_coef * sector_size; /* numbers of a vector */
+    const size_t blades = n_sector * n_coef * n_blade;     /* of its blade part */
+    const size_t dampers = n_sector * n_damper;
+    const size_t n_point = n_sector * (size_t)in->n_point, force = 3 * n_point * n_coef;
+    const size_t blade_matrix = n_blade * n_blade, kept_matrix = n_kept * n_kept;
+    const size_t root_waves = 2 * n_wave * n_root * n_root, blade_waves = 2 * n_wave * blade_matrix;
+    const size_t n_matrix = n_harmonic * (2 * blade_matrix + 2 * dampers + kept_matrix);
+    const size_t n_krylov =
+        (BD_WHEEL_KRYLOV + 1) * (blades + BD_WHEEL_KRYLOV + vector) + 5 * BD_WHEEL_KRYLOV;
+    const size_t of_waves = 6 * n_wave * n_coef * n_blade + 6 * n_blade;
     bd_wheel_input *copies = &w->input;
     *copies = *in;
-    w->n_coef = (int)nc;
-    w->n_wave = (int)D;
-    w->sector_size = (int)(b + d);
-    w->vector_size = (int)W;
+    w->n_coef = (int)n_coef;
+    w->n_wave = (int)n_wave;
+    w->sector_size = (int)sector_size;
+    w->vector_size = (int)vector;
     bd_status status = flags_create(w, in);
     if (status != BD_OK) return status;
     const part parts[] = {
-        {(double **)&copies->motion_rows, 3 * (size_t)in->n_point * (b + d), in->motion_rows},
-        {(double **)&copies->stiffness, N * b * b, in->stiffness},
-        {(double **)&copies->mass, b * b, in->mass},
-        {(double **)&copies->damper_stiffness, d, in->damper_stiffness},
-        {(double **)&copies->damper_mass, N * d, in->damper_mass},
-        {(double **)&copies->damper_damping, d, in->damper_damping},
-        {(double **)&copies->springs, N * d, in->springs},
-        {(double **)&copies->spring_origin, N * d, in->spring_origin},
-        {(double **)&copies->shift, 3 * points, in->shift},
-        {(double **)&copies->force, n, in->force},
-        {&w->base.row_scale, n, in->row_scale},
-        {&w->base.r, n, NULL},
-        {&w->base.C, n, NULL},
-        {&w->base.scratch, 4 * (n + 1), NULL},
-        {&w->waves.stiffness, 2 * D * r * r, NULL},
-        {&w->waves.mass, 2 * D * r * r, NULL},
-        {&w->waves.damping, 2 * D * b * b, NULL},
-        {&w->remainder.stiffness, 2 * D * r * r, NULL},
-        {&w->remainder.mass, 2 * D * r * r, NULL},
-        {&w->remainder.damping, 2 * D * b * b, NULL},
-        {&w->sector_part[0], b * b, NULL},
-        {&w->sector_part[1], b * b, NULL},
-        {&w->sector_part[2], b * b, NULL},
-        {&w->neighbour_part[0], k * k, NULL},
-        {&w->neighbour_part[1], k * k, NULL},
-        {&w->cosine, D * N, NULL},
-        {&w->sine, D * N, NULL},
+        {(double **)&copies->motion_rows, 3 * (size_t)in->n_point * sector_size, in->motion_rows},
+        {(double **)&copies->stiffness, n_sector * blade_matrix, in->stiffness},
+        {(double **)&copies->mass, blade_matrix, in->mass},
+        {(double **)&copies->damper_stiffness, n_damper, in->damper_stiffness},
+        {(double **)&copies->damper_mass, dampers, in->damper_mass},
+        {(double **)&copies->damper_damping, n_damper, in->damper_damping},
+        {(double **)&copies->springs, dampers, in->springs},
+        {(double **)&copies->spring_origin, dampers, in->spring_origin},
+        {(double **)&copies->shift, 3 * n_point, in->shift},
+        {(double **)&copies->force, n_unknown, in->force},
+        {&w->base.row_scale, n_unknown, in->row_scale},
+        {&w->base.r, n_unknown, NULL},
+        {&w->base.C, n_unknown, NULL},
+        {&w->base.scratch, 4 * (n_unknown + 1), NULL},
+        {&w->waves.stiffness, root_waves, NULL},
+        {&w->waves.mass, root_waves, NULL},
+        {&w->waves.damping, blade_waves, NULL},
+        {&w->remainder.stiffness, root_waves, NULL},
+        {&w->remainder.mass, root_waves, NULL},
+        {&w->remainder.damping, blade_waves, NULL},
+        {&w->sector_part[0], blade_matrix, NULL},
+        {&w->sector_part[1], blade_matrix, NULL},
+        {&w->sector_part[2], blade_matrix, NULL},
+        {&w->neighbour_part[0], kept_matrix, NULL},
+        {&w->neighbour_part[1], kept_matrix, NULL},
+        {&w->cosine, n_wave * n_sector, NULL},
+        {&w->sine, n_wave * n_sector, NULL},
         {&w->X, force, NULL},
         {&w->F, force, NULL},
-        {&w->tangent, 7 * points * nc * nc, NULL},
-        {&w->x, W, NULL},
-        {&w->shifted, W, NULL},
-        {&w->motion, larger(force, Y), NULL},
-        {&w->blade_motion, Y, NULL},
-        {&w->inertia, Y, NULL},
-        {&w->wave_work, larger(b * b, of_waves), NULL},
+        {&w->tangent, 7 * n_point * n_coef * n_coef, NULL},
+        {&w->x, vector, NULL},
+        {&w->shifted, vector, NULL},
+        {&w->motion, larger(force, blades), NULL},
+        {&w->blade_motion, blades, NULL},
+        {&w->inertia, blades, NULL},
+        {&w->wave_work, larger(blade_matrix, of_waves), NULL},
         {&w->matrices, n_matrix, NULL},
-        {&w->springs, N * d, NULL},
-        {&w->C, W + 1, NULL},
-        {&w->border, W + 1, NULL},
-        {&w->scale, W + 1, NULL},
-        {&w->column, W + 1, NULL},
-        {&w->b, 3 * (W + 1), NULL},
-        {&w->product, W + 1, NULL},
-        {&w->work, larger(W + 1, 2 * force), NULL},
+        {&w->springs, dampers, NULL},
+        {&w->C, vector + 1, NULL},
+        {&w->border, vector + 1, NULL},
+        {&w->scale, vector + 1, NULL},
+        {&w->column, vector + 1, NULL},
+        {&w->b, 3 * (vector + 1), NULL},
+        {&w->product, vector + 1, NULL},
+        {&w->work, larger(vector + 1, 2 * force), NULL},
         {&w->krylov, n_krylov, NULL},
     };
-    w->element = malloc(sizeof(bd_element) * (points + 1));
-    w->share = malloc(sizeof(bd_status_share) * (points + 1));
-    w->form = malloc(points + 1);
+    w->element = malloc(sizeof(bd_element) * (n_point + 1));
+    w->share = malloc(sizeof(bd_status_share) * (n_point + 1));
+    w->form = malloc(n_point + 1);
     if (!w->element || !w->share || !w->form) return BD_NO_MEMORY;
     status = memory_create(w, parts, sizeof parts / sizeof *parts);
     if (status == BD_OK) set_arrays(w, in);

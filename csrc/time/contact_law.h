@@ -41,16 +41,20 @@ BD_INLINE points load_parameters(const bd_time *t, size_t p) {
 BD_INLINE void contact_forces(const bd_time *t, const points *at, const bd_vec *x, const double *w,
                               double *next_w, bd_vec *F) {
     const bd_vec zero = bd_all(0.0), one = bd_all(1.0);
-    const bd_vec normal = bd_max(at->n0 + at->kn * x[2], at->least_n),
-                 r = at->limit + at->mu * normal;
+    const bd_vec normal = bd_max(at->n0 + at->kn * x[2], at->least_n);
+    const bd_vec r = at->limit + at->mu * normal;
+
+    /* each slider stays unless the motion moves it */
     bd_vec before[2], next[2];
     for (size_t d = 0; d < 2; ++d) {
         const bd_vec half_width = r * at->inverse_kt[d];
         before[d] = bd_load(w + d * t->stride);
         next[d] = bd_min(bd_max(before[d], x[d] - half_width), x[d] + half_width);
     }
+    /* coupled laws: the force returns radially to the disk of radius r */
     if (t->has_coupled) {
-        const bd_vec T0 = at->kt[0] * (x[0] - before[0]), T1 = at->kt[1] * (x[1] - before[1]);
+        const bd_vec T0 = at->kt[0] * (x[0] - before[0]);
+        const bd_vec T1 = at->kt[1] * (x[1] - before[1]);
         const bd_vec size = bd_root(T0 * T0 + T1 * T1);
         const bd_mask slips = bd_above(size, r);
         const bd_vec share = bd_select(slips, r / bd_select(slips, size, one), one);
@@ -81,7 +85,8 @@ BD_NOT_INLINE void user_law_forces(bd_time *t, const double *x, double *F) {
     for (size_t p = 0; p < n; ++p) {
         if (!t->point_law[p].function) continue;
         for (size_t k = 0; k < (size_t)t->n_sector; ++k) {
-            const double *at = x + k * t->rows + p, motion[3] = {at[0], at[s], at[2 * s]};
+            const double *at = x + k * t->rows + p;
+            const double motion[3] = {at[0], at[s], at[2 * s]};
             double now[3], force[3];
             user_law_motion(t, p, motion, now);
             bd_point_law_step(t->point_law + p, now, t->law_memory[0] + (k * n + p) * m,
@@ -115,24 +120,24 @@ enum { SLIDES_IN_PLANE = 18 };
  * direction. Larger values mark a continuously changing derivative. */
 BD_INLINE bd_vec contact_state_of(const bd_time *t, const points *at, const bd_vec *x,
                                   const double *w) {
-    const bd_vec zero = bd_all(0.0), normal = at->n0 + at->kn * x[2],
-                 r = at->limit + at->mu * bd_max(normal, at->least_n);
+    const bd_vec zero = bd_all(0.0);
+    const bd_vec normal = at->n0 + at->kn * x[2];
+    const bd_vec r = at->limit + at->mu * bd_max(normal, at->least_n);
     const bd_mask closed = bd_above(normal, at->least_n);
+    const bd_mask coupled = bd_above(at->coupled, zero);
     bd_vec state = bd_select(closed, bd_all(1.0), zero), T[2];
     for (size_t d = 0; d < 2; ++d) {
         const bd_vec before = bd_load(w + d * t->stride), half_width = r * at->inverse_kt[d];
-        const bd_mask free =
-            closed & ~bd_above(at->fixed_slider[d], zero) & ~bd_above(at->coupled, zero);
+        const bd_mask free = closed & ~bd_above(at->fixed_slider[d], zero) & ~coupled;
         const bd_vec plus = bd_all(d ? 6.0 : 2.0), minus = bd_all(d ? 12.0 : 4.0);
         state += bd_select(free & bd_above(x[d] - half_width, before), plus, zero);
         state += bd_select(free & bd_above(before, x[d] + half_width), minus, zero);
         T[d] = at->kt[d] * (x[d] - before);
     }
-    const bd_mask slides =
-        closed & bd_above(at->coupled, zero) & bd_above(T[0] * T[0] + T[1] * T[1], r * r);
+    const bd_mask slides = closed & coupled & bd_above(T[0] * T[0] + T[1] * T[1], r * r);
     const bd_mask cubic = bd_differ(at->cubic[0], zero) | bd_differ(at->cubic[1], zero);
-    return state +
-           bd_select(slides | cubic | bd_above(at->user_law, zero), bd_all(SLIDES_IN_PLANE), zero);
+    const bd_mask changes = slides | cubic | bd_above(at->user_law, zero);
+    return state + bd_select(changes, bd_all(SLIDES_IN_PLANE), zero);
 }
 
 /* Derivative D (3, 3) of the forces of a point with a user law; overwrites its
@@ -158,31 +163,38 @@ static void contact_tangent(bd_time *t, size_t k, size_t p, const double *x, con
     }
     const size_t s = t->stride;
     const double *c = t->parameters + p, *kt = c + BD_TIME_KT * s;
-    const double normal = c[BD_TIME_N0 * s] + c[BD_TIME_KN * s] * x[2],
-                 floor = c[BD_TIME_LEAST_N * s];
-    const double kn = normal > floor ? c[BD_TIME_KN * s] : 0.0, along = c[BD_TIME_MU * s] * kn;
-    const double r = c[BD_TIME_LIMIT * s] + c[BD_TIME_MU * s] * (normal > floor ? normal : floor);
-    const double T[2] = {kt[0] * (x[0] - w[0]), kt[s] * (x[1] - w[1])},
-                 size = sqrt(T[0] * T[0] + T[1] * T[1]);
+    const double mu = c[BD_TIME_MU * s], least_n = c[BD_TIME_LEAST_N * s];
+    const double normal = c[BD_TIME_N0 * s] + c[BD_TIME_KN * s] * x[2];
+    const int is_closed = normal > least_n;
+    const double kn = is_closed ? c[BD_TIME_KN * s] : 0.0;
+    const double along = mu * kn; /* change of the friction limit with v */
+    const double r = c[BD_TIME_LIMIT * s] + mu * (is_closed ? normal : least_n);
+    const double T[2] = {kt[0] * (x[0] - w[0]), kt[s] * (x[1] - w[1])};
+    const double size = sqrt(T[0] * T[0] + T[1] * T[1]);
+    const int is_coupled = c[BD_TIME_COUPLED * s] > 0.0;
     memset(D, 0, 9 * sizeof *D);
     D[8] = kn;
     for (size_t d = 0; d < 2; ++d) {
-        const double half_width = r * c[(BD_TIME_INVERSE_KT + d) * s], k = kt[d * s];
+        const double half_width = r * c[(BD_TIME_INVERSE_KT + d) * s], k_d = kt[d * s];
+        const int is_fixed = c[(BD_TIME_FIXED_SLIDER + d) * s] > 0.0;
+        const int is_within = w[d] >= x[d] - half_width && w[d] <= x[d] + half_width;
         D[4 * d] = 3.0 * c[(BD_TIME_CUBIC + d) * s] * x[d] * x[d];
-        if (c[(BD_TIME_FIXED_SLIDER + d) * s] > 0.0)
-            D[4 * d] += k;
-        else if (!(r > 0.0)) /* open: the slider follows the motion */
+        if (is_fixed) {
+            D[4 * d] += k_d;
             continue;
-        else if (c[BD_TIME_COUPLED * s] > 0.0 && size > r) {
+        }
+        if (!(r > 0.0)) continue; /* open: the slider follows the motion */
+        if (is_coupled && size > r) {
+            /* slip in the plane: the force r T/size */
             for (size_t e = 0; e < 2; ++e)
                 D[3 * d + e] -= r / (size * size * size) * T[d] * T[e] * kt[e * s];
-            D[4 * d] += r / size * k;
+            D[4 * d] += r / size * k_d;
             D[3 * d + 2] += along * T[d] / size;
-        } else if (c[BD_TIME_COUPLED * s] > 0.0 ||
-                   (w[d] >= x[d] - half_width && w[d] <= x[d] + half_width))
-            D[4 * d] += k;
-        else if (k > 0.0)
-            D[3 * d + 2] += w[d] < x[d] ? along : -along;
+        } else if (is_coupled || is_within) {
+            D[4 * d] += k_d; /* stick */
+        } else if (k_d > 0.0) {
+            D[3 * d + 2] += w[d] < x[d] ? along : -along; /* slip along one direction */
+        }
     }
 }
 

@@ -128,24 +128,24 @@ static void update_point(bd_time *t, const bd_time_patterns *patterns, size_t k,
                          const double *motion, const double *slider) {
     static const double IGNORED = 0.05;
     const size_t s = t->stride;
-    double D[9], *known = t->tangent + 9 * s * k + p;
+    double D[9], *stored = t->tangent + 9 * s * k + p;
     double change = 0.0, largest = 0.0;
     contact_tangent(t, k, p, motion, slider, D);
     for (size_t j = 0; j < 9; ++j) {
-        change = larger(fabs(D[j] - known[j * s]), change);
-        largest = larger(fabs(known[j * s]), largest);
+        change = larger(fabs(D[j] - stored[j * s]), change);
+        largest = larger(fabs(stored[j * s]), largest);
     }
     if (!(change > IGNORED * largest)) return;
 
     for (size_t d = 0; d < 3; ++d) {
-        double by[3]; /* change of row d */
+        double row_change[3];
         for (size_t e = 0; e < 3; ++e) {
-            double *entry = known + (3 * d + e) * s;
-            by[e] = D[3 * d + e] - *entry;
+            double *entry = stored + (3 * d + e) * s;
+            row_change[e] = D[3 * d + e] - *entry;
             *entry = D[3 * d + e];
         }
-        const int differs = by[0] != 0.0 || by[1] != 0.0 || by[2] != 0.0;
-        if (differs && !t->outdated[k]) update_inverse(t, patterns, k, d * s + p, by);
+        const int differs = row_change[0] != 0.0 || row_change[1] != 0.0 || row_change[2] != 0.0;
+        if (differs && !t->outdated[k]) update_inverse(t, patterns, k, d * s + p, row_change);
     }
 }
 
@@ -299,15 +299,17 @@ static void predict_forces(bd_time *t) {
     const size_t s = t->stride;
     for (size_t k = 0; k < (size_t)t->n_sector; ++k) {
         for (size_t p = 0; p < s; p += BD_WIDTH) {
-            bd_vec by[3];
+            const size_t first = k * t->rows + p;
+            bd_vec change[3];
             for (size_t d = 0; d < 3; ++d) {
-                const size_t at = k * t->rows + d * s + p;
-                by[d] = bd_load(t->free_motion + at) - bd_load(t->motion + at);
+                const size_t row = first + d * s;
+                change[d] = bd_load(t->free_motion + row) - bd_load(t->motion + row);
             }
             for (size_t d = 0; d < 3; ++d) {
                 const double *D = t->tangent + (9 * k + 3 * d) * s + p;
-                bd_store(t->predicted_force + k * t->rows + d * s + p,
-                         bd_load(D) * by[0] + bd_load(D + s) * by[1] + bd_load(D + 2 * s) * by[2]);
+                const bd_vec force = bd_load(D) * change[0] + bd_load(D + s) * change[1] +
+                                     bd_load(D + 2 * s) * change[2];
+                bd_store(t->predicted_force + first + d * s, force);
             }
         }
     }

@@ -64,63 +64,71 @@ static void set_families(bd_time *t, const bd_time_input *in) {
 
 /* Assign the arrays of doubles to the memory, or count their size before allocation. */
 static size_t assign_arrays(bd_time *t) {
-    const size_t n = t->n_coordinate, s = t->stride, f = (size_t)t->n_family,
-                 k = (size_t)t->n_sector;
-    const size_t rows = t->rows, r = (size_t)t->max_rank, making = rows * (rows + r + 4) + 2 * r;
-    size_t used = 0, modes = 0;
-    for (int i = 0; i < t->n_family; ++i) modes += padded((size_t)t->n_mode[i]);
+    const size_t n = t->n_coordinate, stride = t->stride, rows = t->rows;
+    const size_t n_family = (size_t)t->n_family, n_sector = (size_t)t->n_sector;
+    const size_t n_memory = n_sector * (size_t)(t->n_point * t->n_memory);
+    const size_t r = (size_t)t->max_rank, pattern_forces = r * n_sector;
+    size_t n_mode = 0; /* of all families, padded */
+    for (int i = 0; i < t->n_family; ++i) n_mode += padded((size_t)t->n_mode[i]);
+    /* work for the patterns, or for three coordinates of all families */
+    const size_t for_patterns = rows * (rows + r + 4) + 2 * r;
+    const size_t for_coordinates = 3 * (size_t)t->n_total;
+    const size_t work = for_patterns > for_coordinates ? for_patterns : for_coordinates;
     const struct {
         double **array;
         size_t size;
-    } part[] = {{&t->motion_modes, 2 * rows * modes},
-                {&t->force_modes, 2 * rows * modes},
-                {&t->phase, 2 * f * k},
-                {&t->stiffness, n},
-                {&t->mass, n},
-                {&t->damping, n},
-                {&t->fourier_weight, n},
-                {&t->excitation, 2 * n * (size_t)t->n_force},
-                {&t->response_row, n * (size_t)t->n_row},
-                {&t->parameters, BD_TIME_FIELDS * s},
-                {&t->q, n},
-                {&t->v, n},
-                {&t->a, n},
-                {&t->contact_force, n},
-                {&t->last_contact_force, n},
-                {&t->load, n},
-                {&t->next_load, n},
-                {&t->q_next, n},
-                {&t->a_next, n},
-                {&t->displacement_compliance, n},
-                {&t->acceleration_compliance, n},
-                {&t->slider, 2 * s * k},
-                {&t->next_slider, 2 * s * k},
-                {&t->law_memory[0], k * (size_t)(t->n_point * t->n_memory)},
-                {&t->law_memory[1], k * (size_t)(t->n_point * t->n_memory)},
-                {&t->derivatives, bd_point_law_work_size(t->n_memory)},
-                {&t->motion, rows * k},
-                {&t->free_motion, rows * k},
-                {&t->correction_motion, rows * k},
-                {&t->point_force, rows * k},
-                {&t->predicted_force, rows * k},
-                {&t->tangent, 9 * s * k},
-                {&t->contact_state, s * k},
-                {&t->motion_amplitude, 2 * rows * f},
-                {&t->force_amplitude, 2 * rows * f},
-                {&t->preconditioner, r * r * k},
-                {&t->pattern_force, r * k},
-                {&t->residual, r * k},
-                {&t->pattern_correction, r * k},
-                {&t->pattern_motion, r * k},
-                {&t->krylov, (BD_TIME_VECTORS + 1) * r * k},
-                {&t->krylov_motion, BD_TIME_VECTORS * r * k},
-                {&t->patterns[0].pattern, r * rows},
-                {&t->patterns[0].pattern_transposed, r * rows},
-                {&t->patterns[0].compliance, 2 * r * r * f},
-                {&t->patterns[1].pattern, r * rows},
-                {&t->patterns[1].pattern_transposed, r * rows},
-                {&t->patterns[1].compliance, 2 * r * r * f},
-                {&t->work, making > 3 * (size_t)t->n_total ? making : 3 * (size_t)t->n_total}};
+    } part[] = {
+        {&t->motion_modes, 2 * rows * n_mode},
+        {&t->force_modes, 2 * rows * n_mode},
+        {&t->phase, 2 * n_family * n_sector},
+        {&t->stiffness, n},
+        {&t->mass, n},
+        {&t->damping, n},
+        {&t->fourier_weight, n},
+        {&t->excitation, 2 * n * (size_t)t->n_force},
+        {&t->response_row, n * (size_t)t->n_row},
+        {&t->parameters, BD_TIME_FIELDS * stride},
+        {&t->q, n},
+        {&t->v, n},
+        {&t->a, n},
+        {&t->contact_force, n},
+        {&t->last_contact_force, n},
+        {&t->load, n},
+        {&t->next_load, n},
+        {&t->q_next, n},
+        {&t->a_next, n},
+        {&t->displacement_compliance, n},
+        {&t->acceleration_compliance, n},
+        {&t->slider, 2 * stride * n_sector},
+        {&t->next_slider, 2 * stride * n_sector},
+        {&t->law_memory[0], n_memory},
+        {&t->law_memory[1], n_memory},
+        {&t->derivatives, bd_point_law_work_size(t->n_memory)},
+        {&t->motion, rows * n_sector},
+        {&t->free_motion, rows * n_sector},
+        {&t->correction_motion, rows * n_sector},
+        {&t->point_force, rows * n_sector},
+        {&t->predicted_force, rows * n_sector},
+        {&t->tangent, 9 * stride * n_sector},
+        {&t->contact_state, stride * n_sector},
+        {&t->motion_amplitude, 2 * rows * n_family},
+        {&t->force_amplitude, 2 * rows * n_family},
+        {&t->preconditioner, r * pattern_forces},
+        {&t->pattern_force, pattern_forces},
+        {&t->residual, pattern_forces},
+        {&t->pattern_correction, pattern_forces},
+        {&t->pattern_motion, pattern_forces},
+        {&t->krylov, (BD_TIME_VECTORS + 1) * pattern_forces},
+        {&t->krylov_motion, BD_TIME_VECTORS * pattern_forces},
+        {&t->patterns[0].pattern, r * rows},
+        {&t->patterns[0].pattern_transposed, r * rows},
+        {&t->patterns[0].compliance, 2 * r * r * n_family},
+        {&t->patterns[1].pattern, r * rows},
+        {&t->patterns[1].pattern_transposed, r * rows},
+        {&t->patterns[1].compliance, 2 * r * r * n_family},
+        {&t->work, work},
+    };
+    size_t used = 0;
     for (size_t i = 0; i < sizeof part / sizeof *part; ++i) {
         if (t->memory) *part[i].array = t->memory + used;
         used += padded(part[i].size);

@@ -23,10 +23,12 @@ BD_INLINE void family_motion(const bd_time *t, int f, const double *G, double *y
         for (size_t j = 0; j < m; ++j) {
             const bd_vec a = bd_all(re[j]), b = bd_all(im[j]);
             for (int v = 0; v < PART; ++v) {
-                const bd_vec gr = bd_load(G + 16 * j + v * BD_WIDTH),
-                             gi = bd_load(G + 16 * j + 8 + v * BD_WIDTH);
-                rr[v] += gr * a, ii[v] += gi * b;
-                ri[v] += gr * b, ir[v] += gi * a;
+                const bd_vec gr = bd_load(G + 16 * j + v * BD_WIDTH);
+                const bd_vec gi = bd_load(G + 16 * j + 8 + v * BD_WIDTH);
+                rr[v] += gr * a;
+                ii[v] += gi * b;
+                ri[v] += gr * b;
+                ir[v] += gi * a;
             }
         }
         for (int v = 0; v < PART; ++v) {
@@ -38,30 +40,37 @@ BD_INLINE void family_motion(const bd_time *t, int f, const double *G, double *y
 
 /* Modal force of one family, times N, from the amplitudes z (2, rows) of the forces. */
 BD_INLINE void family_force(const bd_time *t, int f, const double *G, const double *z) {
-    const size_t m = (size_t)t->n_mode[f], wide = (m + 7) / 8 * 8, rows = t->rows,
-                 first = (size_t)t->first_coordinate[f];
+    const size_t m = (size_t)t->n_mode[f], wide = (m + 7) / 8 * 8, rows = t->rows;
+    const size_t first = (size_t)t->first_coordinate[f], n_point = (size_t)t->n_point;
     for (size_t j = 0; j < m; j += 8, G += 16 * rows) {
         bd_vec rr[SUMS], ri[SUMS], ir[SUMS], ii[SUMS];
         for (int v = 0; v < SUMS; ++v) rr[v] = ri[v] = ir[v] = ii[v] = bd_all(0.0);
-        for (size_t d = 0; d < 3; ++d)
-            for (size_t row = d * t->stride; row < d * t->stride + (size_t)t->n_point;
-                 row += SUMS / PART)
+        for (size_t d = 0; d < 3; ++d) {
+            const size_t start = d * t->stride;
+            for (size_t row = start; row < start + n_point; row += SUMS / PART) {
                 /* the padding after the last point has zero force */
                 for (size_t v = 0; v < SUMS; ++v) {
-                    const double *g = G + 16 * (row + v / PART) + v % PART * BD_WIDTH;
-                    const bd_vec a = bd_all(z[row + v / PART]),
-                                 b = bd_all(z[rows + row + v / PART]);
+                    const size_t point_row = row + v / PART;
+                    const double *g = G + 16 * point_row + v % PART * BD_WIDTH;
+                    const bd_vec a = bd_all(z[point_row]), b = bd_all(z[rows + point_row]);
                     const bd_vec gr = bd_load(g), gi = bd_load(g + 8);
-                    rr[v] += gr * a, ii[v] += gi * b;
-                    ri[v] += gr * b, ir[v] += gi * a;
+                    rr[v] += gr * a;
+                    ii[v] += gi * b;
+                    ri[v] += gr * b;
+                    ir[v] += gi * a;
                 }
-        for (int v = PART; v < SUMS; ++v)
-            rr[v - PART] += rr[v], ri[v - PART] += ri[v], ir[v - PART] += ir[v],
-                ii[v - PART] += ii[v];
+            }
+        }
+        for (int v = PART; v < SUMS; ++v) {
+            rr[v - PART] += rr[v];
+            ri[v - PART] += ri[v];
+            ir[v - PART] += ir[v];
+            ii[v - PART] += ii[v];
+        }
         for (int v = 0; v < PART; ++v) {
-            const size_t at = first + j + (size_t)(v * BD_WIDTH);
-            bd_store(t->contact_force + at, rr[v] + ii[v]);
-            bd_store(t->contact_force + at + wide, ri[v] - ir[v]);
+            double *force = t->contact_force + first + j + (size_t)(v * BD_WIDTH);
+            bd_store(force, rr[v] + ii[v]);
+            bd_store(force + wide, ri[v] - ir[v]);
         }
     }
 }
@@ -103,7 +112,8 @@ BD_INLINE void to_diameters(const bd_time *t, size_t n, const double *x, double 
             bd_vec even = bd_load(x + k * n + i), odd = even;
             if (other != k) {
                 const bd_vec b = bd_load(x + other * n + i);
-                odd = even - b, even = even + b;
+                odd = even - b;
+                even = even + b;
             }
             for (int f = 0; f < t->n_family; ++f) {
                 double *re = z + 2 * (size_t)f * n + i, *im = re + n;
@@ -125,19 +135,25 @@ BD_INLINE void multiply(size_t m, size_t n, size_t k, const double *A, const dou
             bd_vec sum[TILE][PART];
             for (int a = 0; a < TILE; ++a)
                 for (int v = 0; v < PART; ++v) sum[a][v] = bd_all(0.0);
-            if (height == TILE)
-                for (size_t l = 0; l < k; ++l)
+            if (height == TILE) {
+                /* each vector of B serves all rows of the tile */
+                for (size_t l = 0; l < k; ++l) {
                     for (int v = 0; v < PART; ++v) {
                         const bd_vec b = bd_load(B + l * n + j + (size_t)v * BD_WIDTH);
                         for (size_t a = 0; a < TILE; ++a)
                             sum[a][v] += bd_all(A[(i + a) * k + l]) * b;
                     }
-            else
-                for (size_t a = 0; a < height; ++a)
-                    for (size_t l = 0; l < k; ++l)
-                        for (int v = 0; v < PART; ++v)
-                            sum[a][v] += bd_all(A[(i + a) * k + l]) *
-                                         bd_load(B + l * n + j + (size_t)v * BD_WIDTH);
+                }
+            } else {
+                for (size_t a = 0; a < height; ++a) {
+                    for (size_t l = 0; l < k; ++l) {
+                        for (int v = 0; v < PART; ++v) {
+                            const bd_vec b = bd_load(B + l * n + j + (size_t)v * BD_WIDTH);
+                            sum[a][v] += bd_all(A[(i + a) * k + l]) * b;
+                        }
+                    }
+                }
+            }
             for (size_t a = 0; a < height; ++a)
                 for (int v = 0; v < PART; ++v)
                     bd_store(C + (i + a) * n + j + (size_t)v * BD_WIDTH, sum[a][v]);
@@ -174,9 +190,12 @@ static void compliance_times(bd_time *t, const bd_time_patterns *patterns, const
             for (size_t j = 0; j < r; ++j, C += 16) {
                 const bd_vec a = bd_all(zr[j]), b = bd_all(zi[j]);
                 for (int v = 0; v < PART; ++v) {
-                    const bd_vec cr = bd_load(C + v * BD_WIDTH), ci = bd_load(C + 8 + v * BD_WIDTH);
-                    rr[v] += cr * a, ii[v] += ci * b;
-                    ri[v] += cr * b, ir[v] += ci * a;
+                    const bd_vec cr = bd_load(C + v * BD_WIDTH);
+                    const bd_vec ci = bd_load(C + 8 + v * BD_WIDTH);
+                    rr[v] += cr * a;
+                    ii[v] += ci * b;
+                    ri[v] += cr * b;
+                    ir[v] += ci * a;
                 }
             }
             for (int v = 0; v < PART; ++v) {
