@@ -403,30 +403,41 @@ def bladed_disk(
         Without contact stiffness (``contact`` is empty).  Rigid translations of the damper are
         along its tangential, radial and axial direction; all other data are in the axes of blade 0.
     """
-    fe = fe or SectorFE(density=MeshDensity.preset(mesh))
-    g, interfaces = fe.geometry, dict[str, Interface]()
-    of_order = needed_nodal_diameters(g.n_blades, engine_order, harmonics)
-    diameters = tuple(sorted({0, *(of_order if nodal_diameters is None else nodal_diameters)}))
-    left, right, front, back = patches = damper_patches(g, points)
-    interfaces["left"] = interface("left", left, "damper", "blade")
-    interfaces["right"] = interface("right", right, "damper", "blade", sector_b=1)
-    interfaces["front"] = interface("front", front, "damper", "ground", clearance=g.end_gap)
-    interfaces["back"] = interface("back", back, "damper", "ground", clearance=g.end_gap)
-    contact, nodes = fe.blade_contact(left, right), blade_nodes(fe.blade, g)
-    rotation = fe.rotation(rotation) if isinstance(rotation, int | float) else rotation
+    if fe is None:
+        fe = SectorFE(density=MeshDensity.preset(mesh))
+    g = fe.geometry
+    if nodal_diameters is None:
+        nodal_diameters = needed_nodal_diameters(g.n_blades, engine_order, harmonics)
+    diameters = tuple(sorted({0, *nodal_diameters}))
+    patches = damper_patches(g, points)
+    left, right, front, back = patches
+    interfaces = {
+        "left": interface("left", left, "damper", "blade"),
+        "right": interface("right", right, "damper", "blade", sector_b=1),
+        "front": interface("front", front, "damper", "ground", clearance=g.end_gap),
+        "back": interface("back", back, "damper", "ground", clearance=g.end_gap),
+    }
+    contact = fe.blade_contact(left, right)
+    nodes = blade_nodes(fe.blade, g)
+    if isinstance(rotation, int | float):
+        rotation = fe.rotation(rotation)
     turns = with_progress(diameters, progress, "finite element model", "nodal diameter")
     wanted = Wanted(BLADE_PORTS, contact, nodes, n_modes, damping_ratio)
     blade = constrained_body("blade", wanted, fe.cyclic, turns, rotation)
     local = None if wheel is None else fe.local_basis(wanted, interfaces, wheel)
     centre = {"damper": fe.damper.body.nearest_node(fe.damper.centre)}
     damper = damper_body(fe.damper, patches, centre, n_damper_modes, damping_ratio, g)
+    pictured = {d: fe.cyclic(d).modes(n_modes)[1] for d in pictures}
+    stress_sets = {}
+    if stress:
+        stress_sets = blade_stress(fe, contact, (left, right), diameters, n_modes)
     return Model(
         n_blades=g.n_blades,
         bodies={"blade": replace(blade, local=local), "damper": damper, "ground": GROUND},
         interfaces=interfaces,
         locations=locations("blade", fe.blade, nodes) | locations("damper", fe.damper.body, centre),
         meshes={
-            "blade": surface_mesh(fe.blade, {d: fe.cyclic(d).modes(n_modes)[1] for d in pictures}),
+            "blade": surface_mesh(fe.blade, pictured),
             "damper": surface_mesh(fe.damper.body),
         },
         provenance=provenance(
@@ -435,7 +446,7 @@ def bladed_disk(
             fe.damper.body,
             over_speed=rotation is not None,
         ),
-        stress={} if not stress else blade_stress(fe, contact, (left, right), diameters, n_modes),
+        stress=stress_sets,
     )
 
 

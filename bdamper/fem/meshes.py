@@ -149,20 +149,17 @@ class Geometry(validation.Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        under = f"at least the platform_clearance, {self.platform_clearance} m: the contact face lies under the platform"
+        clearance = self.platform_clearance
         validation.check(
-            self.ridge_width >= self.platform_clearance,
+            self.ridge_width >= clearance,
             "ridge_width",
-            under,
+            f"at least the platform_clearance, {clearance} m: "
+            "the contact face lies under the platform",
             f"{self.ridge_width} m",
         )
         radii = self.bore_radius, self.rim_radius, self.ridge_radius
-        validation.check(
-            sorted(set(radii)) == list(radii),
-            "radii",
-            "bore_radius < rim_radius < ridge_radius",
-            radii,
-        )
+        ascending = sorted(set(radii)) == list(radii)
+        validation.check(ascending, "radii", "bore_radius < rim_radius < ridge_radius", radii)
 
     @property
     def pitch(self) -> float:
@@ -170,12 +167,14 @@ class Geometry(validation.Checked):
         return 2.0 * np.pi / self.n_blades
 
     def face_points(self, s: NDArray) -> NDArray:
-        """Return points (n, 2) of the left face plane in damper axes, at distances ``s`` (n,), m,
-        below the ridge."""
-        s, a = np.asarray(s, float), self.face_angle
-        return np.stack(
-            [-0.5 * self.ridge_width - s * np.sin(a), self.ridge_radius - s * np.cos(a)], axis=-1
-        )
+        """Return points (n, 2) of the left face plane in damper axes.
+
+        They lie at distances ``s`` (n,), m, below the ridge.
+        """
+        below_ridge = np.asarray(s, float)
+        x = -0.5 * self.ridge_width - below_ridge * np.sin(self.face_angle)
+        y = self.ridge_radius - below_ridge * np.cos(self.face_angle)
+        return np.stack([x, y], axis=-1)
 
     def underside_points(self, s: NDArray) -> NDArray:
         """Return points (n, 2) on the right underside in blade axes, at distances ``s`` (n,) below
@@ -204,11 +203,25 @@ def paper_geometry() -> Geometry:
     at 308.3 Hz, a shift of 17.2 %.
     """
     lengths: dict[str, Any] = {
-        "bore_radius": 262.144, "rim_radius": 400.0, "axial_length": 35.319, "shank_width": 9.446, "face_length": 10.047,
-        "face_width": 33.705, "ridge_radius": 414.784, "ridge_width": 3.0, "damper_body_height": 4.0,
-        "platform_clearance": 1.0, "platform_edge_thickness": 4.727, "airfoil_height": 170.404, "root_chord": 33.553,
-        "tip_chord": 29.038, "root_thickness": 17.036, "tip_thickness": 9.449, "camber": 1.0, "end_gap": 0.2,
-    }  # fmt: skip
+        "bore_radius": 262.144,
+        "rim_radius": 400.0,
+        "axial_length": 35.319,
+        "shank_width": 9.446,
+        "face_length": 10.047,
+        "face_width": 33.705,
+        "ridge_radius": 414.784,
+        "ridge_width": 3.0,
+        "damper_body_height": 4.0,
+        "platform_clearance": 1.0,
+        "platform_edge_thickness": 4.727,
+        "airfoil_height": 170.404,
+        "root_chord": 33.553,
+        "tip_chord": 29.038,
+        "root_thickness": 17.036,
+        "tip_thickness": 9.449,
+        "camber": 1.0,
+        "end_gap": 0.2,
+    }
     scale = 1.369e-3
     return Geometry(
         face_angle=0.872094, twist=0.06, **{name: scale * value for name, value in lengths.items()}
