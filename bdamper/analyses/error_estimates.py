@@ -42,7 +42,8 @@ reason is given.
     power of the frequency of the first omitted mode. Otherwise all modes of the model, since convergence is slow.
 ``residual flexibility``
     Contact stiffness by a diagonal rule against residual modes, which contain the complete flexibility for stuck modes.
-    If the study has residual modes, their number is doubled.
+    For residual modes the reference has one for every force on the mesh, at most 72. Both studies have at least three
+    harmonics: contact forces above the highest harmonic are felt by the diagonal alone, and more vectors make it smaller.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.laws import AFT
-from bdamper.contact.residual_flexibility import ResidualModes
+from bdamper.contact.residual_flexibility import ResidualModes, ResidualSet
 from bdamper.harmonic_balance.effects import BLADE_MODES, MAX_HARMONIC, harmonic_numbers
 from bdamper.harmonic_balance.equations import OK, Equations
 from bdamper.harmonic_balance.problem import Problem
@@ -462,6 +463,8 @@ def estimate_errors(
 
 def _of_source(problem: Problem, source: str, preload: float, tops: Tops) -> SourceError | None:
     try:
+        if source == "residual flexibility":
+            problem, tops = _with_three_harmonics(problem, preload, tops)
         found = richer_study(problem, source)
         if found is None:
             return None
@@ -473,6 +476,18 @@ def _of_source(problem: Problem, source: str, preload: float, tops: Tops) -> Sou
     except BdamperError as error:
         change, how = Change(), str(error)
     return SourceError(source, *change[:3], how)
+
+
+def _with_three_harmonics(problem: Problem, preload: float, tops: Tops) -> tuple[Problem, Tops]:
+    """Return a study with at least three harmonics, and its highest peaks."""
+    if problem.harmonic_numbers[-1] >= 3 or not isinstance(problem.contact.residual, ResidualSet):
+        return problem, tops
+    richer = with_stand_ins(problem, 3)
+    peak = tops.peaks[0]
+    interval = tops.interval or (0.85 * peak.frequency, 1.2 * peak.frequency)
+    wider = WIDER if tops.follow else None
+    curve = whole_curve(richer, preload, interval, tops.at_end, wider)
+    return richer, replace(Tops.of(richer, curve), follow=tops.follow)
 
 
 Richer = tuple[Problem, str]
@@ -580,15 +595,24 @@ def _more_modes(problem: Problem) -> Richer:
     return problem.replace(blade_modes=max(blade, s.blade_modes), damper_modes=modes), text
 
 
+MOST_VECTORS = 72
+"""Largest number of residual modes of a reference: those of three faces of eight points."""
+
+
 def _residual_modes(problem: Problem) -> Richer | None:
     method = problem.stiffness_method
     if isinstance(method, str) and method == "residual_modes":
         method = ResidualModes()
     if isinstance(method, ResidualModes):
-        if method.n_vectors == "all":
+        if method.n_vectors == "all" or method.n_vectors + method.n_soft >= MOST_VECTORS:
             return None
-        more = replace(method, n_vectors=2 * method.n_vectors)
-        return problem.replace(contact_stiffness=more), f"{more.n_vectors} residual modes"
+        assert problem.contact.residual is not None
+        n_forces = int(problem.contact.residual.active.sum())
+        if n_forces <= MOST_VECTORS:
+            more = replace(method, n_vectors="all", n_soft=0)
+            return problem.replace(contact_stiffness=more), "all residual modes"
+        more = replace(method, n_soft=MOST_VECTORS - method.n_vectors)
+        return problem.replace(contact_stiffness=more), f"{MOST_VECTORS} residual modes"
     if isinstance(method, str) and method in ("unit_traction", "cigeroglu2009"):
         return problem.replace(contact_stiffness="residual_modes"), "residual modes"
     return None

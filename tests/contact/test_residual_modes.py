@@ -62,6 +62,63 @@ def test_bonded_frequencies_within_a_fifth_of_a_percent(reference, blade_modes, 
     np.testing.assert_allclose(found[:4], bonded_in_full(reference)[:4], rtol=5e-5)
 
 
+def shift_by_a_third(coupling, at_end, options):
+    """Return the shift of mode 1 (rad/s) by bonding the inner or outer third of the faces: with the
+    residual modes of these options, or None for the complete residual flexibility of these points.
+    """
+    friction = np.full(coupling.n_points, 0.3)
+    basis = coupling.basis(1)
+    bonded = np.zeros((coupling.n_points, 3), bool)
+    for name in coupling.friction_faces:
+        rows = np.arange(coupling.n_points)[coupling.rows(name)]
+        radius = np.linalg.norm(coupling.model.interfaces[name].points[:, :2], axis=1)
+        relative = (radius - radius.min()) / np.ptp(radius)
+        bonded[rows[relative < 0.3 if at_end == "inner" else relative > 0.7]] = True
+    chosen = bonded.ravel()
+    if options is None:
+        R = coupling.residual_flexibility(1)[np.ix_(chosen, chosen)]
+        G = basis.G.reshape(len(chosen), -1)[chosen]
+        first = stuck_modes(replace(basis, G=G), R, "R", resolved=1e-9)[0][0]
+    else:
+        residual = ResidualSet.make(coupling, friction, options)
+        whole = joined(basis, residual.basis(1))
+        G = whole.G.reshape(len(chosen), -1)[chosen]
+        springs = 1.0 / residual.flexibility.ravel()[chosen]
+        stiffness = np.diag(whole.omega2) + G.conj().T @ (springs[:, None] * G)
+        # residual modes without mass: the largest eigenvalue of M x = mu K x is 1 / omega^2
+        first = scipy.linalg.eigh(np.diag(whole.mass), stiffness, eigvals_only=True)[-1] ** -0.5
+    elastic = basis.omega2[basis.omega2 > 1e-6 * basis.omega2.max()]
+    return float(first - np.sqrt(elastic.min()))
+
+
+@pytest.mark.parametrize(("name", "end"), [("turbine_blade", "inner"), ("bladed_disk", "outer")])
+def test_soft_forces_represent_faces_that_touch_at_an_end(name, end):
+    """Against the flexibility of the points that touch; forces of stuck modes alone are 7 and -4 % off."""
+    coupling = coupling_of(bd.reference_model(name, 9), 5, 10)
+    exact = shift_by_a_third(coupling, end, None)
+
+    def error(**options):
+        given = ResidualModes(inertia=False, **options)
+        return abs(shift_by_a_third(coupling, end, given) / exact - 1.0)
+
+    assert error(n_vectors="all") < 1e-6
+    assert error() > 0.04
+    assert error(n_soft=6) < 0.25 * error()
+
+
+def test_forces_of_higher_harmonics_do_not_limit_the_share(reference):
+    """A force that the mesh hardly resolves would make all points stiff: 24 of 48 points of a face of 15 nodes."""
+    coupling = coupling_of(reference, 5)
+    friction = np.full(coupling.n_points, 0.3)
+    made = ResidualSet.make(coupling, friction, ResidualModes("all"))
+    active = made.active.ravel()
+    R = coupling.residual_flexibility(1)[np.ix_(active, active)]
+    size = np.sqrt(np.diag(R).real)
+    eigenvalues = np.linalg.eigvalsh(R / size[:, None] / size)
+    kept = eigenvalues[eigenvalues > 0.02]
+    assert made.share == pytest.approx(min(0.5, 0.9 * kept.min()), rel=0.05)
+
+
 def test_diagonal_stiffness_alone_is_percents_off(reference):
     """The test above can fail: the other methods do."""
     error = bonded(reference, 10, 0, "unit_traction") / bonded_in_full(reference) - 1.0
