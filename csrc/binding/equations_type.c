@@ -210,23 +210,30 @@ static PyObject *evaluate(core_equations *self, PyObject *args, PyObject *kwargs
 static int read_condition(core_arguments *arguments, PyObject *row, PyObject *re, PyObject *im,
                           const double *tangent, npy_intp n, bd_condition *condition) {
     const npy_intp n1 = n + 1;
-    if ((re == Py_None) != (im == Py_None) || (row != Py_None && re != Py_None)) {
+    const int has_row = row != Py_None, has_re = re != Py_None, has_im = im != Py_None;
+    if (has_re != has_im || (has_row && has_re)) {
         PyErr_SetString(PyExc_ValueError,
                         "row, re, im: expected row alone, re and im, or none of them");
         return 0;
     }
-    condition->kind = row != Py_None ? BD_LINEAR : BD_STATIONARY;
-    if (row != Py_None)
-        return (condition->row = core_numbers(arguments, row, "row", 1, &n1, BD_FINITE)) != NULL;
-    if (re != Py_None && !(condition->re = core_numbers(arguments, re, "re", 1, &n, BD_FINITE)))
-        return 0;
-    if (re != Py_None && !(condition->im = core_numbers(arguments, im, "im", 1, &n, BD_FINITE)))
-        return 0;
-    return core_check_numbers(tangent, n1, "tangent", BD_FINITE) &&
-           core_check_number(condition->curvature, "curvature",
-                             condition->re ? BD_NEGATIVE : BD_FINITE) &&
-           core_check_number(condition->tolerance, "place_tolerance", BD_POSITIVE) &&
-           core_check_number(condition->max_step, "max_step", BD_POSITIVE);
+    if (has_row) {
+        condition->kind = BD_LINEAR;
+        condition->row = core_numbers(arguments, row, "row", 1, &n1, BD_FINITE);
+        return condition->row != NULL;
+    }
+    condition->kind = BD_STATIONARY;
+    if (has_re) {
+        condition->re = core_numbers(arguments, re, "re", 1, &n, BD_FINITE);
+        if (!condition->re) return 0;
+        condition->im = core_numbers(arguments, im, "im", 1, &n, BD_FINITE);
+        if (!condition->im) return 0;
+    }
+    /* the slope of the amplitude decreases through a peak */
+    const core_range sign = condition->re ? BD_NEGATIVE : BD_FINITE;
+    if (!core_check_numbers(tangent, n1, "tangent", BD_FINITE)) return 0;
+    if (!core_check_number(condition->curvature, "curvature", sign)) return 0;
+    if (!core_check_number(condition->tolerance, "place_tolerance", BD_POSITIVE)) return 0;
+    return core_check_number(condition->max_step, "max_step", BD_POSITIVE);
 }
 
 static int check_options(const bd_solver_options *options) {
@@ -240,10 +247,10 @@ static int check_options(const bd_solver_options *options) {
                      options->line_search);
         return 0;
     }
-    return core_check_number(options->step_tolerance, "loose", BD_NON_NEGATIVE) &&
-           core_check_number(options->accepted_residual, "rough", BD_NON_NEGATIVE) &&
-           core_check_number(options->tolerance, "tolerance", BD_POSITIVE) &&
-           core_check_number(options->max_newton_step, "reach", BD_NON_NEGATIVE);
+    if (!core_check_number(options->step_tolerance, "loose", BD_NON_NEGATIVE)) return 0;
+    if (!core_check_number(options->accepted_residual, "rough", BD_NON_NEGATIVE)) return 0;
+    if (!core_check_number(options->tolerance, "tolerance", BD_POSITIVE)) return 0;
+    return core_check_number(options->max_newton_step, "reach", BD_NON_NEGATIVE);
 }
 
 static PyObject *solve(core_equations *self, PyObject *args, PyObject *kwargs) {
@@ -415,11 +422,10 @@ static PyObject *get_n_unknown(core_equations *self, void *closure) {
 
 PyMethodDef core_equations_methods[] = {
     {"evaluate", (PyCFunction)(void (*)(void))evaluate, METH_VARARGS | METH_KEYWORDS,
-     "contact(y, X, F, share) -> int\n\n"
-     "Compute the motion X and the contact force F (n_point, 3, n_coef) and the shares of the "
-     "cycle (n_point, "
-     "5): stick and slip along t1, stick and slip along t2, open. All are NaN if the returned "
-     "status is not 0."},
+     "evaluate(y, r, J=None, C=None) -> int\n\n"
+     "Write the residual r (n_unknown) at y and, unless None, its derivatives J (n_unknown, "
+     "n_unknown) with respect to the unknowns and C (n_unknown) with respect to the parameter. "
+     "Return the status."},
     {"solve", (PyCFunction)(void (*)(void))solve, METH_VARARGS | METH_KEYWORDS,
      "solve(y, tangent, scale, tolerance, max_iterations, line_search=0, reach=0.0, row=None, "
      "re=None, im=None, "

@@ -58,6 +58,7 @@ static int read_modes(core_arguments *arguments, const sector_objects *o, bd_hbm
     return in->G && core_check_numbers(in->G, 2 * n_G, "G", BD_FINITE);
 }
 
+/* Parameters of the contact points. */
 static int read_points(core_arguments *arguments, const sector_objects *o, bd_hbm_input *in) {
     const npy_intp n_point = in->n_point, by2[2] = {n_point, 2}, by3[2] = {n_point, 3};
     if (!(in->kt = core_numbers(arguments, o->kt, "kt", 2, by2, BD_FINITE))) return 0;
@@ -65,28 +66,33 @@ static int read_points(core_arguments *arguments, const sector_objects *o, bd_hb
     if (!(in->mu = core_numbers(arguments, o->mu, "mu", 1, &n_point, BD_NON_NEGATIVE))) return 0;
     if (!(in->n0 = core_numbers(arguments, o->n0, "n0", 1, &n_point, BD_FINITE))) return 0;
     if (!(in->w = core_doubles(arguments, o->w, "w", 2, by2, BD_INPUT))) return 0;
-    if (!(in->law = core_array(arguments, o->law, "law", NPY_INT, "intc", 1, &n_point, BD_INPUT)))
-        return 0;
-    int softening = 0; /* cubic springs may be softening */
+    in->law = core_array(arguments, o->law, "law", NPY_INT, "intc", 1, &n_point, BD_INPUT);
+    if (!in->law) return 0;
+    int has_cubic = 0;
     for (npy_intp p = 0; p < n_point; ++p) {
-        const int user = in->law[p] == BD_LAW_USER && in->evaluation != BD_EXACT;
-        if (!user && !core_check_law(in->law[p], in->evaluation)) return 0;
+        /* the exact evaluation refuses user laws */
+        const int is_user_law = in->law[p] == BD_LAW_USER && in->evaluation != BD_EXACT;
+        if (!is_user_law && !core_check_law(in->law[p], in->evaluation)) return 0;
         if (!core_check_slider(in->w + 2 * p, in->law[p])) return 0;
-        softening |= in->law[p] == BD_LAW_CUBIC;
+        has_cubic |= in->law[p] == BD_LAW_CUBIC;
     }
-    if (!softening && !core_check_numbers(in->kt, 2 * n_point, "kt", BD_NON_NEGATIVE)) return 0;
-    if (o->load != Py_None &&
-        !(in->load = core_numbers(arguments, o->load, "load", 1, &n_point, BD_FINITE)))
-        return 0;
-    return (in->shift = core_numbers(arguments, o->shift, "shift", 2, by3, BD_FINITE)) != NULL;
+    /* cubic springs may be softening */
+    if (!has_cubic && !core_check_numbers(in->kt, 2 * n_point, "kt", BD_NON_NEGATIVE)) return 0;
+    if (o->load != Py_None) {
+        in->load = core_numbers(arguments, o->load, "load", 1, &n_point, BD_FINITE);
+        if (!in->load) return 0;
+    }
+    in->shift = core_numbers(arguments, o->shift, "shift", 2, by3, BD_FINITE);
+    return in->shift != NULL;
 }
 
+/* Read all arguments of Sector(). */
 static int read_input(const sector_objects *o, int evaluation, bd_hbm_input *in,
                       const double **row_scale, bd_point_law **point_law) {
     core_arguments arguments = {0};
     npy_intp n_modes, n_unknown;
-    if (!read_sizes(&arguments, o->n_mode, in, &n_modes, &n_unknown) || !is_vector(o->kn, "kn"))
-        return 0;
+    if (!read_sizes(&arguments, o->n_mode, in, &n_modes, &n_unknown)) return 0;
+    if (!is_vector(o->kn, "kn")) return 0;
     const npy_intp n_point = PyArray_DIM((PyArrayObject *)o->kn, 0);
     if (n_point > 10000000) {
         PyErr_Format(PyExc_ValueError, "kn: expected at most 10000000 points, found %zd",
@@ -98,12 +104,12 @@ static int read_input(const sector_objects *o, int evaluation, bd_hbm_input *in,
     in->point_law = *point_law;
     if (!core_check_evaluation(evaluation, in->n_time, in->n_harm)) return 0;
     in->evaluation = (bd_evaluation)evaluation;
-    if (!read_modes(&arguments, o, in, n_modes, n_unknown) || !read_points(&arguments, o, in))
-        return 0;
+    if (!read_modes(&arguments, o, in, n_modes, n_unknown)) return 0;
+    if (!read_points(&arguments, o, in)) return 0;
     if (!core_check_point_laws(in->law, in->point_law, n_point)) return 0;
-    return o->row_scale == Py_None ||
-           (*row_scale = core_numbers(&arguments, o->row_scale, "row_scale", 1, &n_unknown,
-                                      BD_POSITIVE)) != NULL;
+    if (o->row_scale == Py_None) return 1;
+    *row_scale = core_numbers(&arguments, o->row_scale, "row_scale", 1, &n_unknown, BD_POSITIVE);
+    return *row_scale != NULL;
 }
 
 /* Nodes of a speed family: other Sectors, their squared speeds, and the engine order. */
