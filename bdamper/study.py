@@ -56,7 +56,7 @@ from bdamper.model.loads import Direction, Excitation, Response
 from bdamper.model.model_file import read_model, write_model
 from bdamper.model.structure import Model
 from bdamper.model.validation import check_model, check_model_once
-from bdamper.response import highest_peak, linear_limits, sensitivity
+from bdamper.response import followed_peak, linear_limits, sensitivity
 from bdamper.response import optimal_curve as optimal
 from bdamper.response import response_curve as tracking
 from bdamper.response.events import ContinuationOptions
@@ -646,13 +646,14 @@ class Study(Comparable):
         Returns
         -------
         Peak
-            The highest point, or a peak with a status and NaN if none was found.
+            The highest point, or a peak with a status and NaN if none was found.  It is "incomplete" if a
+            peak that was followed from a lower preload is higher.
         """
         problem, progress = self.problem, shows_progress(progress)
         frequency = peak_interval(problem.at(preload), frequency, mode)
         check_question(problem, [preload], frequency)
         problem.sizes.check_faces(preload)
-        return highest_peak.highest_peak(
+        return followed_peak.single_peak(
             problem, preload, frequency, mode=mode, options=options, progress=progress
         )
 

@@ -32,7 +32,7 @@ from bdamper.harmonic_balance.parameters import (
     vary,
 )
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.response.followed_peak import drops, followed_peaks
+from bdamper.response.followed_peak import drops, followed_peaks, single_peak
 from bdamper.response.headline import checks
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.linear_limits import free_and_stuck
@@ -100,7 +100,9 @@ class PeakTask(validation.Checked):
 
     def __call__(self, study: Asking | Problem, preload: float | None) -> Values:
         at: Any = self.preload if preload is None else preload
-        peak = highest_peak(problem_of(study), at, self.frequency, mode=self.mode)
+        # a sweep over the preload compares its points with each other
+        search = single_peak if preload is None else highest_peak
+        peak = search(problem_of(study), at, self.frequency, mode=self.mode)
         stick, slip, separation = (float(s) for s in peak.shares)
         amplitude, frequency = (
             (peak.amplitude, peak.frequency) if peak.converged else (np.nan, np.nan)

@@ -459,6 +459,11 @@ def highest_peak(
     frequency = peak_interval(problem.at(preload), frequency, mode)
     check_options(options)
     response = found_at(problem, preload, frequency, options=options, progress=progress)
+    return as_peak(problem, response, frequency)
+
+
+def as_peak(problem: Problem, response: AtPreload, frequency: tuple[float, float]) -> Peak:
+    """Return the highest point at a preload; its amplitude is NaN if a higher one is possible."""
     settings = problem.record() | {"frequency": list(frequency)}
     if response.top is None:
         return _nothing_found(response, settings, problem.model.hash)

@@ -10,7 +10,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.analyses import robust_optimum
-from bdamper.response import followed_peak, response_curve
+from bdamper.response import followed_peak, highest_peak, response_curve
 from bdamper.response.branches import NO_SOLUTION, LeftOut
 from bdamper.response.followed_peak import Followed, follow_upward, followed_peaks
 from bdamper.response.linear_limits import peak_interval
@@ -105,8 +105,6 @@ class TestAnalyses:
     @pytest.fixture
     def study(self, monkeypatch):
         """Study whose search at 2 N finds 0.3 times the amplitude."""
-        from bdamper.response import highest_peak
-
         whole = highest_peak.highest_of_curve
 
         def lower(system, curve, *, options=None):
@@ -149,6 +147,54 @@ class TestAnalyses:
         assert found.preload == 1.0 and found.warnings == 1
 
 
+def wedge():
+    """A wedge of 0.1 kg between two masses of 1 kg, which loses the branch of its peak at 0.8 N."""
+    free = [[1393e3, -528e3, -543e3, 0], [-528e3, 1247e3, 0, -461e3],
+            [-543e3, 0, 1246e3, -306e3], [0, -461e3, -306e3, 1286e3]]  # fmt: skip
+    stiffness = np.zeros((6, 6))
+    stiffness[:4, :4] = free
+    stiffness[4:, 4:] = 282e3 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    c, s = np.cos(0.595), np.sin(0.595)
+    left = bd.Contact(
+        {0: -c, 1: -s, 4: c, 5: s}, {0: s, 1: -c, 4: -s, 5: c}, kt=368e3, kn=368e3, mu=0.35
+    )
+    right = bd.Contact(
+        {2: -c, 3: s, 4: c, 5: -s}, {2: -s, 3: -c, 4: s, 5: c}, kt=368e3, kn=368e3, mu=0.35
+    )
+    mass, damping = [1.02, 1.02, 1.02, 1.02, 0.102, 0.102], [8.0, 8.0, 8.0, 8.0, 0.0, 0.0]
+    return bd.lumped(mass, damping, stiffness, contacts=[left, right], forces={0: 1.0},
+                     load_per_preload={5: 1.0}, harmonics=1)  # fmt: skip
+
+
+@pytest.mark.parametrize("preload", [1.0, 1.26])
+def test_a_single_peak_beside_a_lost_branch(preload):
+    """Without neighbours the peak is 23 or 29 µm.
+
+    The closed branch through the lower bound has the same highest point.
+    """
+    study = wedge()
+    peak = study.peak(preload)
+    assert peak.status.startswith("incomplete: higher on the peak followed from ")
+    assert np.isnan(peak.amplitude) and np.isnan(peak.half_range)
+    case = study.problem.at(preload)
+    search = response_curve._search(case, peak_interval(case, None), coarse_options())
+    search.both_ways(peak.y)
+    path = search.pieces[0].path
+    response = study.problem.system(preload).response
+    highest = max(abs(response(point.y[:-1])[1]) for point in path.points)
+    assert path.status == "closed" and highest == pytest.approx(peak.lower_bound, rel=1e-3)
+    found = bd.sweep(study, {"friction_factor": [1.0]}, bd.PeakTask(preload))
+    assert found.status[0] == peak.status and np.isnan(found.array("amplitude")[0])
+
+
+def test_a_curve_without_folds_costs_nothing_more():
+    study = wedge()
+    alone = highest_peak.highest_peak(study.problem, 8.0)
+    peak = study.peak(8.0)
+    assert peak.cost.evaluations == alone.cost.evaluations
+    assert (peak.amplitude, peak.status) == (alone.amplitude, "complete")
+
+
 @pytest.fixture(scope="module")
 def curve():
     return pressed().optimal_curve((0.5, 5.0), 6, frequency=BAND, check=False)
@@ -186,6 +232,8 @@ def test_the_difficult_disk_loses_a_branch_at_90_newtons():
     assert found.status[0] == "complete" and np.isnan(found.array("amplitude")[1:]).all()
     bounds = found.array("lower_bound")
     assert 77e-6 < bounds[1] < 80e-6 and 70e-6 < bounds[2] < 78e-6
+    alone = study.peak(91.9)
+    assert np.isnan(alone.amplitude) and alone.lower_bound == pytest.approx(bounds[2], rel=0.01)
     there = follow_upward(study.problem, study.peak(85.0), 90.0)
     case = study.problem.at(90.0)
     search = response_curve._search(case, peak_interval(case, None), coarse_options())
