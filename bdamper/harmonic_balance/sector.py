@@ -1,15 +1,18 @@
-"""Harmonic balance equations of one sector (paper, Eq. (16)) at one preload and excitation, and their linear limits.
+"""Harmonic balance equations of one sector (paper, Eq. (16)) at one preload and excitation, and
+their linear limits.
 
-The parameter of the equations is the frequency.  To find a first solution the parameter is a factor on the excitation
-(:func:`excitation_ramp`), optionally with a support that fades out (:func:`supported_by`).
+The parameter of the equations is the frequency.  To find a first solution the parameter is a factor
+on the excitation (:func:`excitation_ramp`), optionally with a support that fades out
+(:func:`supported_by`).
 
-The linear limits are no contact and permanent stick.  With springs ``K_c`` in place of the contact the first harmonic
-solves
+The linear limits are no contact and permanent stick.  With springs ``K_c`` in place of the contact
+the first harmonic solves
 
     Z(omega) q = f,      Z = K + K_c + i omega C - omega^2 M.
 
-Its poles are the resonances of the limits.  :func:`segments` gives the states of one contact point over the cycle; the
-transitions between them, such as the slip-to-stick event, are computed in ``csrc/contact/event_driven.c``.
+Its poles are the resonances of the limits.  :func:`segments` gives the states of one contact point
+over the cycle; the transitions between them, such as the slip-to-stick event, are computed in
+``csrc/contact/event_driven.c``.
 """
 
 from __future__ import annotations
@@ -45,7 +48,8 @@ from bdamper.util.errors import SettingError
 UNDAMPED = 1e-9
 """Ratio of half-width to frequency of a resonance without damping."""
 NEAREST = 1e-4
-"""Smallest distance from an undamped resonance, relative to its frequency, at which the response is computed."""
+"""Smallest distance from an undamped resonance, relative to its frequency, at which the response is
+computed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,65 +73,79 @@ class Linear:
     force: NDArray
 
     def matrix(self, omega: float, contact: NDArray | None, harmonic: int = 1) -> NDArray:
-        """Return the complex dynamic stiffness of a harmonic with linear springs (n_points, 3) at the contact points."""
-        b = self.bases[harmonic]
+        """Return the complex dynamic stiffness of a harmonic with linear springs (n_points, 3) at
+        the contact points."""
+        basis = self.bases[harmonic]
+        n_modes = len(basis.omega2)
         w = harmonic * omega
-        Z = np.diag(b.omega2 - w**2 * b.mass + 1j * w * b.damping).astype(complex)
-        if contact is not None or np.any(self.springs):
-            G = b.G.reshape(-1, 3, len(b.omega2))
-            k = np.broadcast_to(self.springs + (0.0 if contact is None else contact), G.shape[:2])
-            Z += G.reshape(-1, len(b.omega2)).conj().T @ (k[..., None] * G).reshape(
-                -1, len(b.omega2)
-            )
+        Z = np.diag(basis.omega2 - w**2 * basis.mass + 1j * w * basis.damping).astype(complex)
+        if contact is None and not np.any(self.springs):
+            return Z
+
+        # the springs act on the motion of the contact points
+        G = basis.G.reshape(-1, 3, n_modes)
+        springs = self.springs + (0.0 if contact is None else contact)
+        springs = np.broadcast_to(springs, G.shape[:2])
+        forces = (springs[..., None] * G).reshape(-1, n_modes)
+        Z += G.reshape(-1, n_modes).conj().T @ forces
         return Z
 
     def modes(self, contact: NDArray | None, harmonic: int = 1) -> tuple[NDArray, NDArray]:
-        """Return undamped frequencies (rad/s), ascending, and mass-normalised modes with linear springs (n_points, 3).
+        """Return undamped frequencies (rad/s), ascending, and mass-normalised modes with linear
+        springs (n_points, 3).
 
         Massless modal coordinates follow the others statically and add no frequency.
         """
         K = self.matrix(0.0, contact, harmonic)
-        shift = max(
-            float(np.abs(np.diag(K)).max()) * 1e-6, 1.0
-        )  # rigid-body modes have zero stiffness
         M = np.diag(self.bases[harmonic].mass)
-        inverse, vectors = scipy.linalg.eigh(M, 0.5 * (K + K.conj().T) + shift * M)
-        keep = np.flatnonzero(inverse > 1e-12 * inverse[-1])[::-1]
-        pole = np.maximum(1.0 / inverse[keep] - shift, 0.0)
-        return np.sqrt(pole), vectors[:, keep] / np.sqrt(inverse[keep])
+        # rigid-body modes have zero stiffness: a shift of omega**2 makes the matrix definite
+        shift = max(float(np.abs(np.diag(K)).max()) * 1e-6, 1.0)
+        shifted = 0.5 * (K + K.conj().T) + shift * M
+        # the eigenvalues are 1 / (omega**2 + shift), and zero for massless coordinates
+        inverse, vectors = scipy.linalg.eigh(M, shifted)
+        has_mass = inverse > 1e-12 * inverse[-1]
+        ascending = np.flatnonzero(has_mass)[::-1]
+        omega2 = np.maximum(1.0 / inverse[ascending] - shift, 0.0)
+        return np.sqrt(omega2), vectors[:, ascending] / np.sqrt(inverse[ascending])
 
     def response(self, omega: float, contact: NDArray | None, harmonic: int = 1) -> NDArray:
-        """Return the complex modal amplitudes of a harmonic under linear contact; unrestrained rigid-body modes stay at
-        rest.
+        """Return the complex modal amplitudes of a harmonic under linear contact; unrestrained
+        rigid-body modes stay at rest.
         """
-        e = self.layout.amplitudes(self.force, harmonic)
-        return np.linalg.lstsq(self.matrix(omega, contact, harmonic), e, rcond=1e-14)[0]
+        excitation = self.layout.amplitudes(self.force, harmonic)
+        Z = self.matrix(omega, contact, harmonic)
+        # least norm: the matrix of unrestrained bodies without load may be singular
+        solution, *_ = np.linalg.lstsq(Z, excitation, rcond=1e-14)
+        return solution
 
     def resonances(
         self, springs: Sequence[NDArray | None], low: float, high: float
     ) -> list[tuple[float, float, NDArray]]:
-        """Return the resonances between ``low`` and ``high`` (rad/s) for several sets of contact springs.
+        """Return the resonances between ``low`` and ``high`` (rad/s) for several sets of contact
+        springs.
 
-        Each resonance has a frequency and a half-width (damping ratio times frequency), both in rad/s, and a row (n_modes,)
-        whose product with the modal amplitudes is the coordinate of its mode.
+        Each resonance has a frequency and a half-width (damping ratio times frequency), both in
+        rad/s, and a row (n_modes,) whose product with the modal amplitudes is the coordinate of its
+        mode.
         """
-        out = []
+        resonances = []
         basis = self.bases[1]
-        for k in springs:
-            frequencies, vectors = self.modes(k)
+        for contact in springs:
+            frequencies, vectors = self.modes(contact)
             for omega, vector in zip(frequencies, vectors.T):
-                if low < omega < high:
-                    width = max(
-                        0.5 * float(np.abs(vector) ** 2 @ basis.damping), UNDAMPED * float(omega)
-                    )
-                    out.append((float(omega), width, vector.conj() * basis.mass))
-        return out
+                if not low < omega < high:
+                    continue
+                damped_width = 0.5 * float(np.abs(vector) ** 2 @ basis.damping)
+                width = max(damped_width, UNDAMPED * float(omega))
+                row = vector.conj() * basis.mass
+                resonances.append((float(omega), width, row))
+        return resonances
 
     def maximum(
         self, row: NDArray, springs: NDArray | None, omega: float, width: float
     ) -> tuple[float, float]:
-        """Return frequency (rad/s) and amplitude (m) of the maximum near a resonance of frequency ``omega`` and half-width
-        ``width``.
+        """Return frequency (rad/s) and amplitude (m) of the maximum near a resonance of frequency
+        ``omega`` and half-width ``width``.
 
         ``row`` (n_modes,) gives the response.  Without damping the amplitude is infinite.
         """
@@ -137,10 +155,11 @@ class Linear:
         def negative(w: float) -> float:
             return -abs(self.response(w, springs) @ row)
 
-        ends = (omega - 3.0 * width, omega + 3.0 * width)
-        options = {"xatol": 1e-9 * omega, "maxiter": 200}
         minimum = scipy.optimize.minimize_scalar(
-            negative, bounds=ends, method="bounded", options=options
+            negative,
+            bounds=(omega - 3.0 * width, omega + 3.0 * width),
+            method="bounded",
+            options={"xatol": 1e-9 * omega, "maxiter": 200},
         )
         return float(minimum.x), -float(minimum.fun)
 
@@ -148,11 +167,12 @@ class Linear:
 def reach(
     free: Sequence[float], stuck: Sequence[float], low: float, high: float
 ) -> tuple[float, float]:
-    """Return the interval in which branches that pass through (low, high) may have folds, in the unit of the arguments.
+    """Return the interval in which branches that pass through (low, high) may have folds, in the
+    unit of the arguments.
 
-    As the contact slips and opens, the resonance of a mode moves from its stuck towards its free frequency, and so do the
-    folds.  An end between the two frequencies of a mode moves just beyond the outer one.  Modes are paired in ascending
-    order.
+    As the contact slips and opens, the resonance of a mode moves from its stuck towards its free
+    frequency, and so do the folds.  An end between the two frequencies of a mode moves just beyond
+    the outer one.  Modes are paired in ascending order.
 
     Parameters
     ----------
@@ -162,14 +182,21 @@ def reach(
     """
     # relative distance beyond the free or stuck resonance at which a branch may turn
     beyond = 0.03
-    spans = [((1.0 - beyond) * min(pair), (1.0 + beyond) * max(pair)) for pair in zip(free, stuck)]
-    bottom = min((a for a, b in spans if a < low < b), default=low)
-    top = max((b for a, b in spans if a < high < b), default=high)
+    bottom = low
+    top = high
+    for pair in zip(free, stuck):
+        outer_low = (1.0 - beyond) * min(pair)
+        outer_high = (1.0 + beyond) * max(pair)
+        if outer_low < low < outer_high:
+            bottom = min(bottom, outer_low)
+        if outer_low < high < outer_high:
+            top = max(top, outer_high)
     return bottom, top
 
 
 def around(low: float, high: float) -> tuple[float, float]:
-    """Widen an interval of frequencies, so that it contains the resonances whose response maximum lies in (low, high)."""
+    """Widen an interval of frequencies, so that it contains the resonances whose response maximum
+    lies in (low, high)."""
     return 0.8 * low, 1.25 * high
 
 
@@ -235,13 +262,17 @@ class Sector:
     @cached_property
     def arrays(self) -> dict[str, NDArray]:
         """Arrays of the core by name."""
-        points, bases = self.points, self.bases
+        points = self.points
+        bases = self.bases
+        modes_at_points = [np.ascontiguousarray(b.G, complex).ravel() for b in bases]
+        # without a stated load the laws of constant load use the normal load at zero motion
+        load = points.n0 if points.load is None else points.load
         return {
             "n_mode": self.layout.n_mode,
             "stiffness": np.concatenate([b.omega2 for b in bases]),
             "mass": np.concatenate([b.mass for b in bases]),
             "damping": np.concatenate([b.damping for b in bases]),
-            "G": np.concatenate([np.ascontiguousarray(b.G, complex).ravel() for b in bases]),
+            "G": np.concatenate(modes_at_points),
             "kt": np.ascontiguousarray(points.kt, float),
             "kn": np.ascontiguousarray(points.kn, float),
             "mu": np.ascontiguousarray(points.mu, float),
@@ -250,21 +281,25 @@ class Sector:
             "law": np.ascontiguousarray(points.law, np.intc),
             "shift": np.ascontiguousarray(points.shift, float),
             "force": np.ascontiguousarray(self.force, float),
-            "load": np.ascontiguousarray(points.n0 if points.load is None else points.load, float),
+            "load": np.ascontiguousarray(load, float),
         }
 
     @property
     def own(self) -> tuple[tuple[Any, ...] | None, ...] | None:
         """User-defined contact laws in the form of the core, with their static state variables."""
-        own, memory = self.points.own, self.points.memory
-        return None if own is None or memory is None else own.core(memory)
+        laws = self.points.own
+        memory = self.points.memory
+        if laws is None or memory is None:
+            return None
+        return laws.core(memory)
 
     def core(self, **over_speed: Any) -> _core.Sector:
-        """Create the equations in the C core; ``over_speed`` contains further arrays of a family over rotor speed."""
+        """Create the equations in the C core; ``over_speed`` contains further arrays of a family
+        over rotor speed."""
         mode, n_time = self.evaluation_code
-        given: dict[str, Any] = self.arrays | over_speed | {"own": self.own}
+        arguments: dict[str, Any] = self.arrays | over_speed | {"own": self.own}
         return _core.Sector(
-            **given,
+            **arguments,
             evaluation=mode,
             n_time=n_time,
             row_scale=row_scale(self.layout, self.force_scale),
@@ -273,20 +308,27 @@ class Sector:
     @property
     def rows(self) -> Rows:
         """Rows of the first harmonic of the response."""
-        return Rows(np.array([self.layout.parts(np.asarray(self.response_rows[1]))]))
+        real_and_imaginary = self.layout.parts(np.asarray(self.response_rows[1]))
+        return Rows(np.array([real_and_imaginary]))
 
     @property
     def work(self) -> NDArray:
-        """Million operations (4,) of an evaluation, a Jacobian, a factorisation and a least-norm solution."""
-        n, points = len(self.force), len(self.points.kn)
-        contact = (
-            28e3 * (2 * len(self.bases) - 1)
-            if self.exact
-            else 120e3 + 1.2e3 * self.evaluation_code[1]
-        )
-        return 1e-6 * np.array(
-            [points * contact, 6.0 * points * n**2, n**3 + 700.0 * n**2 + 1e6, 15.0 * n**3]
-        )
+        """Million operations (4,) of an evaluation, a Jacobian, a factorisation and a least-norm
+        solution."""
+        n = len(self.force)
+        n_points = len(self.points.kn)
+        # operations of one contact point: by coefficient if exact, otherwise by sample
+        if self.exact:
+            n_coef = 2 * len(self.bases) - 1
+            contact = 28e3 * n_coef
+        else:
+            n_time = self.evaluation_code[1]
+            contact = 120e3 + 1.2e3 * n_time
+        evaluation = n_points * contact
+        jacobian = 6.0 * n_points * n**2
+        factorisation = n**3 + 700.0 * n**2 + 1e6
+        least_norm = 15.0 * n**3
+        return 1e-6 * np.array([evaluation, jacobian, factorisation, least_norm])
 
     @cached_property
     def _of_thread(self) -> threading.local:
@@ -294,18 +336,27 @@ class Sector:
 
     @property
     def equations(self) -> Equations[Sector]:
-        """Equations of the harmonic balance; each thread has its own object, since the core counts its evaluations."""
+        """Equations of the harmonic balance; each thread has its own object, since the core counts
+        its evaluations."""
         if not hasattr(self._of_thread, "equations"):
             self._of_thread.equations = Equations(
-                self.core(), self, self.layout, self.response_rows, self.rows, InFrequency(int(self.layout.n_mode[0])),
-                row_scale(self.layout, self.force_scale), len(self.points.kn), self.work,
-            )  # fmt: skip
+                core=self.core(),
+                structure=self,
+                layout=self.layout,
+                response_rows=self.response_rows,
+                rows=self.rows,
+                measure=InFrequency(int(self.layout.n_mode[0])),
+                row_scale=row_scale(self.layout, self.force_scale),
+                n_points=len(self.points.kn),
+                work=self.work,
+            )
         equations: Equations[Sector] = self._of_thread.equations
         return equations
 
 
 def row_scale(layout: Layout, force_scale: tuple[float, float]) -> NDArray:
-    """Return the factors (n_unknowns,) that divide the residual by the reference forces of the mean and the harmonics."""
+    """Return the factors (n_unknowns,) that divide the residual by the reference forces of the mean
+    and the harmonics."""
     scale = np.full(layout.n_unknowns, 1.0 / force_scale[1])
     scale[: layout.n_mode[0]] = 1.0 / force_scale[0]
     return scale
@@ -316,8 +367,8 @@ def excitation_ramp(
 ) -> Equations[Sector]:
     """Return the equations at fixed omega (rad/s) with a factor on the excitation as the parameter.
 
-    The parameter scales the excitation of the harmonics and fades out the linear force ``support`` (n_unknowns,
-    n_unknowns).
+    The parameter scales the excitation of the harmonics and fades out the linear force ``support``
+    (n_unknowns, n_unknowns).
     """
     assert isinstance(system.core, _core.Sector)
     ramp = np.array(system.structure.force, float)
@@ -327,29 +378,37 @@ def excitation_ramp(
 
 
 def supported_coordinates(sector: Sector) -> list[NDArray]:
-    """Return masks (n_modes,) of the coordinates that the homotopy supports, for each harmonic: free bodies, or all."""
+    """Return masks (n_modes,) of the coordinates that the homotopy supports, for each harmonic:
+    free bodies, or all."""
     free = [basis.omega2 == 0.0 for basis in sector.bases]
-    return free if any(f.any() for f in free) else [np.ones_like(f) for f in free]
+    if any(mask.any() for mask in free):
+        return free
+    return [np.ones_like(mask) for mask in free]
 
 
 def supported_by(
     system: Equations[Sector], omega: float, drag: float, spring: float
 ) -> Equations[Sector]:
-    """Return the equations at fixed omega (rad/s) with free bodies on a support that fades out as the parameter s
-    approaches 1.
+    """Return the equations at fixed omega (rad/s) with free bodies on a support that fades out as
+    the parameter s approaches 1.
 
-    The support has a viscous ``drag`` on the vibration and a ``spring`` on the mean of coordinates without stiffness (all
-    coordinates, if there are none), in units of ``omega`` and ``omega**2``, times ``1/s - 1``.  The parameter s also scales
-    the excitation.  At s = 0 bodies without preload, whose response is proportional to it, rest on the support.
+    The support has a viscous ``drag`` on the vibration and a ``spring`` on the mean of coordinates
+    without stiffness (all coordinates, if there are none), in units of ``omega`` and ``omega**2``,
+    times ``1/s - 1``.  The parameter s also scales the excitation.  At s = 0 bodies without
+    preload, whose response is proportional to it, rest on the support.
     """
     support = np.zeros((system.n_unknowns, system.n_unknowns))
-    for l, free in enumerate(supported_coordinates(system.structure)):
-        c, s = (np.arange(system.n_unknowns)[part] for part in system.layout.slices(l))
+    unknowns = np.arange(system.n_unknowns)
+    for l, supported in enumerate(supported_coordinates(system.structure)):
+        cosine_part, sine_part = system.layout.slices(l)
+        cosine = unknowns[cosine_part][supported]
         if l == 0:
-            support[c[free], c[free]] = spring * omega**2
-        else:
-            support[c[free], s[free]] = drag * l * omega**2
-            support[s[free], c[free]] = -drag * l * omega**2
+            support[cosine, cosine] = spring * omega**2
+            continue
+        # a viscous force couples the cosine to the sine amplitudes
+        sine = unknowns[sine_part][supported]
+        support[cosine, sine] = drag * l * omega**2
+        support[sine, cosine] = -drag * l * omega**2
     return excitation_ramp(system, omega, support)
 
 
@@ -364,7 +423,8 @@ def segments(
     contact_forces: str | AFT = "event_driven",
     load: float | None = None,
 ) -> list[list[tuple[float, float, int]]]:
-    """Return the contact states of one point over the cycle, a list of (start, end, state) for each tangential direction.
+    """Return the contact states of one point over the cycle, a list of (start, end, state) for each
+    tangential direction.
 
     The end of a slip segment followed by stick is the slip-to-stick event.
 
@@ -390,9 +450,10 @@ def segments(
     Returns
     -------
     list of two lists
-        States: 0 stick, 1 slip + (or slip of a coupled law), 2 slip -, 3 open.  Angles in radians; the last may exceed 2
-        pi.
+        States: 0 stick, 1 slip + (or slip of a coupled law), 2 slip -, 3 open.  Angles in radians;
+        the last may exceed 2 pi.
     """
+    # the core also returns force and derivatives, which are not needed here
     F = np.empty_like(x)
     J = np.empty(x.shape + x.shape)
     mode, n_time = evaluation_code(contact_forces, x.shape[1] // 2, np.array(law))
@@ -414,14 +475,17 @@ def segments(
 
 
 def evaluation_code(contact_forces: str | AFT, harmonics: int, law: NDArray) -> tuple[int, int]:
-    if (
-        contact_forces == "event_driven"
-        and np.isin(law, (LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_USER)).any()
-    ):
+    """Return method and number of samples in the encoding of the core.
+
+    0 is event-driven, 1 is AFT with interpolated transitions, and 2 is plain AFT.
+    """
+    needs_samples = np.isin(law, (LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_USER)).any()
+    if contact_forces == "event_driven" and needs_samples:
         raise SettingError(
             'contact_forces: expected AFT(n), since the law has no closed form, found "event_driven"'
         )
     check_evaluation(contact_forces, harmonics)
-    if isinstance(contact_forces, AFT):
-        return (1 if contact_forces.interpolate else 2), contact_forces.n_time
-    return 0, 0
+    if not isinstance(contact_forces, AFT):
+        return 0, 0
+    method = 1 if contact_forces.interpolate else 2
+    return method, contact_forces.n_time
