@@ -74,16 +74,19 @@ SINGULAR = 1e-12
 
 def real_basis(system: Equations[Sector]) -> HarmonicBasis | None:
     """Return the real set of modes with mass that all harmonics share, so that they describe one motion in time."""
-    first, *others = (b for b in system.structure.bases if len(b.omega2))
-    G, massless = np.asarray(first.G), (system.structure.arrays["mass"] <= 0.0).any()
-    size = 1e-12 * np.abs(G).max(initial=0.0)
-    if massless or np.abs(G.imag).max(initial=0.0) > size:
+    first, *others = [basis for basis in system.structure.bases if len(basis.omega2)]
+    if (system.structure.arrays["mass"] <= 0.0).any():
         return None
-    same = (
-        np.array_equal(b.omega2, first.omega2) and np.abs(b.G - G).max(initial=0.0) <= size
-        for b in others
-    )
-    return first if all(same) else None
+    G = np.asarray(first.G)
+    rounding = 1e-12 * np.abs(G).max(initial=0.0)
+    if np.abs(G.imag).max(initial=0.0) > rounding:
+        return None
+    for basis in others:
+        if not np.array_equal(basis.omega2, first.omega2):
+            return None
+        if np.abs(basis.G - G).max(initial=0.0) > rounding:
+            return None
+    return first
 
 
 def cycles(
@@ -153,7 +156,7 @@ def rests(system: Equations[Sector], u: NDArray) -> bool:
     a = system.structure.arrays
     if not system.structure.exact or np.isin(a["law"], LAW_CUBIC).any():
         return False
-    if min(a["kt"].min(initial=0.0), a["kn"].min(initial=0.0), a["damping"].min(initial=0.0)) < 0.0:
+    if any((a[name] < 0.0).any() for name in ("kt", "kn", "damping")):
         return False
     _, _, shares = system.contact(np.asarray(u))
     slips = (a["kt"] > 0.0) & (a["mu"] > 0.0)[:, None] & (shares[:, [1, 3]] > 0.0)
@@ -178,34 +181,49 @@ def monodromy(system: Equations[Sector], u: NDArray, omega: float) -> NDArray:
     """
     basis = real_basis(system)
     assert basis is not None
-    G, n = np.asarray(basis.G).real, len(basis.omega2)
-    (point, kind, a, b, weight), (at, axis, begin, length, factor) = cycles(
-        system, system.contact(np.asarray(u))[0]
-    )
-    force, motion = (G[point, np.array(axes)[kind]] for axes in ((2, 0, 1, 0, 1), (2, 0, 1, 2, 2)))
-    hold, m = system.structure.points.kt[at, axis, None] * G[at, axis], len(at)
-    angles = np.unique(
-        np.concatenate([[0.0], *(x % TWO_PI for x in (a, b, begin, begin + length))])
-    )
+    G = np.asarray(basis.G).real
+    n = len(basis.omega2)
+    displacements, _, _ = system.contact(np.asarray(u))
+    pieces, events = cycles(system, displacements)
+    point, kind, a, b, weight = pieces
+    at, axis, begin, length, factor = events
+
+    # direction of the force of each kind of segment, and of the motion that causes it (2 is normal)
+    force = G[point, np.array([2, 0, 1, 0, 1])[kind]]
+    motion = G[point, np.array([2, 0, 1, 2, 2])[kind]]
+    slider_force = system.structure.points.kt[at, axis, None] * G[at, axis]
+
+    # the linearised equations have constant coefficients from one of these angles to the next
+    instants = [x % TWO_PI for x in (a, b, begin, begin + length)]
+    angles = np.unique(np.concatenate([[0.0], *instants]))
     angles = angles[np.append(True, np.diff(angles) > 1e-13)]  # events within rounding coincide
-    first = np.abs(angles[:, None] - begin % TWO_PI).argmin(axis=0)
-    M = np.eye(2 * n + m)
-    for k, (theta, end) in enumerate(zip(angles, np.append(angles[1:], TWO_PI))):
-        for j in np.flatnonzero(first == k):  # slip-to-stick event or closing sets the slider
+    ends = np.append(angles[1:], TWO_PI)
+    interval_of_event = np.abs(angles[:, None] - begin % TWO_PI).argmin(axis=0)
+
+    M = np.eye(2 * n + len(at))
+    for i, (theta, end) in enumerate(zip(angles, ends)):
+        # a slip-to-stick event or a closing sets the slider from the motion at its instant
+        for j in np.flatnonzero(interval_of_event == i):
             M[2 * n + j] = (G[at[j], axis[j]] + factor[j] * G[at[j], 2]) @ M[:n]
+
+        # no state changes within the interval, so the states at its middle hold for all of it
         middle = 0.5 * (theta + end)
-        now, sticks = (middle - a) % TWO_PI < b - a, (middle - begin) % TWO_PI < length
-        K = np.diag(basis.omega2) + (force[now] * weight[now, None]).T @ motion[now]
-        A = np.zeros((2 * n + sticks.sum(),) * 2)
+        acts = (middle - a) % TWO_PI < b - a
+        sticks = (middle - begin) % TWO_PI < length
+
+        # rates of (q, q', sliders in stick); a slider in stick keeps its position
+        K = np.diag(basis.omega2) + (force[acts] * weight[acts, None]).T @ motion[acts]
+        size = 2 * n + sticks.sum()
+        A = np.zeros((size, size))
         A[:n, n : 2 * n] = np.eye(n)
-        A[n : 2 * n] = (
-            np.hstack([-K, -np.diag(basis.damping), hold[sticks].T]) / basis.mass[:, None]
-        )
-        keep = np.append(np.arange(2 * n), 2 * n + np.flatnonzero(sticks))
-        M[keep] = expm(A * ((end - theta) / omega)) @ M[keep]
-    M[2 * n + np.flatnonzero(~sticks)] = (
-        0.0  # only sliders in stick at the end of the period are state variables
-    )
+        accelerations = np.hstack([-K, -np.diag(basis.damping), slider_force[sticks].T])
+        A[n : 2 * n] = accelerations / basis.mass[:, None]
+
+        state = np.append(np.arange(2 * n), 2 * n + np.flatnonzero(sticks))
+        M[state] = expm(A * ((end - theta) / omega)) @ M[state]
+
+    # only sliders in stick at the end of the period are state variables
+    M[2 * n + np.flatnonzero(~sticks)] = 0.0
     return M
 
 
@@ -237,16 +255,16 @@ def unstable_solutions(
         system.structure.arrays["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC)
     ).any()
     if real_basis(system) is not None and not without_events:
-        grows, note = _multiplier_outside, "all disturbances, multipliers of motion and sliders"
+        grows = _multiplier_outside
+        note = "all disturbances, multipliers of motion and sliders"
     else:
-        grows, note = (
-            _negative_determinant,
-            (
-                "sign of det J: negative if a disturbance grows without oscillating; the others are not examined, "
-                "with_stability(in_time=True) decides"
-            ),
+        grows = _negative_determinant
+        note = (
+            "sign of det J: negative if a disturbance grows without oscillating; "
+            "the others are not examined, with_stability(in_time=True) decides"
         )
-    return np.array([grows(system, u, w) for u, w in zip(unknowns, omega)], bool), note
+    unstable = [grows(system, u, w) for u, w in zip(unknowns, omega)]
+    return np.array(unstable, bool), note
 
 
 def _multiplier_outside(system: Equations[Sector], u: NDArray, omega: float) -> bool:

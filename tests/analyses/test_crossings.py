@@ -503,6 +503,25 @@ def test_the_exact_search_reaches_beyond_the_line_but_not_the_next_mode(study, m
     )
 
 
+def test_the_cost_of_an_exact_crossing_is_that_of_its_searches(study, monkeypatch):
+    """Each search at a fixed speed is metered on its own."""
+    family, searches = SpeedFamily(study.problem, Conditions()), []
+    top = replace(study.peak(5800.0), y=np.array([0.0, 5.0 * 450.0]))
+    search = engine_order_line.highest_peak
+
+    def recorded(*args, **settings):
+        searches.append(search(*args, **settings))
+        return searches[-1]
+
+    monkeypatch.setattr(engine_order_line, "highest_peak", recorded)
+    meter = CostMeter()
+    exact_at_fixed_speed(family, (400.0, 500.0), 1, top, meter)
+    cost, evaluations = meter.read(), [peak.cost.evaluations for peak in searches]
+    assert len(searches) > 1 and min(evaluations) > 0
+    assert cost.evaluations == sum(evaluations)
+    assert cost.iterations == sum(peak.cost.iterations for peak in searches)
+
+
 @pytest.mark.parametrize(("resonances", "where"), [
     ((0.0, 0.0), "at no speed; give another order or mode"),
     ((405.0, 420.0), "at 3867.5 rpm with free contacts and at 4010.7 rpm with stuck contacts; give a range "
