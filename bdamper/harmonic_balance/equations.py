@@ -4,20 +4,23 @@ For the complex modal amplitudes ``q_l`` of harmonic ``l``,
 
     R_l = (K - (l omega)^2 M + i l omega C) q_l + G_l^H F_l(q) - E_l = 0,
 
-with the Fourier coefficients ``F_l`` of the contact forces (paper, Eq. (15)), the modes ``G_l`` at the contact points and
-the modal forces ``E_l`` of the excitation.  Harmonic 0 is the mean, which carries the static load.
+with the Fourier coefficients ``F_l`` of the contact forces (paper, Eq. (15)), the modes ``G_l`` at
+the contact points and the modal forces ``E_l`` of the excitation.  Harmonic 0 is the mean, which
+carries the static load.
 
-The unknowns ``u`` hold the ``n_mode[0]`` coordinates of the mean, then for each harmonic its cosine amplitudes ``c_l`` and
-its sine amplitudes ``s_l``, ``q_l = c_l - i s_l`` (:class:`Layout`).  A point is ``y = (u, p)`` with one free parameter
-``p``, usually the frequency ``omega`` in rad/s.  Newton's method solves the equations with one further condition for ``p``:
+The unknowns ``u`` hold the ``n_mode[0]`` coordinates of the mean, then for each harmonic its cosine
+amplitudes ``c_l`` and its sine amplitudes ``s_l``, ``q_l = c_l - i s_l`` (:class:`Layout`).  A
+point is ``y = (u, p)`` with one free parameter ``p``, usually the frequency ``omega`` in rad/s.
+Newton's method solves the equations with one further condition for ``p``:
 
 - :class:`Plane`: the point lies in a plane through the guess (arc-length continuation);
 - :class:`Fixed`: the parameter is fixed;
-- :class:`Fold` and :class:`Peak`: a quantity is stationary along the curve (``csrc/solver/newton.c``).
+- :class:`Fold` and :class:`Peak`: a quantity is stationary along the curve
+  (``csrc/solver/newton.c``).
 
-The same class :class:`Equations` serves one sector, a curve along an engine order line, a nonlinear mode and a bladed disk.
-They differ in the core object, in the rows that give the response (:class:`Rows`) and in the units of a point
-(:class:`Measure`).
+The same class :class:`Equations` serves one sector, a curve along an engine order line, a nonlinear
+mode and a bladed disk. They differ in the core object, in the rows that give the response
+(:class:`Rows`) and in the units of a point (:class:`Measure`).
 """
 
 from __future__ import annotations
@@ -65,7 +68,8 @@ class Stationary:
     tangent : (n_unknowns + 1,) float
         Estimated tangent of the curve, of unit length in scaled unknowns.
     curvature : float
-        Estimated derivative of the slope along the curve.  It has the sign of the derivative at the solution.
+        Estimated derivative of the slope along the curve.  It has the sign of the derivative at the
+        solution.
     tolerance : float
         Tolerance of the distance to the point, in scaled unknowns.
     max_step : float
@@ -83,21 +87,28 @@ class Fold(Stationary):
 
 
 class Peak(Stationary):
-    """Maximum of the first harmonic of the response: the slope of its logarithm vanishes, its curvature is negative."""
+    """Maximum of the first harmonic of the response: the slope of its logarithm vanishes, its
+    curvature is negative."""
 
 
 Condition = Plane | Fixed | Fold | Peak
 
 
 def for_core(condition: Condition, n_unknowns: int) -> tuple[NDArray, dict[str, Any]]:
-    """Return the initial tangent and the further arguments of the core's ``solve``; the core overwrites the tangent."""
+    """Return the initial tangent and the further arguments of the core's ``solve``; the core
+    overwrites the tangent."""
     if isinstance(condition, Plane):
         return np.zeros(n_unknowns + 1), {"row": condition.normal}
     if isinstance(condition, Fixed):
-        return np.zeros(n_unknowns + 1), {"row": np.append(np.zeros(n_unknowns), 1.0)}
-    return np.array(condition.tangent, float), {
-        "curvature": condition.curvature, "place_tolerance": condition.tolerance, "max_step": condition.max_step,
-    }  # fmt: skip
+        # along the parameter, the last unknown
+        parameter = np.append(np.zeros(n_unknowns), 1.0)
+        return np.zeros(n_unknowns + 1), {"row": parameter}
+    arguments = {
+        "curvature": condition.curvature,
+        "place_tolerance": condition.tolerance,
+        "max_step": condition.max_step,
+    }
+    return np.array(condition.tangent, float), arguments
 
 
 # ---- equations and their unknowns ----
@@ -142,17 +153,19 @@ class Correction:
     residual : float
         Largest residual relative to the excitation (harmonics) or the static load (mean).
     rank_deficiency : int
-        Number of directions that the equations leave undetermined.  The solution has least norm in them.
+        Number of directions that the equations leave undetermined.  The solution has least norm in
+        them.
     shares : tuple of three floats
-        Fractions of the cycle in stick, slip and separation at ``y``, averaged over the points with friction.  NaN if the
-        core has not evaluated them.
+        Fractions of the cycle in stick, slip and separation at ``y``, averaged over the points with
+        friction.  NaN if the core has not evaluated them.
     orientation : int
         Sign of det [J; tangent], constant along a curve, corners included; 0 if unknown.
     slope, curvature : float
-        Slope and its derivative along the curve, at a stationary point only; the slope vanishes there.
+        Slope and its derivative along the curve, at a stationary point only; the slope vanishes
+        there.
     kind : str
-        On a path: "regular", "fold", "maximum", "end", or "drift" (the mean position moves at constant vibration and
-        frequency).
+        On a path: "regular", "fold", "maximum", "end", or "drift" (the mean position moves at
+        constant vibration and frequency).
     """
 
     status: int
@@ -176,7 +189,7 @@ class Layout:
     Parameters
     ----------
     n_mode : (n_harmonics + 1,) int
-        Number of modes of each harmonic, the mean first.
+        Number of modes of the mean and of each harmonic.
     """
 
     n_mode: NDArray
@@ -187,48 +200,60 @@ class Layout:
         return int(self.n_mode[0] + 2 * self.n_mode[1:].sum())
 
     def slices(self, harmonic: int) -> tuple[slice, slice]:
-        """Return the slices of the cosine and sine amplitudes of a harmonic; for the mean the second slice is empty."""
+        """Return the slices of the cosine and sine amplitudes of a harmonic; for the mean the
+        second slice is empty."""
         n = self.n_mode
         if harmonic == 0:
             return slice(0, n[0]), slice(0, 0)
         start = int(n[0] + 2 * n[1:harmonic].sum())
-        return slice(start, start + n[harmonic]), slice(
-            start + n[harmonic], start + 2 * n[harmonic]
-        )
+        middle = start + n[harmonic]
+        end = start + 2 * n[harmonic]
+        return slice(start, middle), slice(middle, end)
 
     def amplitudes(self, u: NDArray, harmonic: int) -> NDArray:
         """Return the complex modal amplitudes (..., n_modes) of a harmonic."""
-        c, s = self.slices(harmonic)
-        return u[..., c].astype(complex) if harmonic == 0 else u[..., c] - 1j * u[..., s]
+        cosine, sine = self.slices(harmonic)
+        if harmonic == 0:
+            return u[..., cosine].astype(complex)
+        return u[..., cosine] - 1j * u[..., sine]
 
     def parts(self, row: NDArray) -> tuple[NDArray, NDArray]:
-        """Return rows (n_unknowns,) whose products with the unknowns are the real and imaginary part of ``row @ q_1``.
+        """Return rows (n_unknowns,) whose products with the unknowns are the real and imaginary
+        part of ``row @ q_1``.
 
         ``row`` (n_modes,) acts on the complex modal amplitudes ``q_1`` of the first harmonic.
         """
-        re, im = np.zeros(self.n_unknowns), np.zeros(self.n_unknowns)
-        c, s = self.slices(1)
-        re[c], re[s] = row.real, row.imag
-        im[c], im[s] = row.imag, -row.real
+        cosine, sine = self.slices(1)
+        # row @ (c - i s) = (Re row c + Im row s) + i (Im row c - Re row s)
+        re = np.zeros(self.n_unknowns)
+        re[cosine] = row.real
+        re[sine] = row.imag
+        im = np.zeros(self.n_unknowns)
+        im[cosine] = row.imag
+        im[sine] = -row.real
         return re, im
 
     def pack(self, mean: NDArray, first: NDArray) -> NDArray:
-        """Return unknowns from the mean and the complex amplitudes of the first harmonic; higher harmonics are zero."""
+        """Return unknowns from the mean and the complex amplitudes of the first harmonic; higher
+        harmonics are zero."""
         u = np.zeros(self.n_unknowns)
         u[: self.n_mode[0]] = mean
-        c, s = self.slices(1)
-        u[c], u[s] = first.real, -first.imag
+        cosine, sine = self.slices(1)
+        u[cosine] = first.real
+        u[sine] = -first.imag
         return u
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Rows (n_unknowns,) whose products with the unknowns are the real and imaginary part of the first harmonic.
+    """Rows (n_unknowns,) whose products with the unknowns are the real and imaginary part of the
+    first harmonic.
 
     Parameters
     ----------
     coefficients : (n, 2, n_unknowns) float
-        Coefficients of Chebyshev polynomials in the squared rotor speed; n is 1 if the rows are constant.
+        Coefficients of Chebyshev polynomials in the squared rotor speed; n is 1 if the rows are
+        constant.
     squares : (middle, half) float
         Interval of the squared speed, rad2/s2.
     engine_order : int
@@ -245,8 +270,11 @@ class Rows:
         return len(self.coefficients) > 1
 
     def basis(self, omega: NDArray | float, n: int) -> NDArray:
-        """Return the first n Chebyshev polynomials (..., n) of the squared speed at values of the parameter."""
-        t = ((omega / self.engine_order) ** 2 - self.squares[0]) / self.squares[1]
+        """Return the first n Chebyshev polynomials (..., n) of the squared speed at values of the
+        parameter."""
+        middle, half = self.squares
+        t = ((omega / self.engine_order) ** 2 - middle) / half
+        # T_0 = 1 has the shape of t; T_k+1 = 2 t T_k - T_k-1
         values = [0.0 * t + 1.0, t]
         while len(values) < n:
             values.append(2.0 * t * values[-1] - values[-2])
@@ -256,28 +284,38 @@ class Rows:
         """Return both rows at a value of the parameter."""
         if not self.moving:
             return self.coefficients[0, 0], self.coefficients[0, 1]
-        re, im = np.tensordot(self.basis(omega, len(self.coefficients)), self.coefficients, 1)
+        polynomials = self.basis(omega, len(self.coefficients))
+        re, im = np.tensordot(polynomials, self.coefficients, 1)
         return re, im
 
     def value(self, y: NDArray) -> NDArray:
         """Return the complex response (...,) at points (..., n_unknowns + 1)."""
         rows = self.coefficients[0]
         if self.moving:
-            rows = np.tensordot(
-                self.basis(y[..., -1], len(self.coefficients)), self.coefficients, 1
-            )
-        return np.asarray(((rows[..., 0, :] + 1j * rows[..., 1, :]) * y[..., :-1]).sum(axis=-1))
+            polynomials = self.basis(y[..., -1], len(self.coefficients))
+            rows = np.tensordot(polynomials, self.coefficients, 1)
+        complex_rows = rows[..., 0, :] + 1j * rows[..., 1, :]
+        u = y[..., :-1]
+        return np.asarray((complex_rows * u).sum(axis=-1))
 
     def squared_gradient(self, y: NDArray) -> tuple[NDArray, float]:
-        """Return the gradient of half the squared response with respect to y, and the squared response."""
-        omega, u = float(y[-1]), y[:-1]
+        """Return the gradient of half the squared response with respect to y, and the squared
+        response."""
+        omega = float(y[-1])
+        u = y[:-1]
         re, im = self.at(omega)
-        a, b, by_parameter = float(re @ u), float(im @ u), 0.0
+        a = float(re @ u)
+        b = float(im @ u)
+        by_parameter = 0.0
         if self.moving:
-            slopes = chebyshev.chebder(self.coefficients) / self.squares[1]
-            da, db = np.tensordot(self.basis(omega, len(slopes)), slopes, 1) @ u
+            # derivatives of both parts with respect to the squared speed (omega / engine order)^2
+            _, half = self.squares
+            slopes = chebyshev.chebder(self.coefficients) / half
+            polynomials = self.basis(omega, len(slopes))
+            da, db = np.tensordot(polynomials, slopes, 1) @ u
             by_parameter = (a * float(da) + b * float(db)) * 2.0 * omega / self.engine_order**2
-        return np.append(a * re + b * im, by_parameter), a * a + b * b
+        gradient = np.append(a * re + b * im, by_parameter)
+        return gradient, a * a + b * b
 
 
 class Measure(Protocol):
@@ -287,7 +325,8 @@ class Measure(Protocol):
         """Return the norm of the vibration at a point."""
 
     def units(self, y: NDArray, vibration: float, width: float) -> NDArray:
-        """Return the units (n_unknowns + 1,) of mean, vibration and parameter (``width``) at a point."""
+        """Return the units (n_unknowns + 1,) of mean, vibration and parameter (``width``) at a
+        point."""
 
     def place(self, parameter: float) -> str:
         """Return a text for a value of the parameter."""
@@ -310,7 +349,8 @@ class InFrequency:
         return norm2(y[self.n_mean : -1])
 
     def units(self, y: NDArray, vibration: float, width: float) -> NDArray:
-        """Return the units; the unit of the mean is the larger of the norms of mean and vibration."""
+        """Return the units; the unit of the mean is the larger of the norms of mean and
+        vibration."""
         scale = np.full(len(y), vibration)
         scale[: self.n_mean] = max(norm2(y[: self.n_mean]), vibration)
         scale[-1] = width
@@ -331,7 +371,8 @@ class Equations(Generic[S]):
     core
         Object of the C core.
     structure
-        Structure that the equations describe: a sector, a family over rotor speed, a mode or a bladed disk.
+        Structure that the equations describe: a sector, a family over rotor speed, a mode or a
+        bladed disk.
     layout : Layout
     response_rows : sequence of (n_modes,) complex
         For each harmonic, the row of modal amplitudes that gives the response.
@@ -345,11 +386,13 @@ class Equations(Generic[S]):
         Million operations of an evaluation, a Jacobian, a factorisation and a least-norm solution
         (:class:`bdamper.util.progress.Cost`).
     supported : bool
-        Whether the parameter fades out a support (:func:`bdamper.harmonic_balance.sector.supported_by`).
+        Whether the parameter fades out a support
+        (:func:`bdamper.harmonic_balance.sector.supported_by`).
     watched : sequence of (frequency, half-width, modal row), rad/s
         Linear resonances that a path must not step over.
     last : float
-        Budget: no Newton iteration begins after this number of evaluations of the core, counted from its creation.
+        Budget: no Newton iteration begins after this number of evaluations of the core, counted
+        from its creation.
     forms_matrix : bool
         Whether the full Jacobian can be formed.
     """
@@ -386,19 +429,18 @@ class Equations(Generic[S]):
         return len(self.layout.n_mode) - 1
 
     def response(self, u: NDArray) -> NDArray:
-        """Return the complex response amplitudes (..., n_harmonics + 1), the mean first."""
-        rows = self.response_rows
-        return np.stack(
-            [
-                self.layout.amplitudes(np.asarray(u), l) @ rows[l]
-                for l in range(self.n_harmonics + 1)
-            ],
-            axis=-1,
-        )
+        """Return the complex response amplitudes (..., n_harmonics + 1) of mean and harmonics."""
+        u = np.asarray(u)
+        by_harmonic = []
+        for l in range(self.n_harmonics + 1):
+            by_harmonic.append(self.layout.amplitudes(u, l) @ self.response_rows[l])
+        return np.stack(by_harmonic, axis=-1)
 
     def units(self, y: NDArray, width: float) -> NDArray:
-        """Return the units (n_unknowns + 1,) of mean, vibration and parameter (``width``) at a point."""
-        return self.measure.units(y, max(self.measure.vibration(y), 1e-300), width)
+        """Return the units (n_unknowns + 1,) of mean, vibration and parameter (``width``) at a
+        point."""
+        vibration = max(self.measure.vibration(y), 1e-300)
+        return self.measure.units(y, vibration, width)
 
     # ---- budget ----
 
@@ -408,7 +450,9 @@ class Equations(Generic[S]):
 
     def with_share(self, share: float) -> Equations[S]:
         """Return the same equations with a fraction of the remaining budget."""
-        return self if self.last == math.inf else self.within(int(share * max(self.left, 0)))
+        if self.last == math.inf:
+            return self
+        return self.within(int(share * max(self.left, 0)))
 
     @property
     def left(self) -> float:
@@ -433,7 +477,9 @@ class Equations(Generic[S]):
         if not self.forms_matrix:
             raise FloatingPointError("the matrix of a large wheel is not formed")
         n = self.n_unknowns
-        r, J, C = np.empty(n), np.empty((n, n)), np.empty(n)
+        r = np.empty(n)
+        J = np.empty((n, n))
+        C = np.empty(n)
         if self.core.evaluate(np.ascontiguousarray(y, float), r, J, C) != OK:
             raise FloatingPointError("the residual is not finite at this point")
         return r, J, C
@@ -450,16 +496,20 @@ class Equations(Generic[S]):
         return r
 
     def error(self, y: NDArray) -> float:
-        """Return the largest residual at a point, relative to the excitation and the static load."""
+        """Return the largest residual at a point, relative to the excitation and the static
+        load."""
         return float(np.abs(self.residual(y) * self.row_scale).max())
 
     def contact(self, u: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-        """Return Fourier coefficients of relative motion (m) and contact force (N), and the states, at unknowns ``u``.
+        """Return Fourier coefficients of relative motion (m) and contact force (N), and the states,
+        at unknowns ``u``.
 
-        The coefficients are (n_points, 3, n_coef) along t1, t2, n. The states are fractions of the cycle (n_points, 5).
+        The coefficients are (n_points, 3, n_coef) along t1, t2, n. The states are fractions of the
+        cycle (n_points, 5).
         """
         n_coef = 2 * self.n_harmonics + 1
-        X, F = np.empty((self.n_points, 3, n_coef)), np.empty((self.n_points, 3, n_coef))
+        X = np.empty((self.n_points, 3, n_coef))
+        F = np.empty((self.n_points, 3, n_coef))
         share = np.empty((self.n_points, 5))
         if self.core.contact(np.append(u, 1.0), X, F, share) != OK:
             raise FloatingPointError("the contact forces are not finite at this point")
@@ -492,14 +542,15 @@ class Equations(Generic[S]):
             Tolerance of the largest residual, relative to the excitation and the static load.
         max_iterations : int
         line_search : {0, 1, 2}
-            Only for ``Plane`` and ``Fixed``.  1 halves steps that do not reduce the residual.  2 halves steps after which
-            the next step with the same factorisation would not be shorter.
+            Only for ``Plane`` and ``Fixed``.  1 halves steps that do not reduce the residual.  2
+            halves steps after which the next step with the same factorisation would not be shorter.
         reach : float
-            Largest length of a Newton step in scaled unknowns.  A longer step ends the iteration without convergence; 0
-            is no limit.
+            Largest length of a Newton step in scaled unknowns.  A longer step ends the iteration
+            without convergence; 0 is no limit.
         loose, rough : float
-            Only for ``Plane`` and ``Fixed``.  A full Newton step shorter than ``loose`` counts as convergence if the
-            residual is then below ``rough``; 0 for ``rough`` accepts any residual.
+            Only for ``Plane`` and ``Fixed``.  A full Newton step shorter than ``loose`` counts as
+            convergence if the residual is then below ``rough``; 0 for ``rough`` accepts any
+            residual.
 
         Returns
         -------
@@ -513,10 +564,10 @@ class Equations(Generic[S]):
         if self.spent:
             return Correction(NOT_CONVERGED, y, tangent, scale, 0, np.nan, 0)
         if self.last < math.inf:
-            max_iterations = min(
-                max_iterations, 1 + int(self.left) // (LINE_SEARCH_TRIALS if line_search else 1)
-            )
-        c = self.core.solve(
+            # an iteration that begins within the budget may exceed it
+            per_iteration = LINE_SEARCH_TRIALS if line_search else 1
+            max_iterations = min(max_iterations, 1 + int(self.left) // per_iteration)
+        solution = self.core.solve(
             y,
             tangent,
             scale,
@@ -528,10 +579,20 @@ class Equations(Generic[S]):
             rough=rough,
             **arguments,
         )
+        # the core has written the point and its tangent into y and tangent
         result = Correction(
-            c.status, y, tangent, scale, c.iterations, c.residual, len(y) - c.rank, c.shares, c.orientation,
-            c.slope, c.curvature,
-        )  # fmt: skip
+            status=solution.status,
+            y=y,
+            tangent=tangent,
+            scale=scale,
+            iterations=solution.iterations,
+            residual=solution.residual,
+            rank_deficiency=len(y) - solution.rank,
+            shares=solution.shares,
+            orientation=solution.orientation,
+            slope=solution.slope,
+            curvature=solution.curvature,
+        )
         if isinstance(condition, Peak) and self.rows.moving:
             return self._to_moving_peak(result, condition, scale, tolerance, max_iterations)
         return result
@@ -539,19 +600,23 @@ class Equations(Generic[S]):
     def _to_moving_peak(
         self, c: Correction, condition: Peak, scale: NDArray, tolerance: float, max_iterations: int
     ) -> Correction:
-        """Move a peak along the curve by Newton steps, if the response rows depend on the parameter."""
+        """Move a peak along the curve by Newton steps, if the response rows depend on the
+        parameter."""
         for _ in range(max_iterations):
             if c.status != OK or not c.curvature < 0.0:
                 break
+            # slope of ln(amplitude) along the curve, divided by its estimated derivative
             gradient, square = self.rows.squared_gradient(c.y)
             step = -float(gradient @ (c.tangent * scale)) / square / c.curvature
             if abs(step) <= condition.tolerance:
                 break
-            new = self.solve(
-                c.y + step * c.tangent * scale, Plane(c.tangent), scale, tolerance, max_iterations
-            )
+            guess = c.y + step * c.tangent * scale
+            moved = self.solve(guess, Plane(c.tangent), scale, tolerance, max_iterations)
             c = replace(
-                new, curvature=c.curvature, slope=0.0, iterations=c.iterations + new.iterations
+                moved,
+                curvature=c.curvature,
+                slope=0.0,
+                iterations=c.iterations + moved.iterations,
             )
         return c
 
@@ -565,14 +630,14 @@ class Equations(Generic[S]):
         line_search: int = 0,
     ) -> Correction:
         """Solve at a fixed frequency (rad/s); see :meth:`solve`."""
-        return self.solve(
-            np.append(u, omega), Fixed(), scale, tolerance, max_iterations, line_search
-        )
+        guess = np.append(u, omega)
+        return self.solve(guess, Fixed(), scale, tolerance, max_iterations, line_search)
 
     def solve_linear(
         self, y: NDArray, border: NDArray, scale: NDArray, right: NDArray, transposed: bool = False
     ) -> NDArray:
-        """Solve linear equations with the scaled Jacobian at a point, bordered by a row; least norm if singular.
+        """Solve linear equations with the scaled Jacobian at a point, bordered by a row; least norm
+        if singular.
 
         Parameters
         ----------
@@ -587,18 +652,19 @@ class Equations(Generic[S]):
         FloatingPointError
             If there is no solution.
         """
-        out = np.array(right, float)
-        if (
-            self.core.bordered(np.ascontiguousarray(y, float), border, scale, out, transposed)[0]
-            != OK
-        ):
+        point = np.ascontiguousarray(y, float)
+        # the core overwrites the right-hand sides with the solutions
+        solution = np.array(right, float)
+        status = self.core.bordered(point, border, scale, solution, transposed)[0]
+        if status != OK:
             raise FloatingPointError("the bordered equations have no solution at this point")
-        return out
+        return solution
 
     def slope_gradient(
         self, y: NDArray, tangent: NDArray, scale: NDArray, step: float
     ) -> tuple[NDArray, NDArray]:
-        """Compute the gradient of the slope of ln(amplitude) along the curve (``csrc/solver/newton.h``, ``bd_gradient``).
+        """Compute the gradient of the slope of ln(amplitude) along the curve
+        (``csrc/solver/newton.h``, ``bd_gradient``).
 
         Parameters
         ----------
@@ -612,21 +678,19 @@ class Equations(Generic[S]):
         row : (n_unknowns + 1,) float
             Gradient in scaled unknowns.
         nu : (n_unknowns,) float
-            Adjoint vector: a change of the derivatives [J C] in scaled unknowns changes the slope by ``-nu @ change @
-            tangent``.
+            Adjoint vector: a change of the derivatives [J C] in scaled unknowns changes the slope
+            by ``-nu @ change @ tangent``.
 
         Raises
         ------
         FloatingPointError
             If the gradient does not exist at this point.
         """
-        row, nu = np.empty(self.n_unknowns + 1), np.empty(self.n_unknowns)
+        point = np.ascontiguousarray(y, float)
         re, im = self.rows.at(y[-1])
-        if (
-            self.core.gradient(
-                np.ascontiguousarray(y, float), tangent, scale, row, nu, step, re, im
-            )
-            != OK
-        ):
+        row = np.empty(self.n_unknowns + 1)
+        nu = np.empty(self.n_unknowns)
+        status = self.core.gradient(point, tangent, scale, row, nu, step, re, im)
+        if status != OK:
             raise FloatingPointError("the slope has no gradient at this point")
         return row, nu

@@ -1,15 +1,16 @@
-"""Rotor speed: a problem at one speed and its conditions, and the equations along an engine order line.
+"""Rotor speed: a problem at one speed and its conditions, and the equations along an engine order
+line.
 
-The preload of a free body is its centrifugal load ``P = m r Omega^2`` along its radial axis, with the radius ``r`` of its
-centre of mass at rest.  Speeds are in rad/s.
+The preload of a free body is its centrifugal load ``P = m r Omega^2`` along its radial axis, with
+the radius ``r`` of its centre of mass at rest.  Speeds are in rad/s.
 
 On an engine order line, ``omega = EO Omega``, all quantities depend on the rotor speed:
 
     R(u, omega) = r(u, omega; K(Omega), G(Omega), k(Omega), P(Omega), ...) = 0
 
-Each array of the equations, and the row of the response, is a polynomial in the squared speed that interpolates the arrays
-at a few speeds.  The derivative along the line is the exact derivative of the polynomials
-(``csrc/balance/speed_family.c``).
+Each array of the equations, and the row of the response, is a polynomial in the squared speed that
+interpolates the arrays at a few speeds.  The derivative along the line is the exact derivative of
+the polynomials (``csrc/balance/speed_family.c``).
 """
 
 from __future__ import annotations
@@ -36,12 +37,14 @@ from bdamper.util.formatting import short_text
 RPM = 60.0 / (2.0 * np.pi)
 """Revolutions per minute in one rad/s."""
 Table = Mapping[float, float] | Callable[[float], float]
-"""Function of one number, or a table of its values for linear interpolation, which is an error outside the table."""
+"""Function of one number, or a table of its values for linear interpolation, which is an error
+outside the table."""
 Excitations = Callable[[float, int], float] | Mapping[int, Any]
 
 
 def read(name: str, table: Table, at: float) -> float:
-    """Evaluate a function, or interpolate a table linearly; raise SettingError outside the table."""
+    """Evaluate a function, or interpolate a table linearly; raise SettingError outside the
+    table."""
     if callable(table):
         return validation.number(f"{name} at {at:g}", table(at))
     places = sorted(table)
@@ -61,18 +64,19 @@ def _table(name: str, table: Table) -> Table:
     return table
 
 
-def _excitation(name: str, given: Excitations) -> Excitations:
-    if isinstance(given, Mapping) and given:
-        for order, value in given.items():
-            item = f"{name} of engine order {validation.integer(f'{name}, engine order', order, least=1)}"
-            _ = (
+def _excitation(name: str, excitation: Excitations) -> Excitations:
+    if isinstance(excitation, Mapping) and excitation:
+        for order, value in excitation.items():
+            order = validation.integer(f"{name}, engine order", order, least=1)
+            item = f"{name} of engine order {order}"
+            if isinstance(value, Mapping):
                 _table(item, value)
-                if isinstance(value, Mapping)
-                else validation.number(item, value, above=0.0, unit="N")
-            )
-    elif not callable(given):
-        raise validation.invalid(name, "a function or a mapping of engine order to newtons", given)
-    return given
+            else:
+                validation.number(item, value, above=0.0, unit="N")
+    elif not callable(excitation):
+        expected = "a function or a mapping of engine order to newtons"
+        raise validation.invalid(name, expected, excitation)
+    return excitation
 
 
 @validation.check_arguments
@@ -83,12 +87,13 @@ class Conditions:
     Parameters
     ----------
     friction : mapping of number to number, or callable, optional
-        Friction coefficient of all friction faces over speed (rad/s), or over ``temperature`` if given.
+        Friction coefficient of all friction faces over speed (rad/s), or over ``temperature`` if
+        given.
     temperature : mapping of number to number, or callable, optional
         Temperature of the contacts over speed, in the unit that ``friction`` uses.
     excitation : callable or mapping, optional
-        Amplitude of the excitation (N): ``excitation(omega, engine_order)``, or for each engine order a number or a mapping
-        of speed to newtons.
+        Amplitude of the excitation (N): ``excitation(omega, engine_order)``, or for each engine
+        order a number or a mapping of speed to newtons.
 
     Raises
     ------
@@ -108,15 +113,16 @@ class Conditions:
             )
 
     def __repr__(self) -> str:  # without memory addresses, so that it is reproducible
-        def named(value: object) -> str:
-            return (
-                f"{value.__module__}.{value.__qualname__}"
-                if hasattr(value, "__qualname__")
-                else repr(value)
-            )
-
-        given = {f.name: getattr(self, f.name) for f in fields(self)}
-        return f"Conditions({', '.join(f'{name}={named(v)}' for name, v in given.items() if v is not None)})"
+        stated = []
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if value is None:
+                continue
+            text = repr(value)
+            if hasattr(value, "__qualname__"):
+                text = f"{value.__module__}.{value.__qualname__}"
+            stated.append(f"{item.name}={text}")
+        return f"Conditions({', '.join(stated)})"
 
     def values(
         self, speeds: Iterable[float], engine_orders: Iterable[int]
@@ -126,41 +132,49 @@ class Conditions:
         These values identify the conditions in results files, since callables cannot be compared.
         """
         orders = list(engine_orders)
-        return tuple(
-            (self.friction_at(w), *(self.excitation_at(w, order) for order in orders))
-            for w in speeds
-        )
+        by_speed = []
+        for omega in speeds:
+            excitations = [self.excitation_at(omega, order) for order in orders]
+            by_speed.append((self.friction_at(omega), *excitations))
+        return tuple(by_speed)
 
     def reach(self, engine_order: int) -> tuple[float, float]:
         """Return the range of speeds (rad/s) that all tables over speed cover."""
-        over = self.friction if self.temperature is None else self.temperature
-        force = self.excitation.get(engine_order) if isinstance(self.excitation, Mapping) else None
-        tables = [table for table in (over, force) if isinstance(table, Mapping)]
-        return max((min(t) for t in tables), default=0.0), min(
-            (max(t) for t in tables), default=float("inf")
-        )
+        # with a temperature the friction coefficient is a table over temperature, not speed
+        over_speed: list[Any] = [self.friction if self.temperature is None else self.temperature]
+        if isinstance(self.excitation, Mapping):
+            over_speed.append(self.excitation.get(engine_order))
+        tables = [table for table in over_speed if isinstance(table, Mapping)]
+        low = max((min(table) for table in tables), default=0.0)
+        high = min((max(table) for table in tables), default=float("inf"))
+        return low, high
 
     def friction_at(self, omega: float) -> float | None:
         """Return the friction coefficient at a speed; None if it is constant."""
         if self.friction is None:
             return None
-        at = omega if self.temperature is None else read("temperature", self.temperature, omega)
-        return validation.number("friction", read("friction", self.friction, at), least=0.0)
+        variable = omega
+        if self.temperature is not None:
+            variable = read("temperature", self.temperature, omega)
+        friction = read("friction", self.friction, variable)
+        return validation.number("friction", friction, least=0.0)
 
     def excitation_at(self, omega: float, engine_order: int) -> float | None:
         """Return the amplitude of the excitation (N) at a speed; None if it is constant."""
-        given = self.excitation
-        if given is None:
+        excitation = self.excitation
+        if excitation is None:
             return None
-        if callable(given):
-            force: Any = given(omega, engine_order)
-        elif engine_order not in given:
+        if callable(excitation):
+            force: Any = excitation(omega, engine_order)
+        elif engine_order not in excitation:
             raise SettingError(
-                f"excitation: expected a value for engine order {engine_order}, found orders {list(given)}"
+                f"excitation: expected a value for engine order {engine_order}, "
+                f"found orders {list(excitation)}"
             )
         else:
-            force = given[engine_order]
-            force = read("excitation", force, omega) if isinstance(force, Mapping) else force
+            force = excitation[engine_order]
+            if isinstance(force, Mapping):
+                force = read("excitation", force, omega)
         return validation.number(
             f"excitation of engine order {engine_order} at {omega:g} rad/s",
             force,
@@ -170,7 +184,8 @@ class Conditions:
 
 
 def preload_at(problem: Problem, omega: float) -> float:
-    """Return the preload (N) from the damper's mass at a rotor speed (rad/s); 0 if the damper carries no load."""
+    """Return the preload (N) from the damper's mass at a rotor speed (rad/s); 0 if the damper
+    carries no load."""
     return centrifugal_load(problem.model) * omega**2 if problem.carries_load else 0.0
 
 
@@ -184,8 +199,8 @@ def asked_speeds(
     rpm: Speeds | None,
     check: Callable[..., Any] = validation.numbers,
 ) -> Any:
-    """Return speeds in rad/s from arguments in rad/s or in revolutions per minute; warn if rpm were probably given as
-    rad/s.
+    """Return speeds in rad/s from arguments in rad/s or in revolutions per minute; warn if rpm were
+    probably given as rad/s.
 
     Raises
     ------
@@ -198,14 +213,13 @@ def asked_speeds(
         )
     if rpm is not None:
         return check("rpm", rpm, above=0.0) / RPM
-    values = check(
-        "speeds" if check is validation.numbers else "rotor speed", speeds, above=0.0, unit="rad/s"
-    )
-    radius = max(
-        (float(np.hypot(*place.position[:2])) for place in problem.model.locations.values()),
-        default=0.0,
-    )
-    # largest plausible tip speed (m/s): the longest titanium blades of steam turbines reach about 750
+    name = "speeds" if check is validation.numbers else "rotor speed"
+    values = check(name, speeds, above=0.0, unit="rad/s")
+    radius = 0.0
+    for place in problem.model.locations.values():
+        radius = max(float(np.hypot(*place.position[:2])), radius)
+    # largest plausible tip speed (m/s): the longest titanium blades of steam turbines reach about
+    # 750
     tip_speed = 800.0
     if radius * np.max(values) > tip_speed:
         warn_implausible(
@@ -225,22 +239,24 @@ def at_speed(
 ) -> Problem:
     """See :meth:`bdamper.Study.at_speed`."""
     bodies = problem.model.bodies.values()
-    turns = any(
-        b.load is not None or b.spin is not None or any(x.speed for x in b.bases.values())
-        for b in bodies
-    )
-    expected = (
-        "a model with a loaded body, modes over speed or displacement by rotation, or conditions"
-    )
-    given = conditions != Conditions()
+    depends_on_speed = conditions != Conditions()
+    for body in bodies:
+        modes_over_speed = any(basis.speed for basis in body.bases.values())
+        if body.load is not None or body.spin is not None or modes_over_speed:
+            depends_on_speed = True
     validation.check(
-        turns or given, "rotor speed", expected, "a model in which nothing depends on speed"
+        depends_on_speed,
+        "rotor speed",
+        "a model with a loaded body, modes over speed or displacement by rotation, or conditions",
+        "a model in which nothing depends on speed",
     )
-    return under(problem, asked_speeds(problem, omega, rpm, validation.number), conditions)
+    speed = asked_speeds(problem, omega, rpm, validation.number)
+    return under(problem, speed, conditions)
 
 
 def under(problem: Problem, omega: float, conditions: Conditions) -> Problem:
-    """Return the problem at a rotor speed (rad/s) under the given conditions; see :func:`at_speed`."""
+    """Return the problem at a rotor speed (rad/s) under the given conditions; see
+    :func:`at_speed`."""
     changes: dict[str, Any] = {"model": as_checked(problem.model.at_speed(omega)), "speed": omega}
     mu = conditions.friction_at(omega)
     if mu is not None:
@@ -252,11 +268,15 @@ def under(problem: Problem, omega: float, conditions: Conditions) -> Problem:
 
 
 def node_speeds(low: float, high: float, n: int) -> NDArray:
-    """Return n speeds, descending, whose squares are the Chebyshev points of the interval of the squared speed."""
-    low, high = low**2, high**2
-    return np.sqrt(
-        0.5 * (low + high) + 0.5 * (high - low) * np.cos(np.pi * (np.arange(n) + 0.5) / n)
-    )
+    """Return n speeds, descending, whose squares are the Chebyshev points of the interval of the
+    squared speed."""
+    low_square = low**2
+    high_square = high**2
+    # zeros of the Chebyshev polynomial T_n in (-1, 1)
+    chebyshev_points = np.cos(np.pi * (np.arange(n) + 0.5) / n)
+    middle = 0.5 * (low_square + high_square)
+    half = 0.5 * (high_square - low_square)
+    return np.sqrt(middle + half * chebyshev_points)
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,54 +310,76 @@ class Family:
         return self.sectors[len(self.sectors) // 2].bases
 
     def at(self, omega: float) -> Equations[Sector]:
-        """Return the equations at the speed that belongs to a frequency (rad/s), with the frequency as a free parameter."""
+        """Return the equations at the speed that belongs to a frequency (rad/s), with the frequency
+        as a free parameter."""
         weights = self.rows.basis(omega, len(self.speeds)) @ self.weights
         middle = self.sectors[len(self.sectors) // 2]
 
         def mixed(name: str) -> NDArray:
             return sum(w * sector.arrays[name] for w, sector in zip(weights, self.sectors))
 
-        stiffness, mass, damping, G = (
-            mixed(name) for name in ("stiffness", "mass", "damping", "G")
-        )
-        ends = np.cumsum([len(b.omega2) for b in middle.bases])[:-1]
+        # the arrays of the core contain the modes of all harmonics one after the other
         n_points = len(middle.points.kn)
-        parts = zip(
-            *(np.split(a, ends) for a in (stiffness, mass, damping)),
-            np.split(G, 3 * n_points * ends),
-        )
-        bases = [
-            replace(
-                b, omega2=k, mass=m, damping_ratio=np.zeros_like(k), drag=c, G=g.reshape(b.G.shape)
+        ends = np.cumsum([len(b.omega2) for b in middle.bases])[:-1]
+        stiffness = np.split(mixed("stiffness"), ends)
+        mass = np.split(mixed("mass"), ends)
+        damping = np.split(mixed("damping"), ends)
+        modes_at_points = np.split(mixed("G"), 3 * n_points * ends)
+        bases = []
+        for l, basis in enumerate(middle.bases):
+            # the array of the core contains all damping, so it is entered as a drag
+            mixed_basis = replace(
+                basis,
+                omega2=stiffness[l],
+                mass=mass[l],
+                damping_ratio=np.zeros_like(stiffness[l]),
+                drag=damping[l],
+                G=modes_at_points[l].reshape(basis.G.shape),
             )
-            for b, (k, m, c, g) in zip(middle.bases, parts)
-        ]
+            bases.append(mixed_basis)
+
         points = replace(
-            middle.points, kt=mixed("kt"), kn=mixed("kn"), mu=mixed("mu"), n0=mixed("n0"), slider=mixed("w"),
-            shift=mixed("shift"), load=mixed("load"),
-        )  # fmt: skip
-        rows = self.response_rows(omega)
-        return replace(
-            middle, bases=bases, points=points, force=mixed("force"), response_rows=rows
-        ).equations
+            middle.points,
+            kt=mixed("kt"),
+            kn=mixed("kn"),
+            mu=mixed("mu"),
+            n0=mixed("n0"),
+            slider=mixed("w"),
+            shift=mixed("shift"),
+            load=mixed("load"),
+        )
+        sector = replace(
+            middle,
+            bases=bases,
+            points=points,
+            force=mixed("force"),
+            response_rows=self.response_rows(omega),
+        )
+        return sector.equations
 
     def response_rows(self, omega: float) -> list[NDArray]:
-        """Return the rows of modal amplitudes that give the response at a frequency (rad/s), for each harmonic."""
+        """Return the rows of modal amplitudes that give the response at a frequency (rad/s), for
+        each harmonic."""
         weights = self.rows.basis(omega, len(self.speeds)) @ self.weights
-        harmonics = range(len(self.sectors[0].bases))
-        return [
-            sum(w * s.response_rows[l] for w, s in zip(weights, self.sectors)) for l in harmonics
-        ]
+        rows = []
+        for l in range(len(self.sectors[0].bases)):
+            row = sum(w * sector.response_rows[l] for w, sector in zip(weights, self.sectors))
+            rows.append(row)
+        return rows
 
 
 def responses(system: Equations[Family], y: NDArray) -> NDArray:
-    """Return complex response amplitudes (n, n_harmonics + 1) at points (n, n_unknowns + 1) of the line, the mean first."""
-    rows = [system.structure.response_rows(point[-1]) for point in y]
-    out = [
-        [system.layout.amplitudes(point[:-1], l) @ row for l, row in enumerate(of)]
-        for point, of in zip(y, rows)
-    ]
-    return np.array(out, complex).reshape(len(y), system.n_harmonics + 1)
+    """Return complex response amplitudes (n, n_harmonics + 1) of mean and harmonics.
+
+    The points (n, n_unknowns + 1) lie on the engine order line.
+    """
+    amplitudes = np.empty((len(y), system.n_harmonics + 1), complex)
+    for i, point in enumerate(y):
+        u = point[:-1]
+        omega = point[-1]
+        for l, row in enumerate(system.structure.response_rows(omega)):
+            amplitudes[i, l] = system.layout.amplitudes(u, l) @ row
+    return amplitudes
 
 
 def family_equations(
@@ -348,7 +390,8 @@ def family_equations(
     Parameters
     ----------
     systems : sequence of Equations
-        Equations at two or more speeds, in comparable coordinates.  The middle one provides the constant quantities.
+        Equations at two or more speeds, in comparable coordinates.  The middle one provides the
+        constant quantities.
     speeds : (n,) float, rad/s
     engine_order : int
 
@@ -357,7 +400,8 @@ def family_equations(
     SettingError
         If contact laws or the number of unknowns differ between speeds.
     """
-    middle, speeds = systems[len(systems) // 2], np.asarray(speeds, float)
+    middle = systems[len(systems) // 2]
+    speeds = np.asarray(speeds, float)
     refuse(middle.structure.points.own, "a curve over speed")
     squares = speeds**2
     nodes = tuple(system.core for system in systems if isinstance(system.core, _core.Sector))
@@ -365,19 +409,26 @@ def family_equations(
         core = middle.structure.core(nodes=nodes, squares=squares, order=float(engine_order))
     except ValueError as error:
         raise SettingError(
-            f"over rotor speed: the number of unknowns or the contact law changes between two speeds ({error})"
+            f"over rotor speed: the number of unknowns or the contact law changes between two "
+            f"speeds ({error})"
         ) from error
-    interval = (
-        0.5 * float(squares.max() + squares.min()),
-        0.5 * float(squares.max() - squares.min()),
-    )
-    weights = np.linalg.inv(
-        chebyshev.chebvander((squares - interval[0]) / interval[1], len(squares) - 1)
-    )
+    # polynomials through the values at the speeds, in the squared speed mapped to (-1, 1)
+    centre = 0.5 * float(squares.max() + squares.min())
+    half = 0.5 * float(squares.max() - squares.min())
+    polynomials = chebyshev.chebvander((squares - centre) / half, len(squares) - 1)
+    weights = np.linalg.inv(polynomials)
     values = np.array([system.rows.coefficients[0] for system in systems])
-    rows = Rows(np.tensordot(weights, values, 1), interval, engine_order)
+    coefficients = np.tensordot(weights, values, 1)
+    rows = Rows(coefficients, (centre, half), engine_order)
     sectors = tuple(system.structure for system in systems)
     return Equations(
-        core, Family(sectors, speeds, rows, weights), middle.layout, middle.response_rows, rows, middle.measure,
-        middle.row_scale, middle.n_points, middle.work,
-    )  # fmt: skip
+        core=core,
+        structure=Family(sectors, speeds, rows, weights),
+        layout=middle.layout,
+        response_rows=middle.response_rows,
+        rows=rows,
+        measure=middle.measure,
+        row_scale=middle.row_scale,
+        n_points=middle.n_points,
+        work=middle.work,
+    )
