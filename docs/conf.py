@@ -2,12 +2,26 @@
 
 import os
 import shutil
+import warnings
 from pathlib import Path
 
 import bdamper
 
 DOCS = Path(__file__).resolve().parent
 os.environ.setdefault("MPLBACKEND", "Agg")
+
+# a value of which the program warns is an error in notebooks and examples
+KERNELS = DOCS / "_build" / "ipython"
+startup = KERNELS / "profile_default" / "startup"
+startup.mkdir(parents=True, exist_ok=True)
+shutil.copy(DOCS / "plausible_values.py", startup)
+os.environ["IPYTHONDIR"] = str(KERNELS)
+
+
+def refuse_implausible(gallery_conf: object, example: str) -> None:
+    """Set the filter before each example, which may have changed it."""
+    warnings.simplefilter("error", bdamper.PlausibilityWarning)
+
 
 project = "bdamper"
 author = "the authors of bdamper"
@@ -36,6 +50,7 @@ sphinx_gallery_conf = {
     "filename_pattern": r"/fig",
     "within_subsection_order": "FileNameSortKey",
     "image_srcset": ["2x"],
+    "reset_modules": ("matplotlib", "seaborn", refuse_implausible),
     "abort_on_example_error": True,
     "download_all_examples": False,
 }

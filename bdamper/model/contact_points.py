@@ -32,6 +32,30 @@ Two rows carry moments over half of the length of a face, three over two thirds
 """
 
 
+def _places(face: Interface) -> NDArray:
+    """Return coordinates (n_points, 2) along t1 and t2, from the centre of the points."""
+    relative = face.points - face.points.mean(axis=0)
+    return np.einsum("pij,pj->pi", face.frame, relative)[:, :2]
+
+
+def _least_row_distance(face: Interface) -> float:
+    """Return the distance below which two points belong to one row."""
+    return float(0.2 * np.sqrt(face.area.mean()))
+
+
+def rows_of_points(face: Interface) -> tuple[int, int]:
+    """Return the numbers of rows of contact points along t1 and t2.
+
+    They are estimated if the points form no grid.
+    """
+    steps = np.diff(np.sort(_places(face), axis=0), axis=0)
+    n1, n2 = 1 + (steps > _least_row_distance(face)).sum(axis=0)
+    share = face.n_points / (n1 * n2)
+    if 0.5 <= share <= 1.0:
+        return int(n1), int(n2)
+    return int(max(1.0, np.sqrt(share) * n1)), int(max(1.0, np.sqrt(share) * n2))
+
+
 def group_patches(face: Interface, n_groups: int) -> NDArray:
     """Return the group of each patch of a face, (n_points,), with at most ``n_groups`` groups.
 
@@ -39,15 +63,9 @@ def group_patches(face: Interface, n_groups: int) -> NDArray:
     the number allows it, both directions have at least three groups, otherwise t1.  On a grid whole
     rows are united, symmetrically.
     """
-    relative = face.points - face.points.mean(axis=0)
-    place = np.einsum("pij,pj->pi", face.frame, relative)[:, :2]
-    apart = 0.2 * np.sqrt(face.area.mean())  # smaller differences are those within a row
-    n1, n2 = 1 + (np.diff(np.sort(place, axis=0), axis=0) > apart).sum(axis=0)
-    share = face.n_points / (n1 * n2)
-    if not 0.5 <= share <= 1.0:  # no rows
-        n1 = int(max(1.0, np.sqrt(share) * n1))
-        n2 = int(max(1.0, np.sqrt(share) * n2))
-
+    place = _places(face)
+    apart = _least_row_distance(face)
+    n1, n2 = rows_of_points(face)
     best = (1, min(n2, n_groups))
     for n_strips in range(2, min(n1, n_groups) + 1):
         grid = (n_strips, min(n2, n_groups // n_strips))

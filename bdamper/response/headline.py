@@ -60,6 +60,7 @@ def checks(curve: OptimalCurve) -> list[Check]:
     steady = f", no steady response up to {amount(edge, 'N')}" if edge else ""
     beyond = _beyond(curve)
     out = [
+        _model(curve),
         Check("green" if inside else "red", "Optimum within the range", ENDS.get(best.kind, "inside"),
               "red at an end of the range of preloads",
               f"the least amplitude is at the {ENDS.get(best.kind, '')}",
@@ -94,6 +95,22 @@ def _verified(curve: OptimalCurve) -> str:
     if not best.verified:
         return "red"
     return "amber" if GOOD < best.uncertainty < np.inf else "green"
+
+
+def _model(curve: OptimalCurve) -> Check:
+    """Report dampers that roll only because they have few rows of contact points."""
+    name = "Rows of contact points"
+    rule = (
+        "red if a damper rolls on its contact points but not on its whole faces, white if unknown"
+    )
+    doubts = curve.model_doubts
+    if doubts is None:
+        return Check("white", name, "not examined", rule)
+    if not doubts:
+        return Check("green", name, "no damper rolls on them alone", rule)
+    found = "; ".join(doubts)
+    failure = f"{found}; amplitudes may be wrong by several times"
+    return Check("red", name, found, rule, failure, "use more rows of contact points along t1")
 
 
 def _beyond(curve: OptimalCurve) -> str:

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.parameters import study_fingerprint
 from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.rolling import rolling_dampers
 from bdamper.model.kinematics import centrifugal_load
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.followed_peak import without_lost_peaks
@@ -226,6 +227,7 @@ def optimal_curve(
     return OptimalCurve(
         **_columns(problem, known, values, edge), free=free, stuck=stuck, optimum=optimum, cost=curves.cost(start),
         settings=settings, model_hash=problem.model.hash, lowest_steady_preload=edge, mass_radius=arm,
+        model_doubts=rolling_dampers(problem),
     )  # fmt: skip
 
 

@@ -178,6 +178,9 @@ class OptimalCurve(
         Half of the peak-to-peak response with all harmonics, its largest value on the response curve of each preload.
     margins_interrupted : bool
         Whether Ctrl-C ended the computation of the margins before any was known.
+    model_doubts : tuple of str, optional
+        Properties of the model due to which amplitudes may be wrong by several times; None in files
+        of earlier versions.
     """
 
     preload: Newtons
@@ -207,6 +210,7 @@ class OptimalCurve(
     mass_radius: Annotated[float, Data(derived=True)] = float("nan")
     half_range: PerRow | None = None
     margins_interrupted: Annotated[bool, Data(derived=True)] = False
+    model_doubts: Annotated[tuple[str, ...] | None, Data(derived=True)] = None
     _summary_fields = (
         "optimum.preload", "optimum.amplitude", "optimum.frequency", "design_amplitude", "time_response",
         "optimum_in_time", "convergence", "other_friction", "friction_range", "free", "stuck", "ratio",

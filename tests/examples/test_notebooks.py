@@ -53,3 +53,11 @@ def test_notebook_runs(path, tmp_path):
     client.execute()  # an error or a failed assertion in a cell is an error here
     code = [cell for cell in notebook.cells if cell.cell_type == "code"]
     assert any("image/png" in o.get("data", {}) for o in code[0].outputs), "a picture comes first"
+
+
+def test_an_implausible_value_is_an_error_in_every_notebook(tmp_path):
+    code = "import bdamper as bd\nimport warnings\nwarnings.warn('per cent suspected', bd.PlausibilityWarning)"
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(code)])
+    client = nbclient.NotebookClient(notebook, resources={"metadata": {"path": str(tmp_path)}})
+    with pytest.raises(nbclient.exceptions.CellExecutionError, match="per cent suspected"):
+        client.execute()

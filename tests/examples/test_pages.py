@@ -5,6 +5,7 @@ Each page starts in an empty folder without any name defined, and its blocks run
 
 import re
 import time
+from contextlib import nullcontext
 from pathlib import Path
 
 import matplotlib
@@ -93,13 +94,13 @@ def how_to(seen, page, folder):
 def joints(seen, page, folder):
     space = seen[-1]
     heights = {load: curve.amplitude for load, curve in space["curves"].items()}
-    assert set(heights) == {50.0, 200.0} and all(
+    assert set(heights) == {20.0, 50.0} and all(
         np.isfinite(a).all() and (a > 0.0).all() for a in heights.values()
     )
     lowest = {load: a.min() for load, a in heights.items()}
-    assert lowest[space["best"]] == min(lowest.values()) and lowest[50.0] != lowest[200.0]
-    left = space["own"].static(4.0).normal_force["shroud"]
-    assert 0.0 <= left < 4.0, "the dampers take load off the shroud"
+    assert lowest[space["best"]] == min(lowest.values()) and lowest[20.0] != lowest[50.0]
+    left = space["own"].static(40.0).normal_force["shroud"]
+    assert 0.0 <= left < 40.0, "the dampers take load off the shroud"
 
 
 def accuracy(seen, page, folder):
@@ -190,16 +191,23 @@ def test_optimal_preloads_of_the_first_page():
     per_newton = {}
     for row in FITTING.findall(page):
         excitation, *_, preload = numbers(row)
-        best = (
-            first_study(excitation)
-            .at_speed(rpm=8860)
-            .optimal_curve((1000, 10000), 8, check=False)
-            .optimum
+        # the page says that this damper fits 52 N and that other forces need another one
+        fits = excitation == 52.0
+        warns_of_mass = (
+            nullcontext() if fits else pytest.warns(bd.PlausibilityWarning, match="mass")
         )
+        with warns_of_mass:
+            curve = (
+                first_study(excitation)
+                .at_speed(rpm=8860)
+                .optimal_curve((1000, 10000), 8, check=False)
+            )
+        best = curve.optimum
         assert preload == pytest.approx(best.preload, rel=0.01)
         per_newton[excitation] = best.preload / excitation
     one = first_study(1.0).at_speed(rpm=8860)
-    with pytest.warns(bd.PlausibilityWarning, match="preload"):
+    # so small a load presses a part of the faces alone
+    with pytest.warns(bd.PlausibilityWarning, match="preload|contact at rest"):
         per_newton[1.0] = one.optimal_curve((90.0, 130.0), 3, check=False).optimum.preload
     shown = re.search(
         r"are (\d+) and (\d+) N per newton, less than the (\d+) N of 1 N", page
@@ -245,3 +253,8 @@ def test_errors_of_contact_points_are_those_measured():
         assert [float(e) for e in shown] == pytest.approx(
             [errors[n] for n in ("9", "24", "48", "96")], rel=0.01
         )
+
+
+def test_an_implausible_value_is_an_error_on_every_page():
+    with pytest.raises(bd.PlausibilityWarning, match="per cent suspected"):
+        first_study(1.0).replace(friction_coefficient=30.0)
