@@ -110,15 +110,27 @@ class TimeSweep(
         The amplitudes before and after a jump are means over a decay time; the second mean begins when the transient has
         decayed.  Scatter, for example of a rattling damper, does not count as a jump.
         """
-        a, m, jumps = self.amplitude, self._turns(1.0), []
-        log = np.log(np.maximum(a, 1e-300))
-        fast = np.flatnonzero(np.abs(log[m:] - log[:-m]) > np.log1p(JUMP))
-        for part in np.split(fast, np.flatnonzero(np.diff(fast) > m) + 1) if len(fast) else ():
-            first = int(part[0])
-            begins = first + int((np.abs(log[first:] - log[first]) > 0.5 * np.log1p(JUMP)).argmax())
-            later = min(int(part[-1]) + m + self._turns(AFTER_JUMP), len(a) - m)
-            before, after = (float(a[k : k + m].mean()) for k in (max(0, first - m + 1), later))
-            if abs(np.log(after / before)) > np.log1p(JUMP):
+        amplitude = self.amplitude
+        memory = self._turns(1.0)
+        threshold = np.log1p(JUMP)
+        log = np.log(np.maximum(amplitude, 1e-300))
+        fast = np.flatnonzero(np.abs(log[memory:] - log[:-memory]) > threshold)
+        if not len(fast):
+            return ()
+
+        # fast changes that are further apart than the decay time belong to different jumps
+        separations = np.flatnonzero(np.diff(fast) > memory) + 1
+        jumps = []
+        for part in np.split(fast, separations):
+            first, last = int(part[0]), int(part[-1])
+            change = np.abs(log[first:] - log[first])
+            begins = first + int((change > 0.5 * threshold).argmax())
+
+            earlier = max(0, first - memory + 1)
+            later = min(last + memory + self._turns(AFTER_JUMP), len(amplitude) - memory)
+            before = float(amplitude[earlier : earlier + memory].mean())
+            after = float(amplitude[later : later + memory].mean())
+            if abs(np.log(after / before)) > threshold:
                 jumps.append(Jump(float(self.frequency[begins]), before, after))
         return tuple(jumps)
 
@@ -155,10 +167,8 @@ def frequency_sweep(
     progress: bool | None = None,
 ) -> TimeSweep:
     """See :meth:`bdamper.Study.frequency_sweep`."""
-    preload, (low, high) = (
-        problem.check_preload(preload),
-        validation.interval("frequency", frequency),
-    )
+    preload = problem.check_preload(preload)
+    low, high = validation.interval("frequency", frequency)
     progress = shows_progress(progress)
     validation.flag("up", up)
     rate = None if rate is None else validation.number("rate", rate, above=0.0, unit="Hz/s")
@@ -172,8 +182,9 @@ def frequency_sweep(
         raise SettingError(
             "frequency_sweep: expected damping in every mode of the structure, found a mode without"
         )
-    memory, usual = 2.0 / least, RATE * least**2 / (8.0 * np.pi)
-    rate = usual if rate is None else rate
+    memory = 2.0 / least
+    if rate is None:
+        rate = RATE * least**2 / (8.0 * np.pi)
     turns = max(1, round(0.5 * (low + high) * (high - low) / rate))
     settling = max(1, round(SETTLING * memory * ends[0]))
     sweep = _integrated(transient, ends, settling, turns, progress)
