@@ -63,10 +63,14 @@ def test_the_version_stands_in_one_place():
     assert bd.__version__ == metadata.version("bdamper") == version, (
         "an older build is installed: run make"
     )
-    newest = re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(), re.M)
-    assert newest is not None and newest[1] == version, (
-        "the newest heading of CHANGELOG.md is this version"
-    )
+    newest = re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(), re.M)[1]
+    cited = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(), re.M)[1]
+    assert cited == newest, "CITATION.cff cites the newest release"
+    if version.endswith(".dev0"):
+        # between releases stored results must not name the last release
+        assert tuple(map(int, newest.split("."))) < tuple(map(int, version[:-5].split(".")))
+    else:
+        assert newest == version, "the newest heading of CHANGELOG.md is this version"
     assert "version" not in re.findall(r"^(\w+) *=", (ROOT / "pyproject.toml").read_text(), re.M)
 
 

@@ -336,7 +336,7 @@ def nonlinear_mode(
     u, correlation = system.structure.motion(y), _correlation(system, y)
     status, reason = _ending(branch, y, correlation, mode)
     if len(u):
-        warn_of_small_slip(problem, system.structure.driven.contact(u[np.argmin(y[:, -1])])[0])
+        warn_of_small_slip(problem, system.structure.driven, u[np.argmin(y[:, -1])])
     return NonlinearMode(
         frequency=y[:, -3] / TWO_PI,
         damping_ratio=y[:, -2],

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.stiffness import PerArea
+from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.problem import LoadCase, Problem
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.harmonic_balance.settings import FRICTION
@@ -183,17 +184,14 @@ def response_at(
     )
 
 
-def warn_of_small_slip(problem: Problem, motion: NDArray) -> None:
-    """Warn of joints that move less than what their sliders represent.
-
-    Parameters
-    ----------
-    problem : Problem
-    motion : (n_points, 3, n_coef) complex, m
-    """
+def warn_of_small_slip(problem: Problem, system: Equations[Any], unknowns: NDArray) -> None:
+    """Warn of joints that move less than what their sliders represent, in the motion of a solution."""
+    resolution = problem.model.slip_resolution
+    if problem.own_laws is None and resolution is None:
+        return
+    motion = system.contact(unknowns)[0]
     if problem.own_laws is not None:
         problem.own_laws.warn_below(motion)
-    resolution = problem.model.slip_resolution
     if resolution is None:
         return
     largest = float(np.abs(motion[:, :2, 1:]).sum(axis=2).max())

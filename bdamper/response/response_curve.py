@@ -315,7 +315,7 @@ def frequency_response(
             preload=case.preload,
         )
         if len(curve):
-            warn_of_small_slip(problem, search.system.contact(curve.peak.y[:-1])[0])
+            warn_of_small_slip(problem, search.system, curve.peak.y[:-1])
         locked = (f"{name} {LOCKED}" for name in self_locking(problem))
         reason, left_out = _reason(case, search, curve), (*curve.missing_ranges, *search.lost)
         return replace(curve, reason=reason, missing_ranges=left_out, notes=(*curve.notes, *locked))

@@ -493,9 +493,11 @@ def test_one_table_has_all_preloads_that_were_computed(study, tmp_path):
         == curve.preload.tolist()
         == sorted(curve.preload)
     )
-    assert curve.amplitude == pytest.approx(
-        [study.peak(p, INTERVAL).amplitude for p in curve.preload], rel=1e-8
+    # the lowest preload has no neighbour; a single peak there is followed from lower preloads
+    assert curve.amplitude[1:] == pytest.approx(
+        [study.peak(p, INTERVAL).amplitude for p in curve.preload[1:]], rel=1e-8
     )
+    assert "followed from" in study.peak(float(curve.preload[0]), INTERVAL).status
     assert curve.amplitude == pytest.approx(
         [response.amplitude.max() for response in curve.curves], rel=0.01
     )
