@@ -59,6 +59,8 @@ nb_execution_cache_path = str(DOCS / "_build" / "notebooks")
 nb_execution_in_temp = True
 nb_execution_timeout = 300
 nb_execution_raise_on_error = True
+# the function among the settings of the gallery cannot be stored between runs
+suppress_warnings = ["config.cache"]
 linkcheck_timeout = 10
 linkcheck_retries = 1
 html_theme = "pydata_sphinx_theme"
