@@ -106,17 +106,17 @@ def test_soft_forces_represent_faces_that_touch_at_an_end(name, end):
     assert error(n_soft=6) < 0.25 * error()
 
 
-def test_forces_of_higher_harmonics_do_not_limit_the_share(reference):
-    """A force that the mesh hardly resolves would make all points stiff: 24 of 48 points of a face of 15 nodes."""
-    coupling = coupling_of(reference, 5)
-    friction = np.full(coupling.n_points, 0.3)
-    made = ResidualSet.make(coupling, friction, ResidualModes("all"))
+def test_forces_that_the_mesh_hardly_resolves_do_not_limit_the_share():
+    """48 points on faces with fewer nodes: 36 force patterns have 0.002 to 0.02 of the flexibility of a point."""
+    coupling = coupling_of(bd.reference_model("paper_disk", 48), 5, 10)
+    made = ResidualSet.make(coupling, np.full(coupling.n_points, 0.3), ResidualModes("all"))
     active = made.active.ravel()
     R = coupling.residual_flexibility(1)[np.ix_(active, active)]
     size = np.sqrt(np.diag(R).real)
     eigenvalues = np.linalg.eigvalsh(R / size[:, None] / size)
-    kept = eigenvalues[eigenvalues > 0.02]
-    assert made.share == pytest.approx(min(0.5, 0.9 * kept.min()), rel=0.05)
+    assert ((eigenvalues > 0.002) & (eigenvalues < 0.02)).sum() > 20
+    # harmonic 0 is a little less flexible
+    assert made.share == pytest.approx(0.9 * eigenvalues[eigenvalues > 0.02].min(), rel=0.15)
 
 
 def test_diagonal_stiffness_alone_is_percents_off(reference):
