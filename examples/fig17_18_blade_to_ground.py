@@ -76,8 +76,8 @@ keep(figure, "fig17_blade_to_ground")
 # **Fig. 18.** One and five harmonics, with uniform tractions and with residual modes, and what five change of the peaks.
 #
 # * Where surfaces separate and several solutions exist one harmonic is not enough: holds in both.  With folds, at 400 N to
-#   4 kN, five harmonics change the resonance by 3 to 18 % (9 to 21 % with residual modes).
-# * At high load the two agree: holds in both.  At 10 kN they differ by 2 and 0.8 %, at 40 kN by nothing and 0.2 %.
+#   4 kN, five harmonics change the resonance by 3 to 18 % (9 to 20 % with residual modes).
+# * At high load the two agree: holds in both.  At 10 kN they differ by 2 and 0.6 %, at 40 kN by nothing and 0.2 %.
 
 LOADS, BAND, HARMONICS = (400.0, 2000.0, 4000.0, 10000.0, 20000.0, 40000.0), (245.0, 345.0), (1, 5)
 METHODS = {"uniform tractions": "unit_traction", "residual modes": "residual_modes"}

@@ -415,7 +415,8 @@ class ReferenceError:
     source : str
         Member of ``SOURCES`` in ``bdamper/analyses/error_estimates.py``.
     size : float
-        Difference from the peak with settings that are still more detailed, or the last refinement; NaN if unknown.
+        Difference from the peak with settings that are still more detailed, with the part that they leave
+        (:data:`LEFT`); NaN if unknown.
     seconds : float
         Processor time with these settings; NaN if they were not computed.
     against : str
@@ -749,9 +750,10 @@ class _Runs:
         # relative to the better answer
         amplitude = self.done[0].amplitude / outcome.amplitude - 1.0
         frequency = self.done[0].frequency / outcome.frequency - 1.0
-        return ReferenceError(
-            source, float(max(abs(amplitude), abs(frequency))), outcome.seconds, text
-        )
+        step = max(abs(amplitude), abs(frequency))
+        # a step shows the part of the error that it does not leave
+        size = step / (1.0 - LEFT[source])
+        return ReferenceError(source, float(size), outcome.seconds, text)
 
 
 @validation.check_arguments

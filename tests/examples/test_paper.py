@@ -372,13 +372,13 @@ def test_blade_to_ground(tmp_path):
         assert all(c.complete for c in (*single, *multiple))
         change = np.abs(out["differences"](single, multiple))
         assert out["opens"][name][:3] == [True] * 3 and all(len(c.folds) for c in multiple[:3])
-        least, most = {"uniform tractions": (0.032, 0.177), "residual modes": (0.090, 0.208)}[name]
+        least, most = {"uniform tractions": (0.032, 0.177), "residual modes": (0.092, 0.195)}[name]
         assert [change[:3].min(), change[:3].max()] == pytest.approx([least, most], abs=0.004)
         assert not any(len(c.folds) for c in single[3:] + multiple[3:])
         assert change[3] == pytest.approx(
-            {"uniform tractions": 0.019, "residual modes": 0.0077}[name], rel=0.02
+            {"uniform tractions": 0.019, "residual modes": 0.0055}[name], rel=0.02
         )
-        assert change[3] > change[4] > change[5] and change[5] < 2e-3
+        assert change[3] > change[4] > change[5] and change[5] < 3e-3
     # where no point that is closed at rest opens there is no difference
     single, multiple = out["curves"]["uniform tractions"]
     assert not out["opens"]["uniform tractions"][-1]
