@@ -1,16 +1,18 @@
-"""Peaks followed upward in preload, where the highest peaks at two neighbouring preloads differ by more than a third.
+"""Peaks followed upward in preload, where the highest peak decreases by more than a third.
 
-The search at one preload follows the branches that connect with an end of the frequency interval. If the preload rises, the
-branch of the highest peak can detach and become closed. The highest peak of the remaining branches is then much lower. The
-amplitude seems to jump down to a minimum. A damper that is run up under increasing load stays on the detached
-branch, and time integration finds its amplitude: about 70 µm on the difficult disk (friction 0.432, engine order 10, 91.9
-N), where the remaining branch has 40 µm.
+The search at one preload follows the branches that connect with an end of the frequency interval.
+If the preload rises, the branch of the highest peak can detach and become closed. The highest peak
+of the remaining branches is then much lower. The amplitude seems to jump down to a minimum. A
+damper that is run up under increasing load stays on the detached branch, and time integration finds
+its amplitude: about 70 µm on the difficult disk (friction 0.432, engine order 10, 91.9 N), where
+the remaining branch has 40 µm.
 
-Therefore :func:`without_lost_peaks` follows the peak of the next lower preload upward before it accepts such a drop. If the
-peak still exists at the higher preload, the amplitude there is not known, and the followed peak is its lower bound.
+Therefore :func:`without_lost_peaks` follows the peak of the next lower preload upward before it
+accepts such a drop. If the peak still exists at the higher preload, the amplitude there is not
+known, and the followed peak is its lower bound.
 
-A single preload has no neighbour.  If its curve has folds, :func:`single_peak` computes the response
-at lower preloads as well: a branch detaches at folds, and they remain on both parts.
+A single preload has no neighbour.  If its curve has folds, :func:`single_peak` computes the
+response at lower preloads as well: a branch detaches at folds, and they remain on both parts.
 """
 
 from __future__ import annotations
@@ -43,9 +45,11 @@ from bdamper.util.formatting import amount, peak_text
 from bdamper.util.progress import CostMeter, one_thread
 
 DROP = 1.0 / 3.0
-"""Relative decrease of the amplitude from one preload to the next one above which the lower amplitude needs a check."""
+"""Relative decrease of the amplitude from one preload to the next one above which the lower
+amplitude needs a check."""
 STEPS = 1e-4, 0.01, 0.1
-"""Smallest, first, and largest relative step of the preload. On the difficult disk the steps are between 0.05 and 3 %."""
+"""Smallest, first, and largest relative step of the preload. On the difficult disk the steps are
+between 0.05 and 3 %."""
 CHANGE = 0.3
 """Largest change of ln(amplitude) in a step; a larger one is a jump to another peak."""
 
@@ -53,13 +57,13 @@ LOWER = 0.9, 0.6
 """Lower preloads, relative to a single preload, from which its peak is followed.
 
 The peak of 0.9 times the preload can be followed on the difficult disk at 91.9 N, the peak of 0.8
-times cannot.  Of random wedges that lost a branch, most had lost it at 0.9 times the preload as well,
-but not at 0.6 times.
+times cannot.  Of random wedges that lost a branch, most had lost it at 0.9 times the preload as
+well, but not at 0.6 times.
 """
 
 
 def drops(lower: float, higher: float) -> bool:
-    """Return whether the amplitude decreases by more than a third from the lower to the higher preload."""
+    """Return whether the amplitude at the higher preload is lower by more than a third."""
     return higher < (1.0 - DROP) * lower
 
 
@@ -89,31 +93,38 @@ def follow_upward(
         None if the peak vanishes, is a corner, or falls to the amplitude ``above``.
     """
     smallest, step, largest = STEPS
-    here, before = peak, None
+    here = peak
+    before: Peak | None = None
     while here.parameter < preload * (1.0 - 1e-12):
         if here.corner or step < smallest:
             return None
-        at = min(here.parameter * np.exp(step), preload)
+        next_preload = min(here.parameter * np.exp(step), preload)
         guess = here.y
         if before is not None:
-            guess = here.y + (here.y - before.y) * np.log(at / here.parameter) / np.log(
-                here.parameter / before.parameter
-            )
-        shape: dict[str, Any] = {
-            "tangent": here.tangent,
-            "scale": here.scale,
-            "curvature": here.curvature,
-        }
-        shape = shape if here.tangent.any() else {}
+            # secant over ln(preload)
+            last_step = np.log(here.parameter / before.parameter)
+            guess = here.y + (here.y - before.y) * np.log(next_preload / here.parameter) / last_step
+        shape: dict[str, Any] = {}
+        # without a direction of the curve the search starts from the point alone
+        if here.tangent.any():
+            shape = {
+                "tangent": here.tangent,
+                "scale": here.scale,
+                "curvature": here.curvature,
+            }
+        system = problem.system(next_preload)
         new = find_peak(
-            problem.system(at), guess, options=options, parameter=at, reach=REACH, **shape
+            system, guess, options=options, parameter=next_preload, reach=REACH, **shape
         )
-        if new.converged and abs(np.log(new.amplitude / here.amplitude)) < CHANGE:
-            if new.amplitude <= above:
-                return None
-            here, before, step = new, here, min(1.5 * step, largest)
-        else:
+        same = new.converged and abs(np.log(new.amplitude / here.amplitude)) < CHANGE
+        if not same:
             step *= 0.5
+            continue
+        if new.amplitude <= above:
+            return None
+        before = here
+        here = new
+        step = min(1.5 * step, largest)
     return here
 
 
@@ -125,9 +136,10 @@ class Followed(NamedTuple):
 
     @property
     def note(self) -> str:
-        """Reason why the highest point of the response curve at this preload is not the highest response."""
+        """Reason why the highest point of the response curve is not the highest response."""
         height = peak_text(self.peak.amplitude, self.peak.frequency, 4)
-        return f"{FOLLOWED} {amount(self.start, 'N')}: {height}; not on a branch from an end of the interval"
+        where = "not on a branch from an end of the interval"
+        return f"{FOLLOWED} {amount(self.start, 'N')}: {height}; {where}"
 
 
 def followed_peaks(
@@ -138,13 +150,14 @@ def followed_peaks(
     before: Mapping[float, Followed] | None = None,
     options: PeakOptions | None = None,
 ) -> dict[float, Followed]:
-    """Return the peaks that exist at a lower preload and are still higher than the highest point found at the next one.
+    """Return the peaks of lower preloads that are still higher than the highest point found.
 
     Parameters
     ----------
     problem : Problem
     heights : mapping of preload to float, m
-        Amplitude of the highest point found at each preload, also of one that is not known to be the highest.
+        Amplitude of the highest point found at each preload, also of one that is not known to be
+        the highest.
     known : callable
         Whether the amplitude at a preload is known and needs a check.
     peak_at : callable
@@ -166,20 +179,18 @@ def followed_peaks(
             continue
         if not np.isfinite(heights[preload]):
             continue
-        if (
-            below is not None
-            and known(preload)
-            and (below in found or drops(heights[below], heights[preload]))
-        ):
-            start = found[below].peak if below in found else peak_at(below)
-            limit = (1.0 + NEAR) * heights[preload]
-            peak = (
-                None
-                if start is None
-                else follow_upward(problem, start, preload, above=limit, options=options)
-            )
-            if peak is not None:
-                found[preload] = Followed(peak, below)
+        # a lost branch is followed to its end, also where neighbouring amplitudes are similar again
+        if below is not None and known(preload):
+            start: Peak | None = None
+            if below in found:
+                start = found[below].peak
+            elif drops(heights[below], heights[preload]):
+                start = peak_at(below)
+            if start is not None:
+                limit = (1.0 + NEAR) * heights[preload]
+                peak = follow_upward(problem, start, preload, above=limit, options=options)
+                if peak is not None:
+                    found[preload] = Followed(peak, below)
         below = preload
     return found
 
@@ -187,25 +198,34 @@ def followed_peaks(
 def without_lost_peaks(
     problem: Problem, known: Mapping[float, AtPreload], options: PeakOptions | None = None
 ) -> dict[float, AtPreload]:
-    """Return the preloads of response curves at which a peak followed from the next lower preload is higher.
+    """Return the preloads at which a peak followed from the next lower preload is higher.
 
-    Their highest point is the followed peak, with a note, so that their amplitude counts as unknown.
+    Their highest point is the followed peak, with a note, so that their amplitude counts as
+    unknown.
     """
 
     def peak_at(preload: float) -> Peak | None:
         top = known[preload].top
         return top.peak if top is not None and top.kind == "peak" else None
 
+    def needs_check(preload: float) -> bool:
+        there = known[preload]
+        return there.known and not there.rattles
+
     before = {
-        p: Followed(there.top.peak, p)
-        for p, there in known.items()
+        preload: Followed(there.top.peak, preload)
+        for preload, there in known.items()
         if there.followed and there.top is not None
     }
-    heights = {p: there.height for p, there in known.items()}  # also where the damper rattles
-    steady = {p for p, there in known.items() if there.known and not there.rattles}
-    found = followed_peaks(problem, heights, steady.__contains__, peak_at, before, options)
-    new = {p: Highest(f.peak, "peak", -1, note=f.note) for p, f in found.items() if p not in before}
-    return {p: replace(known[p], top=top, slope=np.nan) for p, top in new.items()}
+    # also where the damper rattles: its peak may be followed to a preload at which it does not
+    heights = {preload: there.height for preload, there in known.items()}
+    found = followed_peaks(problem, heights, needs_check, peak_at, before, options)
+    changed: dict[float, AtPreload] = {}
+    for preload, followed in found.items():
+        if preload not in before:
+            top = Highest(followed.peak, "peak", index=-1, note=followed.note)
+            changed[preload] = replace(known[preload], top=top, slope=np.nan)
+    return changed
 
 
 @one_thread
@@ -220,10 +240,10 @@ def single_peak(
 ) -> Peak:
     """Compute the highest point of the response at one preload that has no neighbours.
 
-    If a peak of a lower preload still exists at this one and is higher, the status is "incomplete" and
-    this peak is the lower bound.  Otherwise :func:`bdamper.response.highest_peak.highest_peak` has the
-    same result; it explains the parameters.  Up to two more curves are computed if the curve
-    has folds and the damper does not rattle; the cost includes them.
+    If a peak of a lower preload still exists at this one and is higher, the status is "incomplete"
+    and this peak is the lower bound.  Otherwise :func:`bdamper.response.highest_peak.highest_peak`
+    has the same result; it explains the parameters.  Up to two more curves are computed if the
+    curve has folds and the damper does not rattle; the cost includes them.
     """
     frequency = peak_interval(problem.at(preload), frequency, mode)
     check_options(options)
@@ -240,7 +260,7 @@ def _with_lower_preloads(
     frequency: tuple[float, float],
     options: PeakOptions | None,
 ) -> AtPreload:
-    """Return the response; its highest point is a peak followed from a lower preload if one is higher."""
+    """Return the response with a peak followed from a lower preload if this is higher."""
     for share in LOWER:
         lower = _coarse_at(problem, share * response.preload, frequency, options)
         response = replace(response, cost=response.cost + lower.cost)
@@ -257,7 +277,7 @@ def _coarse_at(
     frequency: tuple[float, float],
     options: PeakOptions | None,
 ) -> AtPreload:
-    """Return the highest point of a coarse curve, which may be incomplete; a peak is followed from it."""
+    """Return the highest point of one coarse curve, from which a peak can be followed."""
     meter = CostMeter()
     case = problem.at(preload)
     if case.static.converged:

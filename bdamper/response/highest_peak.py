@@ -1,14 +1,17 @@
-"""Highest point of a response curve, for peaks, optimal curves, margins and curves along an engine order line.
+"""Highest point of a response curve.
 
-It is the largest maximum of the response over all branches that count: a smooth maximum, a corner, a fold, or a point at
-which the mean position drifts.  An end of the interval is no maximum, because it may be the flank of the next resonance.
-It counts only if there is no maximum, and a note reports a higher end.  Closed branches do not count.  If a branch connects
-both ends of the interval, branches that enter and leave at the same end do not count (``ResponseCurve.apart``);
-``ResponseCurve.detached`` and ``ResponseCurve.separate`` list their highest points.  All other branches count, including
+Peaks, optimal curves, margins and curves along an engine order line use it.  It is the largest
+maximum of the response over all branches that count: a smooth maximum, a corner, a fold, or a point
+at which the mean position drifts.  An end of the interval is no maximum, because it may be the
+flank of the next resonance. It counts only if there is no maximum, and a note reports a higher
+end.  Closed branches do not count.  If a branch connects both ends of the interval, branches that
+enter and leave at the same end do not count (``ResponseCurve.apart``); ``ResponseCurve.detached``
+and ``ResponseCurve.separate`` list their highest points.  All other branches count, including
 incomplete ones.
 
-The points of a curve are converged but may be coarse, so the highest ones are refined: smooth maxima by the equations of a
-peak (:func:`bdamper.response.peak.find_peak`), others by a corrector at the point.
+The points of a curve are converged but may be coarse, so the highest ones are refined: smooth
+maxima by the equations of a peak (:func:`bdamper.response.peak.find_peak`), others by a corrector
+at the point.
 """
 
 from __future__ import annotations
@@ -55,12 +58,12 @@ from bdamper.util.records import from_json
 NEAR = 3e-3
 """Largest relative difference between a maximum and the nearest point of a coarse curve."""
 LEVEL = 1e-6
-"""Relative change of the amplitude below which neighbouring points are one plateau (only the mean position moves), and
-of the frequency at an end of the interval.
+"""Relative change of the amplitude below which neighbouring points are one plateau (only the mean
+position moves), and of the frequency at an end of the interval.
 """
 REACH = 0.3
-"""Largest distance of a maximum from a point of the curve, relative to the vibration: twice a step of a curve.  Also the
-largest distance of a peak from the interpolation between two preloads.
+"""Largest distance of a maximum from a point of the curve, relative to the vibration: twice a step
+of a curve.  Also the largest distance of a peak from the interpolation between two preloads.
 """
 
 
@@ -81,7 +84,8 @@ class Highest:
     index : int
         Index of the point of the curve.
     exact : bool
-        Whether the position meets the tolerance of the options; False for a corner at which no search converged.
+        Whether the position meets the tolerance of the options; False for a corner at which no
+        search converged.
     note : str
         Reports an end of the interval or a separate branch that is higher than the highest maximum.
     """
@@ -94,7 +98,7 @@ class Highest:
 
     @property
     def status(self) -> str:
-        """Status of the peak: "incomplete" at an end of the interval, or if a higher amplitude is known."""
+        """Status: "incomplete" at an end of the interval, or if a higher amplitude is known."""
         if self.kind == "end":
             reason = f"{AT_END}, without a maximum in it"
             if self.note:
@@ -124,63 +128,86 @@ def highest_of_curve(
     BdamperError
         If no branch that counts has a point.
     """
-    search = _Refined(system, curve, options or PeakOptions())
-    amplitude, tops = curve.amplitude, _tops(curve.amplitude, curve.point_kind, curve.branch)
+    refined = _Refined(system, curve, options or PeakOptions())
+    amplitude = curve.amplitude
     apart = curve.apart
+    tops = _tops(amplitude, curve.point_kind, curve.branch)
     counted = [i for i in tops if not apart[i]]
     if not counted:
         raise BdamperError(
             "the response curve has no point that is connected with an end of the interval"
         )
-    within = [i for i in counted if not search.at_end(i)]
-    first, *others = within or counted[:1]
-    best = search.at(first)
-    for i in others:
+    # an end of the interval counts only without a maximum
+    candidates = [i for i in counted if not refined.at_end(i)]
+    if not candidates:
+        candidates = counted[:1]
+    best = refined.at(candidates[0])
+    for i in candidates[1:]:
+        # the refined maximum of a coarse point is at most NEAR higher, and all others are lower
         if amplitude[i] * (1.0 + NEAR) < best.peak.amplitude:
             break
-        best = max(best, search.at(i), key=lambda found: found.peak.amplitude)
-    notes, top = [], counted[0]
-    if search.at_end(top) and amplitude[top] > best.peak.amplitude and best.kind != "end":
-        notes.append(
-            f"higher at an end of the interval: {peak_text(amplitude[top], curve.frequency[top], 4)}"
-        )
-    if higher := curve.higher(best.peak.amplitude):
+        other = refined.at(i)
+        if other.peak.amplitude > best.peak.amplitude:
+            best = other
+
+    notes = []
+    top = counted[0]
+    if best.kind != "end" and refined.at_end(top) and amplitude[top] > best.peak.amplitude:
+        end = peak_text(amplitude[top], curve.frequency[top], 4)
+        notes.append(f"higher at an end of the interval: {end}")
+    higher = curve.higher(best.peak.amplitude)
+    if higher:
         notes.append(higher)
+
     # between points of the curve the range may be larger at the refined peak
-    at_peak = float(half_range(system.response(best.peak.y[:-1])))
-    return replace(
-        best,
-        note="; ".join(notes),
-        peak=replace(best.peak, half_range=max(curve.half_range, at_peak)),
-    )
+    range_at_peak = float(half_range(system.response(best.peak.y[:-1])))
+    peak = replace(best.peak, half_range=max(curve.half_range, range_at_peak))
+    return replace(best, peak=peak, note="; ".join(notes))
 
 
 def maxima(system: Equations, curve: ResponseCurve, share: float = 0.0) -> tuple[Peak, ...]:
-    """Return all distinct maxima of a response curve above a fraction ``share`` of the highest, in descending order."""
-    search = _Refined(system, curve, PeakOptions())
+    """Return all distinct maxima of a response curve above a fraction ``share`` of the highest, in
+    descending order."""
+    refined = _Refined(system, curve, PeakOptions())
     peaks: list[Peak] = []
     for i in _tops(curve.amplitude, curve.point_kind, curve.branch):
         if curve.amplitude[i] < share * curve.amplitude.max():
             break
-        top = search.at(i)
-        if top.kind != "end" and not any(same_peak(top.peak, other) for other in peaks):
+        top = refined.at(i)
+        if top.kind == "end":
+            continue
+        # two neighbouring points may be refined to one maximum
+        if not any(same_peak(top.peak, other) for other in peaks):
             peaks.append(top.peak)
-    return tuple(sorted(peaks, key=lambda p: -p.amplitude))
+    return tuple(sorted(peaks, key=lambda peak: -peak.amplitude))
 
 
 def _tops(amplitude: NDArray, kinds: Sequence[str], branch: NDArray) -> list[int]:
     """Return the local maxima of each branch, one of each plateau, in descending order."""
-    out: list[int] = []
+    tops: list[int] = []
     for number in np.unique(branch):
-        on = np.flatnonzero(branch == number)
-        level = np.abs(np.diff(amplitude[on])) <= LEVEL * amplitude[on[1:]]
-        plateaus = np.split(on, np.flatnonzero(~level) + 1)
-        height = np.array([-np.inf, *(amplitude[part].max() for part in plateaus), -np.inf])
-        for part, top in zip(plateaus, (height[1:-1] > height[:-2]) & (height[1:-1] > height[2:])):
-            if top:
-                named = (i for kind in ("drift", "maximum") for i in part if kinds[i] == kind)
-                out.append(int(next(named, part[amplitude[part].argmax()])))
-    return sorted(out, key=lambda i: -amplitude[i])
+        points = np.flatnonzero(branch == number)
+        change = np.abs(np.diff(amplitude[points]))
+        level = change <= LEVEL * amplitude[points[1:]]
+        plateaus = np.split(points, np.flatnonzero(~level) + 1)
+        height = [amplitude[plateau].max() for plateau in plateaus]
+        # beyond both ends of a branch there is nothing higher
+        before = [-np.inf, *height[:-1]]
+        after = [*height[1:], -np.inf]
+        for i, plateau in enumerate(plateaus):
+            if height[i] > before[i] and height[i] > after[i]:
+                tops.append(_point_of_plateau(plateau, amplitude, kinds))
+    return sorted(tops, key=lambda i: -amplitude[i])
+
+
+def _point_of_plateau(plateau: NDArray, amplitude: NDArray, kinds: Sequence[str]) -> int:
+    """Return the point of a plateau that represents it: a drift, else a maximum, else the
+    highest."""
+    for kind in ("drift", "maximum"):
+        for i in plateau:
+            if kinds[i] == kind:
+                return int(i)
+    return int(plateau[amplitude[plateau].argmax()])
 
 
 @dataclass(frozen=True)
@@ -197,85 +224,119 @@ class _Refined:
         return np.column_stack([self.curve.unknowns, 2.0 * np.pi * self.curve.frequency])
 
     def at_end(self, i: int) -> bool:
-        """Return whether an end of its branch, at the frequency of point i, is at an end of the interval.
+        """Return whether an end of its branch, at the frequency of point i, is at an end of the
+        interval.
 
         Along a drift several points have the frequency of the end.
         """
-        omega, branch = self.y[:, -1], self.curve.branch
-        on = np.flatnonzero(branch == branch[i])[[0, -1]]
-        leaves = [
-            j
-            for j in on
-            if omega[j] - omega.min() <= LEVEL * omega[j]
-            or omega.max() - omega[j] <= LEVEL * omega[j]
-        ]
-        return any(abs(omega[j] - omega[i]) <= LEVEL * omega[i] for j in leaves)
+        omega = self.y[:, -1]
+        branch = self.curve.branch
+        ends_of_branch = np.flatnonzero(branch == branch[i])[[0, -1]]
+        for end in ends_of_branch:
+            near = LEVEL * omega[end]
+            leaves = omega[end] - omega.min() <= near or omega.max() - omega[end] <= near
+            if leaves and abs(omega[end] - omega[i]) <= LEVEL * omega[i]:
+                return True
+        return False
 
     def at(self, i: int) -> Highest:
         """Return the smooth maximum next to a local maximum of the curve, or the point itself."""
-        y, on = self.y[i], np.flatnonzero(self.curve.branch == self.curve.branch[i])
-        tangent, scale = self._direction(max(i - 1, on[0]), min(i + 1, on[-1]), y)
-        low, high = self.y[:, -1].min(), self.y[:, -1].max()
+        y = self.y[i]
+        points = np.flatnonzero(self.curve.branch == self.curve.branch[i])
+        before = max(i - 1, points[0])
+        after = min(i + 1, points[-1])
+        tangent, scale = self._direction(before, after, y)
         if self.at_end(i):
-            return Highest(self._point(y, np.eye(len(y))[-1], scale), "end", i)
+            at_constant_frequency = np.eye(len(y))[-1]
+            return Highest(self._point(y, at_constant_frequency, scale), "end", i)
         if self.curve.point_kind[i] == "drift":
             return Highest(self._point(y, tangent, scale), "drift", i)
-        for options in (
-            self.options,
-            replace(self.options, tolerance=max(self.options.tolerance, LOOSEST)),
-        ):
+
+        # where rounding exceeds the tolerance of the options, the tolerance of curves is still met
+        looser = replace(self.options, tolerance=max(self.options.tolerance, LOOSEST))
+        for options in (self.options, looser):
             peak = find_peak(
-                self.system, y, tangent=tangent, scale=scale, options=options, parameter=self.curve.preload, reach=REACH
-            )  # fmt: skip
-            good = peak.converged and peak.amplitude >= (1.0 - LEVEL) * self.curve.amplitude[i]
-            if good and low <= peak.y[-1] <= high:
+                self.system,
+                y,
+                tangent=tangent,
+                scale=scale,
+                options=options,
+                parameter=self.curve.preload,
+                reach=REACH,
+            )
+            # a lower maximum belongs to another part of the curve
+            reached = peak.amplitude >= (1.0 - LEVEL) * self.curve.amplitude[i]
+            if peak.converged and reached and self._within(peak):
                 return Highest(peak, "corner" if peak.corner else "peak", i)
+
         kind = "fold" if self.curve.point_kind[i] == "fold" else "corner"
         return Highest(self._point(y, tangent, scale), kind, i, exact=False)
 
+    def _within(self, peak: Peak) -> bool:
+        """Return whether a peak is between the lowest and the highest frequency of the curve."""
+        omega = self.y[:, -1]
+        return bool(omega.min() <= peak.y[-1] <= omega.max())
+
     def _direction(self, before: int, after: int, y: NDArray) -> tuple[NDArray, NDArray]:
-        """Return the unit chord between two points of the curve in scaled unknowns, and the units at ``y``."""
+        """Return the unit chord between two points of the curve in scaled unknowns, and the units
+        at ``y``."""
+        n_mean = self.system.n_mean
         chord = self.y[after] - self.y[before]
-        scale = self.system.units(y, max(abs(float(chord[-1])), 1e-6 * y[-1]))
+        width = max(abs(float(chord[-1])), 1e-6 * y[-1])
+        scale = self.system.units(y, width)
         chord = chord / scale
-        if np.linalg.norm(chord[self.system.n_mean :]) > 0.0:
-            chord[: self.system.n_mean] = 0.0
+        # mean positions may drift along a curve; they give the direction only if nothing else
+        # changes
+        if np.linalg.norm(chord[n_mean:]) > 0.0:
+            chord[:n_mean] = 0.0
         size = float(np.linalg.norm(chord))
-        return (chord / size, scale) if size > 0.0 else (np.eye(len(y))[-1], scale)
+        if size > 0.0:
+            return chord / size, scale
+        along_frequency = np.eye(len(y))[-1]
+        return along_frequency, scale
 
     def _point(self, y: NDArray, normal: NDArray, scale: NDArray) -> Peak:
         """Return a point of the curve as a :class:`Peak` with zero slope and tangent.
 
-        The point is corrected to the tolerance in the plane normal to ``normal``, if the corrector converges.
+        The point is corrected to the tolerance in the plane normal to ``normal``, if the corrector
+        converges.
         """
-        c = self.system.solve(
-            y,
-            Plane(normal),
-            scale,
-            max(self.options.tolerance, LOOSEST),
-            self.options.max_iterations,
+        tolerance = max(self.options.tolerance, LOOSEST)
+        corrected = self.system.solve(
+            y, Plane(normal), scale, tolerance, self.options.max_iterations
         )
-        good = (
-            c.status == OK
-            and float(np.linalg.norm(((c.y - y) / scale)[self.system.n_mean :])) < REACH
-        )
-        at = c.y if good else y
-        nothing, frequency = np.zeros(len(y)), float(at[-1] / (2.0 * np.pi))
+        at = y
+        if corrected.status == OK:
+            # the mean positions may move far
+            moved = ((corrected.y - y) / scale)[self.system.n_mean :]
+            if float(np.linalg.norm(moved)) < REACH:
+                at = corrected.y
         return Peak(
-            self.curve.preload, frequency, amplitude_at(self.system, at), at, nothing, scale, 0.0, -np.inf,
-            np.array(c.shares), c.residual, c.iterations, 1, c.rank_deficiency, True,
-        )  # fmt: skip
+            parameter=self.curve.preload,
+            frequency=float(at[-1] / (2.0 * np.pi)),
+            amplitude=amplitude_at(self.system, at),
+            y=at,
+            tangent=np.zeros(len(y)),
+            scale=scale,
+            slope=0.0,
+            curvature=-np.inf,
+            shares=np.array(corrected.shares),
+            residual=corrected.residual,
+            iterations=corrected.iterations,
+            trials=1,
+            rank_deficiency=corrected.rank_deficiency,
+            corner=True,
+        )
 
 
 def given_up(curve: ResponseCurve) -> str:
-    """Return a note if a path of the curve ended in a tangle of folds, so that its branch may be higher; otherwise ""."""
-    parts = (
-        f"{part.low:.6g} to {part.high:.6g} Hz"
-        for part in curve.missing_ranges
-        if part.why.startswith(MANY_FOLDS)
-    )
-    where = " and ".join(parts)
-    return f"a branch was given up among many folds from {where}" if where else ""
+    """Return a note if a path of the curve ended in a tangle of folds, so that its branch may be
+    higher; otherwise ""."""
+    tangles = [part for part in curve.missing_ranges if part.why.startswith(MANY_FOLDS)]
+    if not tangles:
+        return ""
+    where = " and ".join(f"{part.low:.6g} to {part.high:.6g} Hz" for part in tangles)
+    return f"a branch was given up among many folds from {where}"
 
 
 @dataclass(frozen=True)
@@ -292,7 +353,8 @@ class AtPreload:
     slope : float
         d ln(amplitude)/d ln(preload) of the highest point; NaN at a corner or if not computed.
     rattles : str
-        Reason why no steady periodic response is expected (:mod:`bdamper.response.response_curve`), or "".
+        Reason why no steady periodic response is expected (:mod:`bdamper.response.response_curve`),
+        or "".
     cost : Cost
     """
 
@@ -305,19 +367,22 @@ class AtPreload:
 
     @property
     def known(self) -> bool:
-        """Whether the highest point is a maximum of a complete curve, and nothing higher is known or was given up."""
+        """Whether the highest point is a maximum of a complete curve, and nothing higher is known
+        or was given up."""
         if self.top is None or not self.curve.complete or given_up(self.curve):
             return False
         return self.top.kind != "end" and not self.top.note
 
     @property
     def followed(self) -> bool:
-        """Whether the highest point was followed from a lower preload (:mod:`bdamper.response.followed_peak`)."""
+        """Whether the highest point was followed from a lower preload
+        (:mod:`bdamper.response.followed_peak`)."""
         return self.top is not None and self.top.note.startswith(FOLLOWED)
 
     @property
     def height(self) -> float:
-        """Amplitude (m) of the highest point: NaN if nothing was found or no digits are left, infinite if unbounded."""
+        """Amplitude (m) of the highest point: NaN if nothing was found or no digits are left,
+        infinite if unbounded."""
         if self.top is None:
             return np.nan
         unknown = self.curve.without_amplitude
@@ -333,17 +398,15 @@ class AtPreload:
         """Status "complete", "incomplete" or "not found", with the reason."""
         if self.top is None or not self.curve.complete:
             status = NOT_FOUND if self.top is None else INCOMPLETE
-            return with_reason(
-                status, f"{self.curve.status}: {self.curve.reason}".removeprefix(f"{status}: ")
-            )
+            # the reason does not repeat a status that the curve has as well
+            reason = f"{self.curve.status}: {self.curve.reason}".removeprefix(f"{status}: ")
+            return with_reason(status, reason)
         if status_word(self.top.status) == INCOMPLETE:
             return self.top.status
-        why = given_up(self.curve)
-        return (
-            with_reason(INCOMPLETE, f"{why}, where the response could be higher")
-            if why
-            else COMPLETE
-        )
+        tangle = given_up(self.curve)
+        if tangle:
+            return with_reason(INCOMPLETE, f"{tangle}, where the response could be higher")
+        return COMPLETE
 
     def record(self) -> dict[str, Any]:
         """Return all data as numbers, texts, lists and arrays."""
@@ -352,13 +415,15 @@ class AtPreload:
     @staticmethod
     def of(record: Mapping[str, Any]) -> AtPreload:
         """Restore a record read from JSON; arrays of an empty curve get their shape back."""
-        made: AtPreload = from_json(AtPreload, record)
-        curve, n = made.curve, len(made.curve)
-        harmonics, shares = curve.harmonics.reshape(n, 2), curve.shares.reshape(n, 3)
-        return replace(
-            made,
-            curve=replace(curve, unknowns=np.zeros((n, 0)), harmonics=harmonics, shares=shares),
+        restored: AtPreload = from_json(AtPreload, record)
+        n_points = len(restored.curve)
+        curve = replace(
+            restored.curve,
+            unknowns=np.zeros((n_points, 0)),
+            harmonics=restored.curve.harmonics.reshape(n_points, 2),
+            shares=restored.curve.shares.reshape(n_points, 3),
         )
+        return replace(restored, curve=curve)
 
 
 def found_at(
@@ -372,9 +437,10 @@ def found_at(
 ) -> AtPreload:
     """Follow the curve at a preload coarsely and return its highest point.
 
-    The curve is followed again with default settings if it is incomplete, if a path ended in a tangle of folds, or if the
-    highest point was not refined, unless a given budget is used up.  Of two complete curves the higher one counts: among
-    107 folds of a disk with 24 points (friction 0.6, engine order 10, 65.6 N) the coarse one lost a peak 34 % higher.
+    The curve is followed again with default settings if it is incomplete, if a path ended in a
+    tangle of folds, or if the highest point was not refined, unless a given budget is used up.  Of
+    two complete curves the higher one counts: among 107 folds of a disk with 24 points (friction
+    0.6, engine order 10, 65.6 N) the coarse one lost a peak 34 % higher.
 
     Parameters
     ----------
@@ -393,11 +459,13 @@ def found_at(
         After Ctrl-C.
     """
     meter = CostMeter()
-    case, before = problem.at(preload), None
+    case = problem.at(preload)
     if case.static.converged:
         meter.watch(case.equations)  # the curves use the same equations
+    coarse: tuple[ResponseCurve, Highest] | None = None
     for continuation in (coarse_options(), ContinuationOptions()):
-        continuation = continuation if budget is None else replace(continuation, budget=budget)
+        if budget is not None:
+            continuation = replace(continuation, budget=budget)
         curve = uninterrupted(
             frequency_response(problem, preload, frequency, options=continuation, progress=progress)
         )
@@ -410,17 +478,25 @@ def found_at(
             except BdamperError as error:
                 # closed branches alone: no sweep over the interval reaches them
                 curve = replace(curve, status=INCOMPLETE, reason=str(error))
-        height = (1.0 + LEVEL) * top.peak.amplitude if curve.complete and top is not None else 0.0
-        if before is not None and before[1].peak.amplitude > height:
-            curve, top = before
-        spent = (
-            budget is not None and curve.cost.evaluations >= budget
-        )  # default steps are shorter and would cover less
+        if coarse is not None:
+            coarse_curve, coarse_top = coarse
+            height = 0.0
+            if curve.complete and top is not None:
+                height = (1.0 + LEVEL) * top.peak.amplitude
+            # of two complete curves the higher one counts, and a complete one before an incomplete
+            # one
+            if coarse_top.peak.amplitude > height:
+                curve = coarse_curve
+                top = coarse_top
+        # default steps are shorter: with the same budget they would cover less
+        spent = budget is not None and curve.cost.evaluations >= budget
         # shorter steps do not make a resonance less sharp
         hopeless = spent or curve.without_amplitude is not None
-        if hopeless or (curve.complete and top is not None and top.exact and not given_up(curve)):
+        exact = curve.complete and top is not None and top.exact
+        if hopeless or (exact and not given_up(curve)):
             break
-        before = (curve, top) if curve.complete and top is not None and top.exact else None
+        if exact and top is not None:
+            coarse = curve, top
     return AtPreload(preload, curve, top, np.nan, "", meter.read())
 
 
@@ -434,7 +510,8 @@ def highest_peak(
     options: PeakOptions | None = None,
     progress: bool = False,
 ) -> Peak:
-    """Compute the highest point of the response at one preload (:mod:`bdamper.response.highest_peak`).
+    """Compute the highest point of the response at one preload
+    (:mod:`bdamper.response.highest_peak`).
 
     Parameters
     ----------
@@ -450,11 +527,12 @@ def highest_peak(
     Returns
     -------
     Peak
-        ``corner`` is set unless it is a smooth maximum.  The status is "incomplete" if the curve is incomplete, has no
-        maximum in the interval, gave up a branch among many folds, or is higher at an end or on a separate branch.  The
-        amplitude is then NaN, and ``lower_bound`` has the highest computed maximum, or the end.  The amplitude of an
-        unbounded resonance is infinite.
-        The status is "not found" with the reason, and there are no unknowns, if no response was found in the interval.
+        ``corner`` is set unless it is a smooth maximum.  The status is "incomplete" if the curve is
+        incomplete, has no maximum in the interval, gave up a branch among many folds, or is higher
+        at an end or on a separate branch.  The amplitude is then NaN, and ``lower_bound`` has the
+        highest computed maximum, or the end.  The amplitude of an unbounded resonance is infinite.
+        The status is "not found" with the reason, and there are no unknowns, if no response was
+        found in the interval.
     """
     frequency = peak_interval(problem.at(preload), frequency, mode)
     check_options(options)
