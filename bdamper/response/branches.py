@@ -1,16 +1,19 @@
-"""Coverage of a frequency interval by the branches of a response curve, and the first point of a curve.
+"""Coverage of a frequency interval by the branches of a response curve, and its first point.
 
-Paths start at both ends of the interval.  They are also followed beyond it, up to the resonances of the modes, where a
-branch may turn and return.  Remaining gaps are searched from neighbouring solutions and by the methods for the first point.
-A budget of evaluations limits the work (:func:`evaluation_budget`).  A curve is complete if its branches leave no frequency
-without a solution; all omissions are reported.
+Paths start at both ends of the interval.  They are also followed beyond it, up to the resonances of
+the modes, where a branch may turn and return.  Remaining gaps are searched from neighbouring
+solutions and by the methods for the first point. A budget of evaluations limits the work
+(:func:`evaluation_budget`).  A curve is complete if its branches leave no frequency without a
+solution; all omissions are reported.
 
 :func:`first_point` computes a solution at one frequency from the static state by, in this order,
 
-1. Newton iteration from the static state (:mod:`bdamper.contact.static_state`) plus the linear response in stick,
+1. Newton iteration from the static state (:mod:`bdamper.contact.static_state`) plus the linear
+   response in stick,
 2. Newton iteration with line search, and least norm for a rank-deficient Jacobian,
 3. continuation in the level of the excitation from the static state, around folds,
-4. fading supports: free bodies (all, if none is free) rest on springs and dampers that fade out as the excitation grows.
+4. fading supports: free bodies (all, if none is free) rest on springs and dampers that fade out as
+   the excitation grows.
 
 The log lists all attempts.
 """
@@ -42,17 +45,20 @@ NO_SOLUTION = "no solution found"
 UNBOUNDED, NO_DIGITS = "unbounded", "no digits are left"
 """First words of the reason of a part without amplitudes."""
 OPERATIONS = 1.5e6
-"""Default budget in million operations (:attr:`bdamper.util.progress.Cost.work`), about half a minute."""
+"""Default budget in million operations (:attr:`bdamper.util.progress.Cost.work`), about half a
+minute."""
 FEWEST_EVALUATIONS, MOST_EVALUATIONS = 10_000, 60_000
 """Bounds of the default budget in evaluations."""
 SHARE = 0.5
-"""Fraction of the remaining budget for one path, so that a tangle of folds leaves evaluations for other parts.
+"""Fraction of the remaining budget for one path, so that a tangle of folds leaves evaluations for
+other parts.
 
-With 1 the widest gap of one of six curves with tangles grows from 5.3 to 11.6 Hz and the other five do not change; none of
-284 ordinary curves changes.
+With 1 the widest gap of one of six curves with tangles grows from 5.3 to 11.6 Hz and the other five
+do not change; none of 284 ordinary curves changes.
 """
 OUTSIDE = 0.03
-"""Minimum margin at each end for the search of folds outside the interval, relative to its width."""
+"""Minimum margin at each end for the search of folds outside the interval, relative to its
+width."""
 ARRIVED = ("complete", "turned back")
 POSITIONS = (0.5, 0.2, 0.8)
 """Positions within a gap at which solutions are sought."""
@@ -64,8 +70,8 @@ FindStart = Callable[[float], NDArray | None]
 def evaluation_budget(system: Equations) -> int:
     """Return the default budget of a curve in evaluations.
 
-    It corresponds to OPERATIONS for the size of the problem, between FEWEST_EVALUATIONS and MOST_EVALUATIONS.  An ordinary
-    curve of some 100 points takes 300 to 700.
+    It corresponds to OPERATIONS for the size of the problem, between FEWEST_EVALUATIONS and
+    MOST_EVALUATIONS.  An ordinary curve of some 100 points takes 300 to 700.
     """
     return int(
         min(max(OPERATIONS / float(system.work[:3].sum()), FEWEST_EVALUATIONS), MOST_EVALUATIONS)
@@ -115,8 +121,8 @@ class Piece:
     ----------
     path : Path
     up : bool
-        Whether forward along the path means increasing frequency.  This is its initial direction, except for a path that
-        returns from a fold outside the interval.
+        Whether forward along the path means increasing frequency.  This is its initial direction,
+        except for a path that returns from a fold outside the interval.
     branch : int
         Number of the branch; several pieces may share it.
     inside : bool
@@ -130,7 +136,10 @@ class Piece:
 
 
 def in_order(pieces: Sequence[Piece]) -> list[tuple[Correction, Piece]]:
-    """Return all points with their pieces, in the order along each branch; two paths from one solution are joined."""
+    """Return all points with their pieces, in the order along each branch.
+
+    Two paths from one solution in opposite directions are joined.
+    """
     out: list[tuple[Correction, Piece]] = []
     for before, piece in zip([None, *pieces], pieces):
         points = [(p, piece) for p in piece.path.points]
@@ -169,8 +178,9 @@ def ending(
 ) -> tuple[str, str, tuple[LeftOut, ...]]:
     """Return status and reason of a curve from its pieces, and its omissions.
 
-    "complete" means solutions at every frequency of the interval, except for gaps below a thousandth of its width.  The
-    omissions are these gaps, and paths that ended within the interval.
+    "complete" means solutions at every frequency of the interval, except for gaps below a
+    thousandth of its width.  The omissions are these gaps, and paths that ended within the
+    interval.
     """
     gaps = uncovered(pieces, low, high)
     left = _left_out(pieces, low, high)
@@ -229,7 +239,8 @@ class Coverage:
     on_point : callable, optional
         Called with every accepted point.
     reach : (low, high), rad/s, optional
-        Interval in which branches may turn and return (:func:`bdamper.harmonic_balance.sector.reach`).
+        Interval in which branches may turn and return
+        (:func:`bdamper.harmonic_balance.sector.reach`).
     pieces : list of Piece
         Paths computed so far.
     log : list of str
@@ -259,7 +270,7 @@ class Coverage:
         self.log.append(f"{omega / TWO_PI:.6g} Hz: {text}")
 
     def cover(self, find_start: FindStart) -> None:
-        """Follow the curve from the ends of the interval, beyond them, and from within the remaining gaps."""
+        """Follow the curve from the ends of the interval, beyond them, and within remaining gaps."""
         for up in (True, False):
             start = find_start(self.limits[0 if up else 1])
             if start is None:
@@ -292,7 +303,7 @@ class Coverage:
         return path
 
     def drop_repeated(self) -> None:
-        """Remove pieces that start at the end of the last path: the last path contains the same branch."""
+        """Remove pieces that start at the end of the last path, which contains the same branch."""
         last = self.pieces[-1]
         if last.path.status != "complete":
             return
@@ -313,19 +324,20 @@ class Coverage:
 
     @property
     def outside(self) -> tuple[float, float]:
-        """Interval (rad/s) in which branches are followed beyond the interval of the curve, to folds where they return."""
+        """Interval (rad/s) in which branches are followed to folds where they return."""
         low, high = self.limits
         margin = OUTSIDE * (high - low)
         bottom, top = self.reach or self.limits
         return min(bottom, max(low - margin, 0.5 * low)), max(top, high + margin)
 
     def outside_ends(self) -> None:
-        """Follow branches beyond the interval to folds from which they return, and follow them back into the interval.
+        """Follow branches beyond the interval to folds, and from there back into the interval.
 
-        The search extends beyond the free and the stuck resonance (:attr:`outside`). With this range 2 of 100 narrow
-        intervals lose their highest branch; with a margin of 3 % it was 14 of 97 (``benchmarks/bench_narrow.py``). The cost
-        is the same if the interval contains both resonances. Without the search 2 of 240 ordinary curves lose part of a
-        branch; the search takes 9 % of their evaluations.
+        The search extends beyond the free and the stuck resonance (:attr:`outside`). With this
+        range 2 of 100 narrow intervals lose their highest branch; with a margin of 3 % it was 14 of
+        97 (``benchmarks/bench_narrow.py``). The cost is the same if the interval contains both
+        resonances. Without the search 2 of 240 ordinary curves lose part of a branch; the search
+        takes 9 % of their evaluations.
         """
         low, high = self.limits
         bottom, top = self.outside
@@ -373,10 +385,10 @@ class Coverage:
     # ---- gaps ----
 
     def fill(self, find_start: FindStart) -> None:
-        """Find solutions in gaps, the widest first, and follow them in both directions until the budget is used up.
+        """Find solutions in gaps, the widest first, and follow them in both directions.
 
-        Newton's method with line search starts from neighbouring solutions at several positions in the gap, then from the
-        methods for the first point.  A gap without a solution remains.
+        Newton's method with line search starts from neighbouring solutions at several positions in
+        the gap, then from the methods for the first point.  A gap without a solution remains.
         """
         if self.finished:
             return
@@ -419,10 +431,11 @@ def _same(y: NDArray, point: Correction) -> bool:
 DRAG, SPRING = 10.0, 1.0
 """Support of free bodies: damping of the vibration, and stiffness of the mean.
 
-Of 453 cases on the bladed disk (9 and 24 points, one to five harmonics, 20 to 200 N at 1 N) and on random wedges with
-preloads below 20 times the excitation, Newton's method solves 197, the excitation ramp 243 of the others, and this support
-8 of the remaining 13.  None of nine other supports solved more.  On one random model, whose shrouds just touch without
-preload, only a support that also raises the excitation succeeded.
+Of 453 cases on the bladed disk (9 and 24 points, one to five harmonics, 20 to 200 N at 1 N) and on
+random wedges with preloads below 20 times the excitation, Newton's method solves 197, the
+excitation ramp 243 of the others, and this support 8 of the remaining 13.  None of nine other
+supports solved more.  On one random model, whose shrouds just touch without preload, only a support
+that also raises the excitation succeeded.
 """
 
 
@@ -488,13 +501,13 @@ def _by_homotopy(
     system: Equations[Sector], omega: float, options: ContinuationOptions, meter: CostMeter, log: list[str],
     mean: NDArray, stuck: NDArray,
 ) -> NDArray | None:  # fmt: skip
-    """Raise the excitation to its full level along the curve; if this fails, fade out a support of the free bodies.
+    """Raise the excitation to its full level; if this fails, fade out a support of the free bodies.
 
     Free bodies on the support (all bodies, if none is free) neither bounce nor drift.
     """
-    # initial level of the excitation for the support; a tenth of it for the ramp.  With the same level the ramp fails on
-    # wedge dampers of eight sectors if the excitation equals the preload; with a tenth of it the support fails on one of
-    # two random structures that need it
+    # initial level of the excitation for the support; a tenth of it for the ramp.  With the same
+    # level the ramp fails on wedge dampers of eight sectors if the excitation equals the preload;
+    # with a tenth of it the support fails on one of two random structures that need it
     first = 1e-2
     level = 0.1 * first
     start = np.append(system.layout.pack(mean, level * stuck), level)

@@ -1,18 +1,20 @@
 """Pseudo-arclength continuation of a response curve.
 
-A point is ``y = (u, omega)``.  Steps are measured in scaled unknowns ``z = y/scale``.  Mean, vibration and frequency each
-have a unit, updated at every step: a step of 0.1 changes the vibration by about a tenth.  The predictor is the tangent.
-The corrector is Newton's method in the plane through the prediction, normal to the tangent.
+A point is ``y = (u, omega)``.  Steps are measured in scaled unknowns ``z = y/scale``.  Mean,
+vibration and frequency each have a unit, updated at every step: a step of 0.1 changes the vibration
+by about a tenth.  The predictor is the tangent. The corrector is Newton's method in the plane
+through the prediction, normal to the tangent.
 
-A step is accepted if Newton's method converges, the solution is within half the step length of its prediction, and the
-tangent turns by less than a set angle.  These conditions prevent steps across a sharp resonance, where the phase of the
-response changes by pi, or to another branch.  The Newton iteration ends as soon as one of its steps exceeds the step along
-the curve: of 2690 steps accepted without this rule on an optimal curve it rejects three, and steps that fail anyway take
-0.4 of their evaluations.  A failed step is shortened and searched for a corner of the curve
+A step is accepted if Newton's method converges, the solution is within half the step length of its
+prediction, and the tangent turns by less than a set angle.  These conditions prevent steps across a
+sharp resonance, where the phase of the response changes by pi, or to another branch.  The Newton
+iteration ends as soon as one of its steps exceeds the step along the curve: of 2690 steps accepted
+without this rule on an optimal curve it rejects three, and steps that fail anyway take 0.4 of their
+evaluations.  A failed step is shortened and searched for a corner of the curve
 (:mod:`bdamper.response.events`).
 
-The mean position of the damper is part of the unknowns.  Along some curves it moves at constant vibration and frequency;
-these points have the kind "drift".
+The mean position of the damper is part of the unknowns.  Along some curves it moves at constant
+vibration and frequency; these points have the kind "drift".
 """
 
 from __future__ import annotations
@@ -102,7 +104,7 @@ class Follower:
     # ---- steps ----
 
     def try_step(self, here: Correction, step: float) -> tuple[Correction, str]:
-        """Return the result of one predictor and corrector, and the reason if the step is rejected, otherwise ""."""
+        """Return the result of one predictor and corrector, and why it is rejected, or ""."""
         y, tangent, scale = here.y, here.tangent, here.scale
         predicted = y + step * tangent * scale
         if not predicted[-1] > 0.0:
@@ -119,7 +121,8 @@ class Follower:
         # below a step of 1e-3 a large turn is a corner, not curvature
         if step > 1e-3 and float(c.tangent @ tangent) < np.cos(self.options.max_turn):
             return c, "tangent turned too much"
-        # a solution on a part of the curve with the opposite direction, unless a bifurcation was passed
+        # a solution on a part of the curve with the opposite direction, unless a bifurcation was
+        # passed
         if step > 1e-5 and self.sign and c.orientation == -self.sign:
             return c, "orientation of the curve changed"
         if self.events.over_resonance(y, c.y):
@@ -156,7 +159,7 @@ class Follower:
         return None, step, step, refused
 
     def longer(self, step: float, turn: float, iterations: int) -> float:
-        """Return the length of the next step from the turn of the tangent and the iterations of the last step."""
+        """Return the length of the next step from turn and iterations of the last step."""
         growth = min(
             2.0,
             0.6 * self.options.max_turn / max(turn, 1e-9),
@@ -165,7 +168,7 @@ class Follower:
         return min(self.options.max_step, step * max(0.5, growth))
 
     def end_at(self, last: Correction, beyond: NDArray, omega: float) -> Correction | None:
-        """Return the end of the path at a bound of the interval that a step crosses; None if the corrector fails."""
+        """Return the end of the path at a bound that a step crosses; None if the corrector fails."""
         guess = last.y + (omega - last.y[-1]) / (beyond[-1] - last.y[-1]) * (beyond - last.y)
         scale = last.scale
         c = self.system.correct_at(
@@ -180,12 +183,12 @@ class Follower:
     # ---- end of a path ----
 
     def _far(self, y: NDArray, start: NDArray, ratio: float) -> bool:
-        """Return whether the mean position is large compared with the vibration and its initial value."""
+        """Return whether the mean is large compared with the vibration and its initial value."""
         n = self.system.n_mean
         return norm2(y[:n]) > ratio * max(self.largest, norm2(start[:n]))
 
     def _closes(self, y: NDArray, new: Correction) -> bool:
-        """Return whether a step passes through the first point of the path in the initial direction."""
+        """Return whether a step passes through the first point of the path as at the start."""
         first = self.points[0]
         chord = (new.y - y) / first.scale
         offset = (first.y - y) / first.scale
@@ -286,7 +289,8 @@ class Follower:
             ):
                 return self.path("drifted off", DRIFTED_OFF)
             if drifting:
-                # straight and at constant frequency: long steps until a step fails near the next contact
+                # straight and at constant frequency: long steps until a step fails near the next
+                # contact
                 step = min(4.0 * step, 2.0) if self.failed == failed else step
             else:
                 turn = float(np.arccos(np.clip(new.tangent @ tangent, -1.0, 1.0)))

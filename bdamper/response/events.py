@@ -1,12 +1,14 @@
-"""Events within a step along a curve: folds, maxima, corners and resonances; settings and result of a path.
+"""Events within a step along a curve: folds, maxima, corners and resonances; settings of a path.
 
-At a fold the frequency component of the tangent changes sign; at a maximum the derivative of the response amplitude does.
-Newton's method on the equations and this condition starts from the cubic through both ends of the step.  If it fails, as at
-corners, the root along the step is bracketed (:func:`bdamper.response.scalar_search.root_trials`), with one corrector for
-each trial.  Two events in one step leave the signs unchanged; then the cubic has an interior extremum.
+At a fold the frequency component of the tangent changes sign; at a maximum the derivative of the
+response amplitude does. Newton's method on the equations and this condition starts from the cubic
+through both ends of the step.  If it fails, as at corners, the root along the step is bracketed
+(:func:`bdamper.response.scalar_search.root_trials`), with one corrector for each trial.  Two events
+in one step leave the signs unchanged; then the cubic has an interior extremum.
 
-The Jacobian is only piecewise continuous: at the onset or end of slip or separation the curve may have a corner.  Bisection
-with the null vector of the Jacobian along a failed step finds it, because the vector jumps there.
+The Jacobian is only piecewise continuous: at the onset or end of slip or separation the curve may
+have a corner.  Bisection with the null vector of the Jacobian along a failed step finds it, because
+the vector jumps there.
 """
 
 from __future__ import annotations
@@ -30,7 +32,8 @@ AtLeastTwo = Annotated[int, partial(validation.integer, least=2)]
 SIDE_POINTS = 1000
 """Largest number of points of an auxiliary path: outside the interval, or of a homotopy.
 
-Outside, with 150, one more of 100 narrow intervals (``benchmarks/bench_narrow.py``) loses its highest branch.
+Outside, with 150, one more of 100 narrow intervals (``benchmarks/bench_narrow.py``) loses its
+highest branch.
 """
 
 
@@ -44,18 +47,20 @@ class ContinuationOptions:
     tolerance : float
         Tolerance of the largest residual, relative to the excitation and the static load.
     step, min_step, max_step : float
-        Initial, smallest and largest step in scaled unknowns (0.1: a tenth of the present vibration).
+        Initial, smallest and largest step in scaled unknowns (0.1: a tenth of the present
+        vibration).
     max_turn : float, rad
         Largest angle between successive tangents of an accepted step.
     max_points : int
         Largest number of points of one path.
     patience : int
-        Number of points without progress in frequency after which a path ends as a tangle of folds.  Without this limit the
-        widest gap grows on three of six curves with tangles (from 5.3 to 23, 1.0 to 3.5 and 11.7 to 12.0 Hz) and shrinks on
-        one (from 7.6 to 6.5 Hz); none of 284 ordinary curves changes.
+        Number of points without progress in frequency after which a path ends as a tangle of folds.
+        Without this limit the widest gap grows on three of six curves with tangles (from 5.3 to 23,
+        1.0 to 3.5 and 11.7 to 12.0 Hz) and shrinks on one (from 7.6 to 6.5 Hz); none of 284
+        ordinary curves changes.
     budget : int or None
-        Largest number of evaluations of the equations for a curve; None sets it from the size of the problem
-        (``bdamper.response.branches.evaluation_budget``).
+        Largest number of evaluations of the equations for a curve; None sets it from the size of
+        the problem (``bdamper.response.branches.evaluation_budget``).
     max_iterations : int
         Largest number of Newton iterations in a step.
     locate : bool
@@ -96,9 +101,9 @@ class Path:
     ----------
     points : tuple of Correction
     status : str
-        "complete", "turned back" (to the bound from which it started), "closed" (on itself), "many folds" (without
-        progress), "drifted off" (mean position of a free body unbounded), "stalled", "too many points", "out of budget" or
-        "interrupted".
+        "complete", "turned back" (to the bound from which it started), "closed" (on itself), "many
+        folds" (without progress), "drifted off" (mean position of a free body unbounded),
+        "stalled", "too many points", "out of budget" or "interrupted".
     reason : str
     iterations, failed_steps : int
     tangle : (low, high), rad/s, or None
@@ -114,7 +119,7 @@ class Path:
 
 
 def is_drift(tangent: NDArray, n_mean: int) -> bool:
-    """Return whether only the mean position of the damper moves, at constant vibration and frequency."""
+    """Return whether only the mean position moves, at constant vibration and frequency."""
     return norm2(tangent[n_mean:]) < 1e-6
 
 
@@ -126,17 +131,18 @@ StepPoint = tuple[float, NDArray, NDArray]
 ITERATIONS_BEYOND = 3
 """Newton iterations for a trial after a plane has missed the curve.
 
-With guesses on the tangent of the last point before it, a fold or maximum at a corner takes 70 to 92 evaluations instead of
-123 to 187 (shipped disk, 500 N, five harmonics).
+With guesses on the tangent of the last point before it, a fold or maximum at a corner takes 70 to
+92 evaluations instead of 123 to 187 (shipped disk, 500 N, five harmonics).
 """
 LEVEL_RISE = 1e-9
 """Relative rise of the squared amplitude per unit step that counts as rounding."""
 
 
 def turns_twice(first: float, last: float, rise: float, margin: float = 0.02) -> bool:
-    """Return whether the Hermite cubic on (0, 1) with end slopes of equal sign and this rise has an interior extremum.
+    """Return whether a Hermite cubic on (0, 1) has interior extrema; its end slopes have one sign.
 
-    Its slope ``first + b t + c t**2`` must reverse by the fraction ``margin`` of the larger end slope.
+    Its slope ``first + b t + c t**2`` must reverse by the fraction ``margin`` of the larger end
+    slope.
     """
     if first * last <= 0.0:
         return False
@@ -149,7 +155,10 @@ def turns_twice(first: float, last: float, rise: float, margin: float = 0.02) ->
 
 
 def _on_cubic(near: StepPoint, far: StepPoint, s: float, a: Correction) -> NDArray:
-    """Return a point of the cubic through two points of a step; a point of the near tangent if the far one turns away."""
+    """Return a point of the cubic through two points of a step.
+
+    If the far tangent turns away, it is a point of the near tangent.
+    """
     h = far[0] - near[0]
     along = [float(tangent @ a.tangent) for _, _, tangent in (near, far)]
     if h <= 0.0 or min(along) < 0.5:
@@ -202,7 +211,7 @@ class Events:
     # ---- unresolved events ----
 
     def over_resonance(self, a: NDArray, b: NDArray) -> bool:
-        """Return whether a step does not resolve a linear resonance: the phase of its modal coordinate jumps."""
+        """Return whether the phase of a modal coordinate jumps at its linear resonance."""
         for omega, width, row in self.system.watched:
             if (a[-1] - omega) * (b[-1] - omega) < 0.0 and abs(b[-1] - a[-1]) > width:
                 before = self.system.layout.amplitudes(a[:-1], 1) @ row
@@ -214,7 +223,8 @@ class Events:
     def over_pair(self, here: Correction, c: Correction) -> bool:
         """Return whether frequency or amplitude seems to have two extrema within a step.
 
-        Without this check 3 of 240 ordinary curves lose a pair of folds; it takes half a per cent of the evaluations.
+        Without this check 3 of 240 ordinary curves lose a pair of folds; it takes half a per cent
+        of the evaluations.
         """
         n, y, tangent, scale = self.system.n_mean, here.y, here.tangent, here.scale
         if is_drift(tangent, n) or is_drift(c.tangent, n):
@@ -279,7 +289,7 @@ class Events:
         )
 
     def locate(self, step: Step, kind: str, tolerance: float) -> Correction | None:
-        """Locate a fold or maximum within a step, by Newton's method on a smooth step, otherwise by bracketing.
+        """Locate a fold or maximum, by Newton's method on a smooth step, otherwise by bracketing.
 
         Parameters
         ----------
@@ -292,7 +302,8 @@ class Events:
         Returns
         -------
         Correction or None
-            Fold or maximum, with the slope and curvature of its condition; None if no corrector converges.
+            Fold or maximum, with the slope and curvature of its condition; None if no corrector
+            converges.
         """
         a, b, end = step
         values = (
@@ -300,9 +311,9 @@ class Events:
             self._value(kind, b.y, b.tangent, a.scale),
         )
         chord, ahead = (b.y - a.y) / a.scale, a.tangent + b.tangent
-        # difference of chord and mean tangent, relative to the difference of the tangents, below which a step counts as
-        # smooth.  Of 129 folds and maxima of curves with friction, 47 of 73 smooth ones are below, and 9 of 56 at
-        # corners, where Newton's method fails
+        # difference of chord and mean tangent, relative to the difference of the tangents, below
+        # which a step counts as smooth.  Of 129 folds and maxima of curves with friction, 47 of 73
+        # smooth ones are below, and 9 of 56 at corners, where Newton's method fails
         even = 0.05
         bend = norm2(chord / norm2(chord) - ahead / max(norm2(ahead), even))
         if bend < even * norm2(b.tangent - a.tangent):
@@ -325,10 +336,11 @@ class Events:
     def _bracketed(
         self, step: Step, values: tuple[float, float], kind: str, tolerance: float
     ) -> Correction | None:
-        """Locate a fold or a maximum within a step as the root of a function whose values at both ends differ in sign.
+        """Locate a fold or a maximum as the root of a function that changes sign over a step.
 
-        A trial is the point of the curve in a plane normal to the tangent at the start of the step; Newton's method starts
-        from the cubic through the adjacent points.  A plane without solution lies beyond a corner, and so beyond the event.
+        A trial is the point of the curve in a plane normal to the tangent at the start of the step;
+        Newton's method starts from the cubic through the adjacent points.  A plane without solution
+        lies beyond a corner, and so beyond the event.
         """
         a, b, end = step
         around, last = [(0.0, values[0]), (end, values[1])], values[1]
@@ -364,7 +376,7 @@ class Events:
     # ---- corners ----
 
     def _direction(self, y: NDArray, scale: NDArray, border: NDArray, sign: int) -> NDArray | None:
-        """Return the tangent from the Jacobian at y, which need not be on the curve; None if it is singular."""
+        """Return the tangent from the Jacobian at y, also off the curve; None if singular."""
         any_residual = 1e300  # every point counts as converged
         c = self.system.solve(y, Plane(border), scale, any_residual, 1)
         if c.status != OK or not c.orientation:
@@ -374,13 +386,14 @@ class Events:
     def around_corner(
         self, here: Correction, step: float, sign: int
     ) -> tuple[Correction, float] | None:
-        """Return the first point beyond a corner within a step, and the length of the part beyond the corner.
+        """Return the first point beyond a corner within a step, and the length beyond the corner.
 
-        Bisection finds the jump of the null vector of the Jacobian.  On a smooth curve the vectors at both ends of the
-        interval approach each other; the search ends when they are within 0.4 of their initial distance.  On an optimal
-        curve this saves half of the trials in smooth bends, and one of 109 corners is found one step later.  Without this
-        search 8 of 240 ordinary curves are incomplete, 8 more consist of pieces or lack folds, and all 240 together take
-        3.2 times the evaluations.
+        Bisection finds the jump of the null vector of the Jacobian.  On a smooth curve the vectors
+        at both ends of the interval approach each other; the search ends when they are within 0.4
+        of their initial distance.  On an optimal curve this saves half of the trials in smooth
+        bends, and one of 109 corners is found one step later.  Without this search 8 of 240
+        ordinary curves are incomplete, 8 more consist of pieces or lack folds, and all 240 together
+        take 3.2 times the evaluations.
 
         Parameters
         ----------

@@ -1,7 +1,8 @@
 """Checks of an optimal curve, and the headline that print, explorer, report and command line show.
 
-The headline gives the preload, the design amplitude with the values of each method, and the effects that are not covered.
-If a check has failed, it begins with the failure and a remedy, and there is no design amplitude.
+The headline gives the preload, the design amplitude with the values of each method, and the effects
+that are not covered. If a check has failed, it begins with the failure and a remedy, and there is
+no design amplitude.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ ENDS = {
 NEAR_BEST = 1.2
 """Amplitude over the optimum that defines the printed range of acceptable preloads."""
 CLEARLY = 1.5
-"""Smallest ratio of the slopes on both sides of an optimum at which the headline names the steeper one."""
+"""Smallest ratio of the slopes on both sides of an optimum at which the headline names the steeper
+one."""
 GOOD, FAIR = 0.05, 0.2
 """Largest relative differences of a green and of an amber check."""
 SAFE = 1.5
@@ -52,7 +54,10 @@ def graded(value: float, good: float, fair: float) -> str:
 
 
 def checks(curve: OptimalCurve) -> list[Check]:
-    """Rate an optimal curve by its checks: green if passed, amber if uncertain, red if failed, white if not computed."""
+    """Rate an optimal curve by its checks.
+
+    Green means passed, amber uncertain, red failed, and white not computed.
+    """
     best = curve.optimum
     inside = best.kind not in ENDS
     known, edge = np.isfinite(curve.amplitude), curve.lowest_steady_preload
@@ -90,7 +95,7 @@ def checks(curve: OptimalCurve) -> list[Check]:
 
 
 def _verified(curve: OptimalCurve) -> str:
-    """Return the colour of the optimum: red if a lower value may exist, amber if its preload is not known well."""
+    """Return red if a lower value may exist, amber if the preload is uncertain, or green."""
     best = curve.optimum
     if not best.verified:
         return "red"
@@ -114,7 +119,7 @@ def _model(curve: OptimalCurve) -> Check:
 
 
 def _beyond(curve: OptimalCurve) -> str:
-    """Return the remedy for an optimum at an end of the range: a wider range, or a value at the next preload."""
+    """Return the remedy for an optimum at an end: a wider range, or a value at the next preload."""
     row = int(np.abs(curve.preload - curve.optimum.preload).argmin())
     known = np.isfinite(curve.amplitude)
     if not known[max(row - 1, 0) : row + 2].all():
@@ -131,7 +136,7 @@ def failed(curve: OptimalCurve) -> list[Check]:
 
 
 def _in_time(curve: OptimalCurve) -> Check:
-    """Compare harmonic balance and time integration at the preload nearest to the recommended preload."""
+    """Compare harmonic balance and time integration nearest to the recommended preload."""
     rule = f"green below {percent(GOOD)} of difference, amber below {percent(FAIR)}, red above, white if not run"
     name, nearest = "Harmonic balance against time", curve.recommended_response
     if nearest is None:
@@ -188,7 +193,7 @@ def _other_friction(curve: OptimalCurve) -> Check:
 
 
 def _friction_range(curve: OptimalCurve) -> Check:
-    """Rate the factors on the friction coefficients at which the amplitude at the recommended preload doubles."""
+    """Rate the factors on friction at which the amplitude at the recommended preload doubles."""
     name = "Friction at which the amplitude doubles"
     rule = f"red within a factor of {FRICTION_SPREAD:g}, amber if unknown there, white if not run"
     found = curve.friction_range
@@ -220,9 +225,10 @@ def _friction_tried(curve: OptimalCurve) -> bool:
 
 
 def checked_amplitudes(curve: OptimalCurve) -> dict[str, float]:
-    """Return the upper amplitude (m) of each check by its name; NaN if unknown, and nothing without time integration.
+    """Return the upper amplitude (m) of each check by its name; nothing without time integration.
 
-    The amplitude with another friction coefficient is unknown if its peak is not complete: the peak may be higher.
+    NaN means unknown.  The amplitude with another friction coefficient is unknown if its peak is not complete: the peak
+    may be higher.
     """
     response = curve.recommended_response
     if response is None or not known_in_time(response):
@@ -244,7 +250,10 @@ def known_in_time(response: TimeResponse) -> bool:
 
 
 def headline(curve: OptimalCurve, further: Sequence[Check] = ()) -> str:
-    """Return the headline of an optimal curve, with failed checks first; ``further`` are checks of a report."""
+    """Return the headline of an optimal curve, with failed checks first.
+
+    ``further`` are checks of a report.
+    """
     o = curve.optimum
     if not np.isfinite(o.preload):
         gone = [
@@ -297,7 +306,10 @@ def _preload(curve: OptimalCurve) -> str:
 
 
 def _rises_in_time(curve: OptimalCurve) -> list[float]:
-    """Return the largest amplitude in time at the ends of the range of preloads over the least one; NaN if unknown."""
+    """Return the largest amplitude in time at both ends of the range over the least one.
+
+    NaN means unknown.
+    """
     least = curve.optimum_in_time
     if least is None:
         return [np.nan for _ in curve.range_in_time]
@@ -307,14 +319,14 @@ def _rises_in_time(curve: OptimalCurve) -> list[float]:
 
 
 def _range_in_time(curve: OptimalCurve) -> str:
-    """Return in words by how much the amplitude in time is higher at the ends of the range of preloads."""
+    """Return in words by how much the amplitude in time is higher at the ends of the range."""
     ends = zip(_rises_in_time(curve), curve.range_in_time)
     rises = [f"{percent(rise - 1.0)} at {amount(end.preload, 'N')}" for rise, end in ends]
     return f"in time it is higher than its minimum by {' and '.join(rises)}"
 
 
 def _ends_of_range(curve: OptimalCurve) -> list[Check]:
-    """Compare the amplitude in time at the ends of the printed range with its minimum, if they were integrated."""
+    """Compare the amplitude in time at the ends of the printed range with its minimum."""
     if not curve.range_in_time:
         return []
     rises = _rises_in_time(curve)
@@ -325,7 +337,7 @@ def _ends_of_range(curve: OptimalCurve) -> list[Check]:
 
 
 def _of_damper(curve: OptimalCurve, preload: float) -> str:
-    """Compare a preload with the centrifugal load of the damper at the rotor speed of the resonance."""
+    """Compare a preload with the centrifugal load of the damper at the resonance."""
     order, speed = curve.settings.get("engine_order", 0), curve.settings.get("speed")
     normalised = (
         curve.settings.get("excitation", {}).get("amplitude") == 1.0
@@ -343,7 +355,7 @@ def _of_damper(curve: OptimalCurve, preload: float) -> str:
 
 
 def _steeper(curve: OptimalCurve) -> str:
-    """Return the side of the optimum on which the amplitude rises clearly faster; "" if this is not certain.
+    """Return the side of the optimum on which the amplitude rises faster; "" if uncertain.
 
     A lower bound can make a side the steeper one.  It cannot make it the flatter one.
     """
@@ -357,9 +369,10 @@ def _steeper(curve: OptimalCurve) -> str:
 
 
 def _rise(curve: OptimalCurve, side: NDArray) -> tuple[float, bool]:
-    """Return the largest slope d ln(amplitude)/d ln(preload) from the optimum on one side, and whether it is certain.
+    """Return the largest slope from the optimum on one side, and whether it is certain.
 
-    Amplitudes up to NEAR_BEST times the optimum are disregarded.  Amplitudes of incomplete peaks are lower bounds.
+    The slope is d ln(amplitude)/d ln(preload).  Amplitudes up to NEAR_BEST times the optimum are
+    disregarded.  Amplitudes of incomplete peaks are lower bounds.
     """
     known = np.isfinite(curve.amplitude)
     rise = np.log(np.where(known, curve.amplitude, curve.lower_bound) / curve.optimum.amplitude)
@@ -414,13 +427,13 @@ def _range(curve: OptimalCurve) -> str:
 
 
 def _locked(curve: OptimalCurve) -> str:
-    """Return the bodies whose normal load friction alone can hold, so that the history of the load decides."""
+    """Return the bodies that friction alone can hold: the history of the load decides."""
     notes = dict.fromkeys(note for part in curve.curves for note in part.self_locking)
     return " ".join(f"{note[:1].upper()}{note[1:]}." for note in notes)
 
 
 def _design(curve: OptimalCurve, any_failed: bool) -> str:
-    """Return the beginning of the sentence on amplitudes: the design amplitude and its check, or why there is none."""
+    """Return the design amplitude with the check that gives it, or why there is none."""
     amplitudes = checked_amplitudes(curve)
     if any_failed:
         return "Amplitude"
@@ -432,7 +445,7 @@ def _design(curve: OptimalCurve, any_failed: bool) -> str:
 
 
 def _doubts(curve: OptimalCurve) -> str:
-    """Return the doubts of the response curve at the optimum: paths that broke off, and a damper that may rattle."""
+    """Return the doubts of the curve at the optimum: broken paths, and a rattling damper."""
     best = curve.optimum.preload
     there = [k for k in curve.curves if np.isclose(k.preload, best, rtol=1e-9, atol=0.0)]
     doubts = []

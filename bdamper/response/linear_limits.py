@@ -1,6 +1,7 @@
-"""Linear limits of a study: response without contact and in stick, and the frequency interval of a resonance.
+"""Linear limits of a study: response without contact and in stick, and the interval of a peak.
 
-Linear curves are sampled at equal steps of phase around each resonance, and their maxima are refined.
+Linear curves are sampled at equal steps of phase around each resonance, and their maxima are
+refined.
 """
 
 from __future__ import annotations
@@ -46,7 +47,10 @@ def stuck(
 def _linear(
     case: LoadCase, kind: str, frequency: tuple[float, float], springs: NDArray | None
 ) -> ResponseCurve:
-    """Compute the linear response over an interval (Hz), with springs (n_points, 3) in N/m in place of the contact."""
+    """Compute the linear response over an interval (Hz).
+
+    Springs (n_points, 3) in N/m replace the contact.
+    """
     watch = CostMeter()
     low, high = (2.0 * np.pi * f for f in validation.interval("frequency", frequency))
     check_interval(case, frequency)
@@ -113,7 +117,7 @@ def _linear(
 
 
 def _shares(problem: Problem, springs: NDArray | None) -> NDArray:
-    """Return the fractions (3,) in stick, slip and separation of the points with friction or a bond."""
+    """Return the fractions (3,) in stick, slip and separation of points with friction or a bond."""
     held = np.zeros((len(problem.friction), 3)) if springs is None else springs
     counted = problem.friction_points & ((problem.friction > 0.0) | problem.bonded_points)
     stick = float((held[counted] > 0.0).any(axis=1).mean()) if counted.any() else 0.0
@@ -153,9 +157,10 @@ class Limit:
 
 
 def free_and_stuck(case: LoadCase, modes: int) -> tuple[NDArray, NDArray]:
-    """Return the first resonances (modes,) of the constrained bodies without contact and in stick, Hz.
+    """Return the first resonances (modes,) of the constrained bodies, free and stuck, Hz.
 
-    The stuck resonance of a mode is the lowest one above its free resonance that belongs to no lower mode.
+    The stuck resonance of a mode is the lowest one above its free resonance that belongs to no
+    lower mode.
 
     Raises
     ------
@@ -179,7 +184,7 @@ def free_and_stuck(case: LoadCase, modes: int) -> tuple[NDArray, NDArray]:
 
 
 def resonance_interval(case: LoadCase, mode: int = 1) -> tuple[float, float]:
-    """Return a frequency interval (Hz) that contains the free and the stuck resonance of a mode of the constrained bodies.
+    """Return a frequency interval (Hz) with the free and the stuck resonance of a mode.
 
     Parameters
     ----------
@@ -206,7 +211,7 @@ def beyond(free: float, stuck: float) -> float:
 
 
 def linear_peak(case: LoadCase, frequency: tuple[float, float], *, stuck: bool) -> Limit:
-    """Return the highest resonance of the free or stuck structure in an interval (Hz), NaN if there is none.
+    """Return the highest resonance of the free or stuck structure in an interval (Hz), or NaN.
 
     The stuck resonance is also NaN at a preload without a static state.
     """

@@ -1,8 +1,8 @@
 """Half of the peak-to-peak displacement of a motion with several harmonics.
 
-At a superharmonic resonance, for example at a third of the natural frequency, higher harmonics increase the displacement by
-half of the first harmonic.  Amplitudes of results belong to the first harmonic, so a result names half of the range if its
-ratio to the amplitude exceeds :data:`NAMED`.
+At a superharmonic resonance, for example at a third of the natural frequency, higher harmonics
+increase the displacement by half of the first harmonic.  Amplitudes of results belong to the first
+harmonic, so a result names half of the range if its ratio to the amplitude exceeds :data:`NAMED`.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from bdamper.util.formatting import amount, peak_text
 NAMED = 1.1
 """Half of the range over the amplitude of the first harmonic above which results name it."""
 SAMPLES = 64
-"""Samples in a period of the highest harmonic.  A parabola through the three highest samples gives the extremum, with an
-error of at most 2e-6 of the amplitude of this harmonic.
+"""Samples in a period of the highest harmonic.  A parabola through the three highest samples gives
+the extremum, with an error of at most 2e-6 of the amplitude of this harmonic.
 """
 
 
 def half_range(harmonics: NDArray) -> NDArray:
-    """Return half of the difference (...,) between the highest and the lowest displacement over a period.
+    """Return half of the difference (...,) of highest and lowest displacement over a period.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def half_range(harmonics: NDArray) -> NDArray:
 
 
 def _highest(x: NDArray) -> NDArray:
-    """Return the maxima (...,) of periodic samples (..., n), from the parabola through the highest three."""
+    """Return the maxima (...,) of periodic samples (..., n), by the parabola through three."""
     top = x.argmax(axis=-1, keepdims=True)
     before, at, after = (
         np.take_along_axis(x, (top + k) % x.shape[-1], axis=-1)[..., 0] for k in (-1, 0, 1)
@@ -51,7 +51,7 @@ def _highest(x: NDArray) -> NDArray:
 
 
 def exceeds(half: float, amplitude: float) -> bool:
-    """Return whether half of the range (m) exceeds the amplitude (m) so much that a result names it."""
+    """Return whether half of the range (m) exceeds the amplitude (m) enough to be named."""
     return bool(half > NAMED * amplitude)
 
 
@@ -61,6 +61,6 @@ def range_text(half: float) -> str:
 
 
 def peak_and_range(amplitude: float, frequency: float, half: float) -> str:
-    """Return an amplitude (m) and its frequency (Hz) as text, with half of the range (m) if it has to be named."""
+    """Return amplitude (m) and frequency (Hz) as text, with half of the range (m) if needed."""
     text = peak_text(amplitude, frequency)
     return f"{text} (first harmonic; {range_text(half)})" if exceeds(half, amplitude) else text

@@ -1,14 +1,16 @@
-"""Optimal curve and frequency-shift curve: the highest point of the response over the preload, from free to stuck.
+"""Optimal curve and frequency-shift curve: the highest response over the preload, free to stuck.
 
 The optimum is chosen in these steps:
 
-1. the complete response curve is computed at each preload, concurrently; its highest point is the value at this
-   preload (``bdamper.response.highest_peak``), and an adjoint solution gives its slope d ln(amplitude)/d ln(preload);
-2. :func:`bdamper.response.scalar_search.find_minimum` chooses further preloads at which the value may be smaller;
+1. the complete response curve is computed at each preload, concurrently; its highest point is the
+   value at this preload (``bdamper.response.highest_peak``), and an adjoint solution gives its
+   slope d ln(amplitude)/d ln(preload);
+2. :func:`bdamper.response.scalar_search.find_minimum` chooses further preloads at which the value
+   may be smaller;
 3. on a smooth branch of peaks :func:`smooth_minimum` first solves for the preload of zero slope.
 
-Every value, including the optimum, is the highest point of a complete curve at its preload.  :class:`Curves` stores
-finished curves in a file and resumes from it.
+Every value, including the optimum, is the highest point of a complete curve at its preload.
+:class:`Curves` stores finished curves in a file and resumes from it.
 """
 
 from __future__ import annotations
@@ -68,16 +70,19 @@ from bdamper.util.storage import INSTALLED, ResultsFile, json_line
 
 
 LOST = (ArithmeticError, ValueError, MemoryError)
-"""Errors of a computation that fails at one preload, for example by overflow; they do not end the optimal curve.
+"""Errors of a computation that fails at one preload, for example by overflow; they do not end the
+optimal curve.
 
-ValueError is what SciPy raises for matrices with infinite entries; LinAlgError and SettingError are ValueErrors too.
+ValueError is what SciPy raises for matrices with infinite entries; LinAlgError and SettingError are
+ValueErrors too.
 """
 BUDGET = 8000
 """First budget of a curve in evaluations.
 
-Curves with many folds take some 4,000, with contacts 20 times too stiff up to 10,000.  A curve that needs more is followed
-again with the default budget, unless the damper rattles: such curves do not count.  With the default budget for all curves
-a search on the reference disk (from 10 N, three harmonics) takes 23 instead of 11 s, with 24 points 105 instead of 35 s.
+Curves with many folds take some 4,000, with contacts 20 times too stiff up to 10,000.  A curve that
+needs more is followed again with the default budget, unless the damper rattles: such curves do not
+count.  With the default budget for all curves a search on the reference disk (from 10 N, three
+harmonics) takes 23 instead of 11 s, with 24 points 105 instead of 35 s.
 """
 
 
@@ -92,7 +97,8 @@ def at_preload(
 ) -> AtPreload:
     """Compute the response at a preload; another thread stops it by setting ``stop``.
 
-    A curve that uses up ``budget`` is followed again with the default budget, unless the damper rattles.
+    A curve that uses up ``budget`` is followed again with the default budget, unless the damper
+    rattles.
     """
     cost, slope = Cost(), np.nan
     for most in dict.fromkeys((budget, None)):
@@ -156,7 +162,7 @@ def optimal_curve(
     resume: str | Path | None = None,
     executor: Executor | None = None,
 ) -> OptimalCurve:
-    """Compute resonance amplitude and frequency over the preload, and the preload of minimum amplitude.
+    """Compute resonance amplitude and frequency over the preload, and the optimum preload.
 
     Parameters
     ----------
@@ -178,13 +184,14 @@ def optimal_curve(
     Returns
     -------
     OptimalCurve
-        Table of the requested preloads and the preloads of the search, with the optimum.  After Ctrl-C, or the end of the
-        executor, it contains the part computed so far.
+        Table of the requested preloads and the preloads of the search, with the optimum.  After
+        Ctrl-C, or the end of the executor, it contains the part computed so far.
 
     Raises
     ------
     BdamperError
-        If nothing was found at any of the preloads, the file belongs to another search, or the executor accepts no task.
+        If nothing was found at any of the preloads, the file belongs to another search, or the
+        executor accepts no task.
     KeyboardInterrupt
         If the search was interrupted before it found anything.
     """
@@ -234,7 +241,9 @@ def optimal_curve(
 def curve_interval(
     problem: Problem, preloads: NDArray, frequency: tuple[float, float] | None, mode: int = 1
 ) -> tuple[float, float]:
-    """Return the given interval (Hz), or that of the resonances of a mode at the highest preload with a static state.
+    """Return the given interval (Hz), or that of the resonances of a mode.
+
+    Without an interval the highest preload with a static state decides.
 
     Raises
     ------
@@ -253,7 +262,9 @@ def curve_interval(
 
 @dataclass
 class Curves:
-    """Response curves at several preloads, computed concurrently; a context manager that handles interruptions.
+    """Response curves at several preloads, computed concurrently.
+
+    The context manager handles interruptions.
 
     Parameters
     ----------
@@ -311,10 +322,10 @@ class Curves:
     def follow(
         self, preloads: Sequence[float], budget: int | None = None, row: int = 0
     ) -> list[AtPreload]:
-        """Compute the response curves at preloads (N) in parallel, and return them in the given order.
+        """Compute the response curves at preloads (N) concurrently; return them in this order.
 
-        If ``row`` is not 0, the computation stops after this number of consecutive preloads at which the damper rattles.
-        Finished curves are stored, also before an interruption.
+        If ``row`` is not 0, the computation stops after this number of consecutive preloads at
+        which the damper rattles. Finished curves are stored, also before an interruption.
         """
         assert self.executor is not None
         stop, running = Event(), dict[float, Future[AtPreload]]()
@@ -380,7 +391,7 @@ class Curves:
 
 
 def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
-    """Find the preload of minimum amplitude; compute more curves at preloads near which it may lie."""
+    """Find the preload of minimum amplitude; compute curves near which it may lie."""
     curves.follow([float(p) for p in values[::-1]], BUDGET, row=MAX_RATTLING)
     known = curves.known
     edge = rattling_below(known)
@@ -456,7 +467,7 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
 
 
 def _near_best(samples: Sequence[Sample], best: int) -> list[float]:
-    """Return ln(preload) on both sides of the best sample where the amplitude is higher by NEAR_BEST, interpolated."""
+    """Return ln(preload) on both sides of the best sample where the amplitude is NEAR_BEST times."""
     limit, ends = samples[best].value + np.log(NEAR_BEST), []
     for side in (samples[best::-1], samples[best:]):
         for a, b in zip(side, side[1:]):
@@ -522,7 +533,7 @@ def _interrupted_optimum(curves: Curves) -> OptimumPoint:
 
 
 def rattling_below(known: dict[float, AtPreload]) -> float:
-    """Return the preload (N) up to which all curves show a rattling damper; 0 if the lowest does not."""
+    """Return the preload (N) up to which all curves show a rattling damper, or 0."""
     out = 0.0
     for p in sorted(known):
         if not known[p].rattles:
@@ -532,7 +543,7 @@ def rattling_below(known: dict[float, AtPreload]) -> float:
 
 
 def _status(row: AtPreload | None, preload: float, edge: float, why: str) -> str:
-    """Return the status of a preload: not found up to ``edge`` (N), below which the damper rattles, because of ``why``."""
+    """Return the status of a preload; the damper rattles up to ``edge`` (N), because of ``why``."""
     if preload <= edge:
         return with_reason(NOT_FOUND, f"{NO_STEADY} up to {edge:.6g} N: {why}")
     return with_reason(NOT_FOUND, NOT_FOLLOWED) if row is None else row.status
@@ -541,7 +552,7 @@ def _status(row: AtPreload | None, preload: float, edge: float, why: str) -> str
 def _columns(
     problem: Problem, known: dict[float, AtPreload], values: NDArray, edge: float
 ) -> dict[str, Any]:
-    """Return the fields of an optimal curve with one entry for each requested or computed preload."""
+    """Return the fields of an optimal curve with one entry for each preload."""
     preloads = np.array(sorted({*values.tolist(), *known}))
     rows, why = [known.get(float(p)) for p in preloads], known[edge].rattles if edge else ""
     tops = [
@@ -575,7 +586,9 @@ def _columns(
 
 
 def preload_values(preload: Any, n: int) -> NDArray:
-    """Return the preloads of a curve: ``n`` in geometric progression between two values, or the longer sequence as given.
+    """Return the preloads of a curve.
+
+    They are ``n`` in geometric progression between two values, or the longer sequence as given.
 
     Raises
     ------

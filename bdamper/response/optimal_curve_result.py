@@ -1,4 +1,4 @@
-"""Result of an optimal curve: resonance over the preload with its linear limits, its optimum and the curves behind it."""
+"""Result of an optimal curve: resonance over the preload, linear limits, optimum and curves."""
 
 from __future__ import annotations
 
@@ -73,11 +73,13 @@ class OptimumPoint:
     uncertainty : float
         Relative uncertainty of the preload.
     status : str
-        "complete" if no preload without a value could replace it, and no tangents of the highest points at two neighbouring
-        preloads indicate a lower value.  A lower value between distant preloads may still be missed.  Otherwise
-        "incomplete", "interrupted" or "not found" with the reason after a colon.
+        "complete" if no preload without a value could replace it, and no tangents of the highest
+        points at two neighbouring preloads indicate a lower value.  A lower value between distant
+        preloads may still be missed.  Otherwise "incomplete", "interrupted" or "not found" with the
+        reason after a colon.
     half_range : float, m
-        Half of the peak-to-peak response with all harmonics, its largest value on the response curve.
+        Half of the peak-to-peak response with all harmonics, its largest value on the response
+        curve.
     """
 
     preload: float
@@ -109,7 +111,7 @@ class OptimumPoint:
 
     @property
     def text(self) -> str:
-        """Kind, uncertainty of the preload if it is not negligible, and status unless it is complete."""
+        """Kind, uncertainty of the preload unless negligible, and status unless complete."""
         return ", ".join(
             filter(None, [KINDS[self.kind], self.known_to, "" if self.verified else self.status])
         )
@@ -122,7 +124,8 @@ class OptimalCurve(
 ):
     """Resonance over preload.
 
-    The table has all preloads that were requested or computed, in ascending order.  The optimum is one of them.
+    The table has all preloads that were requested or computed, in ascending order.  The optimum is
+    one of them.
 
     ``plot`` draws amplitude and frequency shift over the preload, as in Figs 8 and 9 of the paper
     (:func:`bdamper.plot.plot_optimal`).
@@ -131,16 +134,18 @@ class OptimalCurve(
     ----------
     preload : (n,) float, N
     amplitude : (n,) float, m
-        Amplitude of the highest peak; NaN if none was found, or if the response curve is incomplete and may have a higher
-        one.
+        Amplitude of the highest peak; NaN if none was found, or if the response curve is incomplete
+        and may have a higher one.
     frequency : (n,) float, Hz
     shares : (n, 3) float
-        Fractions of the cycle in stick, slip and separation at the peak, mean over the friction points.
+        Fractions of the cycle in stick, slip and separation at the peak, mean over the friction
+        points.
     residual : (n,) float
     unknowns : (n, n_unknowns) float
     status : tuple of str
-        "complete", with a note after a colon if an end of the interval is higher than all maxima; "incomplete: ..." with
-        the omissions, or without a maximum; "not found: ..." with the reason.
+        "complete", with a note after a colon if an end of the interval is higher than all maxima;
+        "incomplete: ..." with the omissions, or without a maximum; "not found: ..." with the
+        reason.
     free, stuck : Limit
     optimum : OptimumPoint
     cost : Cost
@@ -148,34 +153,42 @@ class OptimalCurve(
     settings : mapping
     model_hash : str
     lower_bound : (n,) float, m
-        Highest response found at a preload without a value; NaN with a value, or if nothing was found.
+        Highest response found at a preload without a value; NaN with a value, or if nothing was
+        found.
     goes_on : (n,) bool
-        Whether the highest points at this preload and the previous one are on one smooth branch, by their tangents.
+        Whether the highest points at this preload and the previous one are on one smooth branch, by
+        their tangents.
     kind : tuple of str
-        Kind of the highest point at each preload: "peak", "corner", "drift" or "fold"; empty without a value.
+        Kind of the highest point at each preload: "peak", "corner", "drift" or "fold"; empty
+        without a value.
     convergence : Convergence or None
         Peak at the optimum with more harmonics.
     curves : tuple of ResponseCurve
-        Response curve at each preload, coarse and without unknowns.  It is empty if no curve was followed.
+        Response curve at each preload, coarse and without unknowns.  It is empty if no curve was
+        followed.
     requested : (n,) bool
         Whether the preload was requested; the search added the others near the optimum.
     lowest_steady_preload : float, N
         Up to this preload the damper rattles and no steady periodic response is expected
-        (:mod:`bdamper.response.response_curve`).  There are no values there, and no search below.  0 if there is no sign of
-        it.
+        (:mod:`bdamper.response.response_curve`).  There are no values there, and no search below.
+        0 if there is no sign of it.
     margins : tuple of MarginCurve
         Margins against fatigue along the curve, if requested.
     time_response : tuple of TimeResponse
-        Time integrations at the optimum and at the preloads of :meth:`bdamper.Study.with_time_response`.
+        Time integrations at the optimum and at the preloads of
+        :meth:`bdamper.Study.with_time_response`.
     other_friction : tuple of FrictionPeak
-        Peaks at the recommended preload with lower and higher friction coefficients, by harmonic balance; the first one
-        has those of the study.
+        Peaks at the recommended preload with lower and higher friction coefficients, by harmonic
+        balance; the first one has those of the study.
     friction_range : FrictionRange or None
-        Factors on the friction coefficients at which the amplitude at the recommended preload doubles.
+        Factors on the friction coefficients at which the amplitude at the recommended preload
+        doubles.
     mass_radius : float, kg m
-        Mass times radius of the body to which the preload is applied; NaN if unknown or without rotation.
+        Mass times radius of the body to which the preload is applied; NaN if unknown or without
+        rotation.
     half_range : (n,) float, m, or None
-        Half of the peak-to-peak response with all harmonics, its largest value on the response curve of each preload.
+        Half of the peak-to-peak response with all harmonics, its largest value on the response
+        curve of each preload.
     margins_interrupted : bool
         Whether Ctrl-C ended the computation of the margins before any was known.
     model_doubts : tuple of str, optional
@@ -232,7 +245,7 @@ class OptimalCurve(
 
     @property
     def interrupted(self) -> bool:
-        """Whether Ctrl-C ended the search, a check or the margins; the curve contains the part computed until then."""
+        """Whether Ctrl-C ended the search, a check or the margins; the curve is the part until then."""
         statuses = [response.status for response in self.time_response]
         statuses += [peak.status for peak in self.other_friction]
         statuses += [margins.best_status for margins in self.margins]
@@ -261,7 +274,10 @@ class OptimalCurve(
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Failed checks, with which the headline begins; empty if none failed or the preload does not matter."""
+        """Failed checks, with which the headline begins.
+
+        Empty if none failed or the preload does not matter.
+        """
         return tuple(check.failure for check in failed(self))
 
     @property
@@ -281,12 +297,15 @@ class OptimalCurve(
 
     @property
     def near_best(self) -> tuple[float, float]:
-        """Range of preloads (N) in which the amplitude by harmonic balance is at most 1.2 times that of the optimum."""
+        """Range of preloads (N) in which the amplitude is at most 1.2 times that of the optimum.
+
+        The amplitudes are from harmonic balance.
+        """
         return self.preloads_within(NEAR_BEST * self.optimum.amplitude)
 
     @property
     def range_in_time(self) -> tuple[TimeResponse, ...]:
-        """Time responses at the two ends of :attr:`near_best`; empty unless both ends were integrated."""
+        """Time responses at both ends of :attr:`near_best`; empty unless both were integrated."""
         if not np.isfinite(self.optimum.preload):
             return ()
         ends = (
@@ -297,9 +316,10 @@ class OptimalCurve(
         return (low, high) if low is not None and high is not None else ()
 
     def preloads_within(self, amplitude: float) -> tuple[float, float]:
-        """Return the range of preloads (N) around the optimum in which the amplitude is at most the given one (m).
+        """Return the range of preloads (N) around the optimum up to an amplitude (m).
 
-        The amplitudes are computed by harmonic balance, and interpolated between the preloads of the curve.
+        The amplitudes are computed by harmonic balance, and interpolated between the preloads of
+        the curve.
 
         Raises
         ------
@@ -329,17 +349,17 @@ class OptimalCurve(
 
     @property
     def optimum_in_time(self) -> TimeResponse | None:
-        """Time response with the least upper bound of the amplitude, of two or more preloads; otherwise None."""
+        """Time response with the least upper bound of the amplitude; None with less than two."""
         return min(self._known, key=lambda k: k.largest) if len(self._known) > 1 else None
 
     @property
     def recommended_preload(self) -> float:
-        """Preload (N) with the least upper bound of the amplitude in time, or that of the optimum; NaN without both."""
+        """Preload (N) with the least upper bound in time, or that of the optimum; NaN without both."""
         return (self.optimum_in_time or self.optimum).preload
 
     @property
     def recommended_response(self) -> TimeResponse | None:
-        """Time response nearest to the recommended preload, even if it has no amplitude; None without time integration."""
+        """Time response nearest to the recommended preload, even without an amplitude, or None."""
         preload = self.recommended_preload
         if not np.isfinite(preload):
             return None
@@ -351,10 +371,10 @@ class OptimalCurve(
 
     @property
     def design_amplitude(self) -> float:
-        """Largest amplitude (m) by time integration, more harmonics and other friction coefficients.
+        """Largest amplitude (m) by time integration, more harmonics and other friction.
 
-        NaN without time integration, after a failed check, or if the amplitude with one of the friction coefficients is
-        unknown.
+        NaN without time integration, after a failed check, or if the amplitude with one of the
+        friction coefficients is unknown.
         """
         amplitudes = checked_amplitudes(self)
         if not amplitudes or failed(self):
@@ -368,7 +388,7 @@ class OptimalCurve(
 
     @property
     def detached(self) -> tuple[str, ...]:
-        """Highest points on closed branches of the curves, with their preloads; they do not count."""
+        """Highest points on closed branches of the curves, with preloads; they do not count."""
         return tuple(
             f"at {curve.preload:.6g} N {curve.point_text(i, 'detached')}"
             for curve in self.curves
@@ -379,16 +399,16 @@ class OptimalCurve(
         self, path: FilePath, study: Asking | Problem | None = None, *, fit: Recorded | None = None,
         disk: Recorded | None = None, project: str = "", author: str = "", date: str = "", model_file: str = "",
     ) -> Path:  # fmt: skip
-        """Write one HTML file for a design review, with embedded pictures and without links; return its path.
+        """Write one HTML file for a design review, with embedded pictures; return its path.
 
-        With a date it is reproducible byte by byte.
+        The file has no links.  With a date it is reproducible byte by byte.
 
         Parameters
         ----------
         path : path-like
         study : Study, optional
-            Study of this curve.  With it the report contains the bodies, the response at the optimum with contact states,
-            the pressure at rest, hysteresis loops and sensitivities.
+            Study of this curve.  With it the report contains the bodies, the response at the
+            optimum with contact states, the pressure at rest, hysteresis loops and sensitivities.
         fit : bdamper.analyses.fit_result.Fitted, optional
             Source of friction coefficient and contact stiffness.
         disk : DiskPeak or MistunedSample, optional
@@ -403,8 +423,8 @@ class OptimalCurve(
         Raises
         ------
         BdamperError
-            If the curve has no optimum or belongs to another study, the extra ``bdamper[report]`` is missing, or the file
-            cannot be written.
+            If the curve has no optimum or belongs to another study, the extra ``bdamper[report]``
+            is missing, or the file cannot be written.
         """
         subject = {"project": project, "author": author, "date": date, "model_file": model_file}
         return cast(Path, draw(self, "report", path, study, fit, disk, **subject))

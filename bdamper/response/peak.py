@@ -1,17 +1,19 @@
 """Resonance peak as the solution of its equations.
 
-On a response curve ``r(y) = 0``, ``y = (u, omega)``, with unit tangent ``t``, the squared amplitude of the response has a
-maximum where its slope
+On a response curve ``r(y) = 0``, ``y = (u, omega)``, with unit tangent ``t``, the squared amplitude
+of the response has a maximum where its slope
 
     phi = grad(|X_1|^2/2) . t / |X_1|^2
 
-changes from positive to negative.  With the adjoint ``J^T lambda = grad(|X_1|^2/2)`` the slope is ``-lambda^T r_omega``
-times the frequency component of ``t``.  In terms of ``t`` the condition remains regular at folds.
+changes from positive to negative.  With the adjoint ``J^T lambda = grad(|X_1|^2/2)`` the slope is
+``-lambda^T r_omega`` times the frequency component of ``t``.  In terms of ``t`` the condition
+remains regular at folds.
 
 From a close guess Newton's method on the curve, with a secant along it, converges to the peak
-(:class:`~bdamper.harmonic_balance.equations.Peak`).  If it fails, :func:`find_peak` follows the curve uphill
-(:mod:`bdamper.response.continuation`) until ``phi`` changes sign, and locates the maximum within this step.  At a corner of
-the curve ``phi`` may jump through zero; the search then ends at the corner.
+(:class:`~bdamper.harmonic_balance.equations.Peak`).  If it fails, :func:`find_peak` follows the
+curve uphill (:mod:`bdamper.response.continuation`) until ``phi`` changes sign, and locates the
+maximum within this step.  At a corner of the curve ``phi`` may jump through zero; the search then
+ends at the corner.
 """
 
 from __future__ import annotations
@@ -50,7 +52,8 @@ from bdamper.util.tables import Cycles, Metre, Quantity, Shares, Tabular
 
 
 JUMP = 1e3
-"""Curvature of ln(amplitude) along the curve in scaled unknowns above which its slope counts as discontinuous: a corner."""
+"""Curvature of ln(amplitude) along the curve in scaled unknowns above which its slope counts as
+discontinuous: a corner."""
 DIFFERENCE = 1e-5
 """Relative step of the central differences in sensitivities."""
 FAR = "a peak far from its prediction"
@@ -75,8 +78,8 @@ class PeakOptions(validation.Checked):
     Parameters
     ----------
     tolerance : float
-        Tolerance of the residual, relative to the excitation and the static load.  If rounding exceeds it, as with stiff
-        bonded faces, the tolerance is :func:`rounding`, up to 1e-9.
+        Tolerance of the residual, relative to the excitation and the static load.  If rounding
+        exceeds it, as with stiff bonded faces, the tolerance is :func:`rounding`, up to 1e-9.
     position_tolerance : float
         Tolerance of the position of the peak along the curve, relative to the vibration.
     max_step : float
@@ -97,7 +100,7 @@ class PeakOptions(validation.Checked):
 @short_repr
 @dataclass(frozen=True)
 class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-peak"):
-    """Maximum of the response amplitude along a response curve, or the point at which the search for it ended.
+    """Maximum of the amplitude along a response curve, or the point at which the search ended.
 
     :func:`bdamper.plot.plot_peak` draws it.
 
@@ -107,32 +110,37 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
         Preload (N) of the equations; NaN if they do not depend on a preload.
     frequency : float, Hz
     amplitude : float, m
-        Amplitude of the first harmonic of the response; NaN for the highest peak of an incomplete search, infinite if
-        unbounded.
+        Amplitude of the first harmonic of the response; NaN for the highest peak of an incomplete
+        search, infinite if unbounded.
     y, tangent, scale : (n_unknowns + 1,) float
-        Point, tangent and units; the tangent has unit length in unknowns divided by ``scale``, and is zero if unknown.
+        Point, tangent and units; the tangent has unit length in unknowns divided by ``scale``, and
+        is zero if unknown.
     slope, curvature : float
-        First and second derivative of ln(amplitude) along the curve in scaled unknowns; NaN if unknown.
+        First and second derivative of ln(amplitude) along the curve in scaled unknowns; NaN if
+        unknown.
     shares : (3,) float
         Fractions of the cycle in stick, slip and separation.
     residual : float
     iterations, trials, rank_deficiency : int
     corner : bool
-        Whether the peak is not a smooth maximum: at a corner the slopes on either side differ in sign but do not vanish.
+        Whether the peak is not a smooth maximum: at a corner the slopes on either side differ in
+        sign but do not vanish.
     status : str
-        "complete"; "incomplete: ..." at the end of an interval without a maximum, if a higher response is known, or if
-        ``search_status`` is incomplete; "not found: ..." with the reason.
+        "complete"; "incomplete: ..." at the end of an interval without a maximum, if a higher
+        response is known, or if ``search_status`` is incomplete; "not found: ..." with the reason.
     cost : Cost, optional
     search_status : str
-        Status of the curve on which it is the highest peak; unless "complete" there may be a higher one.
+        Status of the curve on which it is the highest peak; unless "complete" there may be a higher
+        one.
     settings : mapping
         Settings of the problem; empty for :func:`find_peak`.
     model_hash : str
     lower_bound : float, m
-        Amplitude of the highest computed point of an incomplete search; NaN if ``amplitude`` is known.
+        Amplitude of the highest computed point of an incomplete search; NaN if ``amplitude`` is
+        known.
     half_range : float, m
-        Half of the peak-to-peak response with all harmonics, its largest value on the response curve; NaN if
-        the amplitude is, and for :func:`find_peak`.
+        Half of the peak-to-peak response with all harmonics, its largest value on the response
+        curve; NaN if the amplitude is, and for :func:`find_peak`.
     notes : tuple of str
         Self-locking bodies, whose static normal load is not unique.
     """
@@ -168,7 +176,7 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
 
     @property
     def converged(self) -> bool:
-        """Whether this is a maximum that solves the equations, and no higher response is known or possible."""
+        """Whether this maximum solves the equations, and no higher response is known or possible."""
         return status_word(self.status) == COMPLETE
 
     def _facts(self) -> tuple[Fact, ...]:
@@ -179,7 +187,7 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
         return (*super()._facts(), *[Fact("half of the range", self.half_range, "m")] * named)
 
     def _unprinted(self) -> tuple[str, ...]:
-        """Return the names of fields that are not printed; the preload of a limit only closes contact points."""
+        """Return the names of fields that are not printed."""
         return (*super()._unprinted(), *["parameter"] * ("limit" in self.settings))
 
     def _headline(self) -> str:
@@ -204,7 +212,7 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
 
 
 def vibration_width(y: NDArray, tangent: NDArray, scale: NDArray, n_mean: int) -> float:
-    """Return the change of frequency over which the vibration changes by its size, within limits."""
+    """Return the change of frequency (rad/s) over which the vibration changes by its size."""
     raw = tangent * scale
     change = max(norm2(raw[n_mean:-1]), 1e-300)
     width = abs(float(raw[-1])) * norm2(y[n_mean:-1]) / change
@@ -212,7 +220,10 @@ def vibration_width(y: NDArray, tangent: NDArray, scale: NDArray, n_mean: int) -
 
 
 def amplitude_and_phase(system: Equations, u: NDArray) -> tuple[NDArray, NDArray, float]:
-    """Return the gradients (n_unknowns,) of amplitude and of amplitude times phase of the response, and the amplitude."""
+    """Return the gradients (n_unknowns,) of amplitude and of amplitude times phase.
+
+    The third value is the amplitude (m) of the first harmonic of the response.
+    """
     row = system.response_rows[1]
     x = system.layout.amplitudes(u, 1) @ row
     amplitude = float(abs(x))
@@ -259,7 +270,7 @@ class _Search:
         return c if c.status == OK else None
 
     def vibration(self, difference: NDArray) -> float:
-        """Return the norm of a difference of two points without the mean positions, in scaled unknowns."""
+        """Return the norm of a difference of two points in scaled unknowns without the mean."""
         n = self.system.n_mean
         return norm2(difference[n:] / self.scale[n:])
 
@@ -276,8 +287,8 @@ class _Search:
         if moved > min(self.reach, options.max_step):
             self.reason = FAR
             return None
-        # distance to a peak, relative to the vibration, below which secants do not give its curvature: an error of
-        # 0.3**3 on the reference disk from a guess at a distance of 1e-7
+        # distance to a peak, relative to the vibration, below which secants do not give its
+        # curvature: an error of 0.3**3 on the reference disk from a guess at a distance of 1e-7
         short = 1e-3
         if moved > short or c.curvature < -JUMP:
             return c
@@ -308,7 +319,7 @@ class _Search:
         return replace(c, tangent=t / norm2(t), scale=self.scale)
 
     def uphill(self, start: Correction) -> Correction | None:
-        """Follow the curve uphill until the slope changes sign, and locate the maximum within the last step."""
+        """Follow the curve uphill until the slope changes sign, and locate the maximum there."""
         options = self.options
         sense = float(
             np.copysign(1.0, slope_along(self.system, start.y, start.tangent, self.scale))
@@ -361,7 +372,7 @@ def find_peak(
     parameter: float = np.nan,
     reach: float = np.inf,
 ) -> Peak:
-    """Compute the maximum of the response amplitude that the curve reaches uphill from a nearby point.
+    """Compute the maximum of the amplitude that the curve reaches uphill from a nearby point.
 
     Parameters
     ----------
@@ -369,7 +380,8 @@ def find_peak(
     guess : (n_unknowns + 1,) float
         Unknowns and frequency (rad/s) near the response curve.
     tangent : (n_unknowns + 1,) float, optional
-        Estimated direction of the curve in scaled unknowns.  The first corrector is normal to it, or at fixed frequency.
+        Estimated direction of the curve in scaled unknowns.  The first corrector is normal to it,
+        or at fixed frequency.
     scale : (n_unknowns + 1,) float, optional
         Units of the unknowns (``Equations.units``); from the curve by default.
     curvature : float
@@ -429,7 +441,8 @@ def find_peak(
 def with_tangent(system: Equations, peak: Peak) -> Peak:
     """Return a smooth peak with its tangent, to the tolerances of :class:`PeakOptions`.
 
-    The peak of a response curve does not contain its tangent; Newton's method from its point takes about five evaluations.
+    The peak of a response curve does not contain its tangent; Newton's method from its point takes
+    about five evaluations.
     """
     if peak.tangent.any() or peak.corner:
         return peak
@@ -453,7 +466,7 @@ def sign_of_jacobian(system: Equations, y: NDArray) -> int:
 
 
 def phase_row(system: Equations, y: NDArray) -> tuple[NDArray, NDArray]:
-    """Return the unit row (n_unknowns + 1,) in scaled unknowns that keeps the phase of the response, and the units."""
+    """Return the unit row (n_unknowns + 1,) that keeps the phase of the response, and the units."""
     scale = system.units(y, y[-1])
     row = np.append(amplitude_and_phase(system, y[:-1])[1], 0.0) * scale
     return row / max(norm2(row), 1e-300), scale
@@ -468,9 +481,12 @@ def peak_of_sign(
     parameter: float = np.nan,
     patient: bool = True,
 ) -> tuple[Peak | str, int]:
-    """Compute a peak from a distant guess by Newton's method, first at the phase of the guess, then at its frequency.
+    """Compute a peak from a distant guess by Newton's method.
 
-    A resonance that shifts keeps its phase, whereas its old frequency may be on its flank or on another branch.
+    The first attempt keeps the phase of the guess, the second its frequency.
+
+    A resonance that shifts keeps its phase, whereas its old frequency may be on its flank or on
+    another branch.
 
     Parameters
     ----------
@@ -489,7 +505,8 @@ def peak_of_sign(
     """
     row, scale = phase_row(system, guess)
     iterations, reason = 0, ""
-    # at the phase 151 guesses needed up to 18 iterations; at the frequency with more harmonics up to 37
+    # at the phase 151 guesses needed up to 18 iterations; at the frequency with more harmonics up
+    # to 37
     starts = (equations.Plane(row), 20), (equations.Fixed(), 40)
     for condition, most_iterations in starts if patient else starts[:1]:
         c = system.solve(guess, condition, scale, options.tolerance, most_iterations, 2)
@@ -507,8 +524,9 @@ def peak_of_sign(
 def coarse_options() -> ContinuationOptions:
     """Return settings of the continuation for the search of peaks.
 
-    With steps of 0.5 instead of 0.15 and turns of 0.6 instead of 0.45 a curve takes 2 to 32 % fewer evaluations and has the
-    same highest points to 1e-6 at 40 preloads of five studies.  Turns of 0.8 take up to 40 % more among many folds.
+    With steps of 0.5 instead of 0.15 and turns of 0.6 instead of 0.45 a curve takes 2 to 32 % fewer
+    evaluations and has the same highest points to 1e-6 at 40 preloads of five studies.  Turns of
+    0.8 take up to 40 % more among many folds.
     """
     return ContinuationOptions(
         tolerance=1e-7, step=0.1, max_step=0.5, max_turn=0.6, locate_tolerance=0.05

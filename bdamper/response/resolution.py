@@ -1,8 +1,9 @@
 """Resonances that are unbounded, or sharper than double precision resolves.
 
-Without damping, friction limits the response only up to a certain excitation: a Jenkins element with the slip force S up to
-4 S/pi (Caughey 1960).  Above it the curve rises until the rounding of the frequency changes the forces by more than the
-tolerance of the equations.  Its highest point is then an accident of rounding, as it is with a very small damping.
+Without damping, friction limits the response only up to a certain excitation: a Jenkins element
+with the slip force S up to 4 S/pi (Caughey 1960).  Above it the curve rises until the rounding of
+the frequency changes the forces by more than the tolerance of the equations.  Its highest point is
+then an accident of rounding, as it is with a very small damping.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ TOO_SHARP = (
 def unresolved_resonance(
     system: Equations, basis: HarmonicBasis, y: NDArray, branch: NDArray
 ) -> LeftOut | None:
-    """Return the range around the highest point of a curve if its amplitude is unbounded or has no digits.
+    """Return the range around the highest point if its amplitude is unbounded or has no digits.
 
     Parameters
     ----------
@@ -51,7 +52,8 @@ def unresolved_resonance(
 def frequency_rounding(system: Equations, y: NDArray) -> float:
     """Return the change of the relative residual by the rounding of the frequency, at one point.
 
-    With the quality factor Q of a resonance it is about 2 Q times the machine epsilon.  Stiff contacts do not change it.
+    With the quality factor Q of a resonance it is about 2 Q times the machine epsilon.  Stiff
+    contacts do not change it.
     """
     step = 1e-3
     above, below = y.copy(), y.copy()

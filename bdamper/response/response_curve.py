@@ -1,27 +1,31 @@
-"""Response curve: all branches that are found over a frequency interval at one preload, and its interpretation.
+"""Response curve: all branches over a frequency interval at one preload, and its interpretation.
 
-:func:`frequency_response` covers the interval (``bdamper.response.branches``): from its lower end; from the upper end if
-the first path does not reach it; beyond both ends up to the free and stuck resonances, where a branch may turn and return;
-and in the remaining gaps, within a budget of evaluations.
+:func:`frequency_response` covers the interval (``bdamper.response.branches``): from its lower end;
+from the upper end if the first path does not reach it; beyond both ends up to the free and stuck
+resonances, where a branch may turn and return; and in the remaining gaps, within a budget of
+evaluations.
 
-**Mean position of the damper.**  The mean position of a free body may drift along a curve at constant vibration, may be
-undetermined (then it has least norm), or may have no equilibrium; :func:`notes` and :func:`why_no_solution` report it.
+**Mean position of the damper.**  The mean position of a free body may drift along a curve at
+constant vibration, may be undetermined (then it has least norm), or may have no equilibrium;
+:func:`notes` and :func:`why_no_solution` report it.
 
-**Rattling.**  Under a low preload the damper separates for most of the cycle and lands at different instants in each
-period. Harmonic balance then finds many periodic solutions, connected by folds, and time integration from the highest finds
-no steady amplitude.  :func:`rattles` detects curves with many folds and mostly open contacts.  It is an indication, not a
-proof, and appears at low preloads only (measured.md, *Where a damper rattles*).  On 84 curves :func:`rattles` detects
-11, and time integration of none of these becomes steady within 250 periods.  It misses 18 other curves on which it does not
-become steady.
+**Rattling.**  Under a low preload the damper separates for most of the cycle and lands at different
+instants in each period. Harmonic balance then finds many periodic solutions, connected by folds,
+and time integration from the highest finds no steady amplitude.  :func:`rattles` detects curves
+with many folds and mostly open contacts.  It is an indication, not a proof, and appears at low
+preloads only (measured.md, *Where a damper rattles*).  On 84 curves :func:`rattles` detects 11, and
+time integration of none of these becomes steady within 250 periods.  It misses 18 other curves on
+which it does not become steady.
 
-**No preload.**  A damper that its load would press against its neighbours moves away from them.  With a mean position so
-far off that no contact point closes in a cycle, the free response satisfies all equations exactly
-(:func:`free_of_contact`).
+**No preload.**  A damper that its load would press against its neighbours moves away from them.
+With a mean position so far off that no contact point closes in a cycle, the free response satisfies
+all equations exactly (:func:`free_of_contact`).
 
-**Slow sweep of frequency.**  :func:`sweep_of` starts at one end of the interval on the lowest stable solution and follows
-stable points.  Where the branch turns or loses stability the response jumps to a stable solution at that frequency: the
-nearest lower one, or the nearest higher one if there is none.  The motion during a jump is not computed, so among several
-stable solutions the response may end on another one.
+**Slow sweep of frequency.**  :func:`sweep_of` starts at one end of the interval on the lowest
+stable solution and follows stable points.  Where the branch turns or loses stability the response
+jumps to a stable solution at that frequency: the nearest lower one, or the nearest higher one if
+there is none.  The motion during a jump is not computed, so among several stable solutions the
+response may end on another one.
 """
 
 from __future__ import annotations
@@ -82,7 +86,7 @@ def notes(
     coordinates: Sequence[Coordinate],
     points: Sequence[Correction],
 ) -> tuple[str, ...]:
-    """Describe the ranges in which the mean position drifts, and mean positions that only least norm determines."""
+    """Describe where the mean position drifts, and mean positions that only least norm determines."""
     out = []
     stretches = (
         (kind, list(pairs))
@@ -112,7 +116,10 @@ def notes(
 def neutral_directions(
     system: Equations[Sector], coordinates: Sequence[Coordinate], y: NDArray
 ) -> list[str]:
-    """Return the names of the mean coordinates that dominate the null space of the mean part of the Jacobian."""
+    """Return the names of the mean coordinates that no equation determines at a solution.
+
+    They dominate the null space of the mean part of the Jacobian.
+    """
     n = system.n_mean
     columns = system.evaluate_at(y)[1][:, :n]
     size = np.abs(columns).max(axis=0)
@@ -129,7 +136,7 @@ def neutral_directions(
 def why_no_solution(
     system: Equations[Sector], model: Model, coordinates: Sequence[Coordinate], y: NDArray
 ) -> str:
-    """Describe the unbalanced mean force if a free body has no equilibrium at the last Newton iterate; otherwise ""."""
+    """Describe the unbalanced mean force on a free body at the last Newton iterate, or return ""."""
     try:
         r, J, _ = system.evaluate(y[:-1], y[-1])
     except FloatingPointError:
@@ -158,15 +165,15 @@ def why_no_solution(
 
 
 FOLDS = 14
-"""Smallest number of folds of a rattling damper.  With 12 the same 11 of 84 curves are detected, but an optimal curve
-ends at 49 N instead of 42 N, and a time integration at 50 N becomes steady.
+"""Smallest number of folds of a rattling damper.  With 12 the same 11 of 84 curves are detected,
+but an optimal curve ends at 49 N instead of 42 N, and a time integration at 50 N becomes steady.
 """
 OPEN = 0.5
-"""Smallest fraction of the cycle in separation at the highest response, mean over the friction points that are closed at
-rest.
+"""Smallest fraction of the cycle in separation at the highest response, mean over the friction
+points that are closed at rest.
 
-At a rotor speed most points may be open without vibration.  Without this limit three more of the 84 curves are detected,
-and on one of them the amplitude in time is steady.
+At a rotor speed most points may be open without vibration.  Without this limit three more of the 84
+curves are detected, and on one of them the amplitude in time is steady.
 """
 
 
@@ -177,7 +184,7 @@ def open_at_rest(case: LoadCase) -> float:
 
 
 def rattles(curve: ResponseCurve, at_rest: float = 0.0) -> str:
-    """Return the reason why no steady periodic response is expected at the preload of a curve, or "".
+    """Return the reason why no steady periodic response is expected at a preload, or "".
 
     Parameters
     ----------
@@ -205,7 +212,7 @@ NOTE = "without a preload nothing holds the damper: this is the free response (s
 def free_of_contact(
     problem: Problem, frequency: tuple[float, float], options: Any
 ) -> ResponseCurve | None:
-    """Return the free response as a response curve at zero preload, with the dampers out of contact.
+    """Return the free response as a response curve at zero preload, dampers out of contact.
 
     Parameters
     ----------
@@ -216,8 +223,8 @@ def free_of_contact(
     Returns
     -------
     ResponseCurve or None
-        None if it does not satisfy the equations: a structure without a loaded damper, surfaces under pressure without a
-        load, springs of a bonded contact, or a fixed mean.
+        None if it does not satisfy the equations: a structure without a loaded damper, surfaces
+        under pressure without a load, springs of a bonded contact, or a fixed mean.
     """
     system, load = problem.system(0.0), problem.damper_load[0]
     rigid = problem.static_basis.omega2 == 0.0
@@ -253,7 +260,8 @@ def free_of_contact(
 
 
 ELASTIC = 1e-3
-"""Frequency over the lowest frequency of a curve, below which resonances are rigid-body motions or too distant."""
+"""Frequency over the lowest frequency of a curve, below which resonances are rigid-body motions or
+too distant."""
 
 
 def frequency_response(
@@ -264,13 +272,14 @@ def frequency_response(
     options: ContinuationOptions | None = None,
     progress: bool = False,
 ) -> ResponseCurve:
-    """Compute the response curve over a frequency interval at one preload, with all branches that are found.
+    """Compute the response curve over a frequency interval at one preload, with all branches.
 
     Parameters
     ----------
     problem : Problem
     preload : float, N
-        Radial load on the damper.  At zero preload it is the free response if nothing else holds the damper.
+        Radial load on the damper.  At zero preload it is the free response if nothing else holds
+        the damper.
     frequency : (low, high), Hz
     options : ContinuationOptions
     progress : bool
@@ -279,8 +288,9 @@ def frequency_response(
     Returns
     -------
     ResponseCurve
-        ``status`` is "complete" if its branches cover the interval.  Otherwise ``reason`` gives the cause, and the curve
-        contains the points found so far.  A branch that does not reach the other end is complemented by one from there.
+        ``status`` is "complete" if its branches cover the interval.  Otherwise ``reason`` gives the
+        cause, and the curve contains the points found so far.  A branch that does not reach the
+        other end is complemented by one from there.
     """
     case = problem.at(preload)
     frequency = validation.interval("frequency", frequency)
@@ -356,7 +366,7 @@ def _start(case: LoadCase, search: Coverage, omega: float) -> NDArray | None:
 
 
 def _reason(case: LoadCase, search: Coverage, curve: ResponseCurve) -> str:
-    """Return the reason of a curve with the extent of the search, and advice if it is incomplete."""
+    """Return the reason of a curve with the extent of the search, or with advice."""
     problem, reason = case.problem, curve.reason
     if curve.complete:
         bottom, top = (w / TWO_PI for w in search.outside)
@@ -473,9 +483,9 @@ def check_curve(problem: Problem, curve: ResponseCurve, name: str = "curve") -> 
 
 
 def self_locking(problem: Problem) -> tuple[str, ...]:
-    """Return the bodies that friction alone can hold between their faces; their static normal load is not unique.
+    """Return the bodies that friction alone can hold between their faces.
 
-    :meth:`Problem.wedge_friction` finds no upper bound of their normal force.
+    Their static normal load is not unique: :meth:`Problem.wedge_friction` finds no upper bound.
     """
     try:
         bounds = problem.wedge_friction()
@@ -527,7 +537,8 @@ class SlowSweep:
         Amplitude of the first harmonic.
     jumps : tuple of Jump
     point : (n,) int
-        Index of the point of the curve; for the end of a jump between two points the next one along the sweep.
+        Index of the point of the curve; for the end of a jump between two points the next one along
+        the sweep.
     """
 
     frequency: NDArray
@@ -555,7 +566,7 @@ class _Landing(NamedTuple):
 
 
 class _Sweep:
-    """Points of a response curve with a coordinate that increases along the sweep: plus or minus the frequency."""
+    """Points of a response curve with a coordinate that increases along the sweep."""
 
     def __init__(self, sense: float, curve: ResponseCurve) -> None:
         self.x, self.amplitude, self.branch = sense * curve.frequency, curve.amplitude, curve.branch
@@ -565,7 +576,7 @@ class _Sweep:
         self.joined = joined & ~(self.fold[:-1] & self.fold[1:])
 
     def landings(self, x: float) -> list[_Landing]:
-        """Return the stable solutions at x from which the sweep can continue, in ascending order."""
+        """Return the stable solutions at x from which the sweep can continue, ascending."""
         solutions: list[_Landing] = []
         # relative difference of amplitudes below which two solutions at one frequency are the same
         same = 1e-6
@@ -589,8 +600,8 @@ class _Sweep:
 def sweep_of(curve: ResponseCurve, direction: str) -> SlowSweep:
     """Compute the response of a slow sweep of frequency from a response curve.
 
-    Unstable points are ``curve.unstable`` if examined, otherwise branches between folds that run backward.  All other
-    points count as stable.
+    Unstable points are ``curve.unstable`` if examined, otherwise branches between folds that run
+    backward.  All other points count as stable.
 
     Parameters
     ----------

@@ -1,10 +1,11 @@
 """Results of response curves.
 
-The response at the chosen location and direction is ``x(t) = x_0 + Re sum_l X_l exp(i l omega t)``.  ``amplitude`` is
-``|X_1|``, the harmonic of the excitation; ``peak_to_peak`` includes all harmonics.
+The response at the chosen location and direction is ``x(t) = x_0 + Re sum_l X_l exp(i l omega t)``.
+``amplitude`` is ``|X_1|``, the harmonic of the excitation; ``peak_to_peak`` includes all harmonics.
 
-A part of the curve between two folds on which the frequency decreases is unstable by the sign of det J (``backward``);
-``unstable`` contains the points that a stability analysis found unstable, if available.
+A part of the curve between two folds on which the frequency decreases is unstable by the sign of
+det J (``backward``); ``unstable`` contains the points that a stability analysis found unstable, if
+available.
 """
 
 from __future__ import annotations
@@ -53,7 +54,8 @@ class ResponseCurve(
 ):
     """Response curve; every point is a converged solution.
 
-    ``plot`` draws amplitude over frequency, with backward branches dashed (:func:`bdamper.plot.plot_curve`).
+    ``plot`` draws amplitude over frequency, with backward branches dashed
+    (:func:`bdamper.plot.plot_curve`).
 
     Parameters
     ----------
@@ -63,7 +65,8 @@ class ResponseCurve(
     harmonics : (n, n_harmonics + 1) complex, m
         Response amplitudes; the first column is the mean.
     unknowns : (n, n_unknowns) float
-        Modal coordinates (kg^1/2 m): mean, then cosine and sine amplitudes of each harmonic.  Empty for a run-up.
+        Modal coordinates (kg^1/2 m): mean, then cosine and sine amplitudes of each harmonic.  Empty
+        for a run-up.
     residual : (n,) float
         Relative to the excitation and the static load.
     shares : (n, 3) float
@@ -82,8 +85,9 @@ class ResponseCurve(
         "complete", "incomplete", "not found" (no first solution) or "interrupted", and the cause.
     cost : Cost
     missing_ranges : tuple of LeftOut
-        Omissions ``(low, high, why)``, Hz: frequencies without solution, tangles of folds, incomplete paths, an unbounded
-        resonance.  The gaps of a complete curve are narrower than a thousandth of the interval.
+        Omissions ``(low, high, why)``, Hz: frequencies without solution, tangles of folds,
+        incomplete paths, an unbounded resonance.  The gaps of a complete curve are narrower than a
+        thousandth of the interval.
     settings : mapping
     model_hash : str
     start_log : tuple of str
@@ -91,19 +95,20 @@ class ResponseCurve(
     notes : tuple of str
         Further observations: drifting or undetermined mean positions.
     unstable : (n,) bool or None
-        Whether a small disturbance is known to grow; ``labels`` shows which other points are known to be stable
-        (:mod:`bdamper.time_domain.floquet`).
+        Whether a small disturbance is known to grow; ``labels`` shows which other points are known
+        to be stable (:mod:`bdamper.time_domain.floquet`).
     stability_note : str
         Criterion, disturbances considered, and the cost.
     in_time : (n,) float or None
-        Mean amplitude in time of the motion that starts at a point, relative to the point; NaN if unknown
-        (:mod:`bdamper.time_domain.floquet`).
+        Mean amplitude in time of the motion that starts at a point, relative to the point; NaN if
+        unknown (:mod:`bdamper.time_domain.floquet`).
     closed : tuple of int
         Closed branches.  No sweep of frequency leads to them, and they do not count for ``peak``.
     speed : (n,) float, rad/s, or None
         Rotor speed of a run-up.
     blades : (n, n_blades, n_harmonics + 1) complex, m, or None
-        Response of every blade of a bladed disk in its local axes; ``harmonics`` is the response of the highest blade.
+        Response of every blade of a bladed disk in its local axes; ``harmonics`` is the response of
+        the highest blade.
     """
 
     kind: str
@@ -141,7 +146,7 @@ class ResponseCurve(
 
     @property
     def peak_to_peak(self) -> Metres:
-        """Difference (n,) of the highest and lowest response over a period with all harmonics, m."""
+        """Difference (n,) of the highest and lowest response in a period, all harmonics, m."""
         return 2.0 * half_range(self.harmonics)
 
     @property
@@ -169,7 +174,7 @@ class ResponseCurve(
         return np.flatnonzero([kind == "fold" for kind in self.point_kind])
 
     def point_text(self, i: int, kind: str) -> str:
-        """Return the text for a point: its kind, such as "fold", with amplitude, frequency and index."""
+        """Return the kind of a point, such as "fold", with amplitude, frequency and index."""
         return f"{kind}: {peak_text(self.amplitude[i], self.frequency[i], 6)} (point {i})"
 
     @property
@@ -186,15 +191,17 @@ class ResponseCurve(
 
     @property
     def without_amplitude(self) -> LeftOut | None:
-        """Part with the resonance if its amplitude is unbounded, or has no digits in double precision; otherwise None."""
+        """Part with a resonance that is unbounded or has no digits in double precision, or None."""
         parts = (
             part for part in self.missing_ranges if part.why.startswith((UNBOUNDED, NO_DIGITS))
         )
         return next(parts, None)
 
     def _jump(self, fold: int, reached: NDArray) -> tuple[float, float]:
-        """Return the difference (m) between the amplitude at a fold and the nearest other amplitude at its frequency (Hz),
-        and this frequency.  The difference is 0 without another solution.
+        """Return the size (m) and the frequency (Hz) of the jump at a fold.
+
+        The size is the difference from the nearest other amplitude at the frequency of the fold,
+        and 0 without another solution.
         """
         away = np.abs(np.arange(len(self) - 1) - fold + 0.5) > 1.0
         joined = away & (np.diff(self.branch) == 0) & reached[1:]
@@ -210,15 +217,16 @@ class ResponseCurve(
 
     @property
     def detached(self) -> NDArray:
-        """Index (k,) of the largest response of each closed branch; closed branches do not count for the peak."""
+        """Index (k,) of the largest response of each closed branch; they do not count for the peak."""
         return self._tops(self.closed)
 
     @property
     def separate(self) -> NDArray:
-        """Index (k,) of the largest response of each branch that enters and leaves at the same end of the interval.
+        """Index (k,) of the largest response of each branch that enters and leaves at one end.
 
-        It does not count for the peak if another branch connects both ends, because a slow sweep within the interval stays
-        on that branch.  A sweep from beyond the end may follow the separate branch; a wider interval shows it.
+        It does not count for the peak if another branch connects both ends, because a slow sweep
+        within the interval stays on that branch.  A sweep from beyond the end may follow the
+        separate branch; a wider interval shows it.
         """
         same_end = 1e-6  # relative difference of frequencies
         through: list[int] = []
@@ -232,7 +240,7 @@ class ResponseCurve(
 
     @property
     def apart(self) -> NDArray:
-        """Whether each point (n,) is on a closed or separate branch, which does not count for the peak."""
+        """Whether each point (n,) is on a closed or separate branch, and not for the peak."""
         return np.isin(self.branch, (*self.closed, *self.branch[self.separate]))
 
     def higher(self, amplitude: float) -> str:
@@ -246,7 +254,7 @@ class ResponseCurve(
 
     @property
     def may_be_higher(self) -> str:
-        """Reason why the largest response is only a lower bound of the resonance; empty if nothing higher is known."""
+        """Reason why the largest response is only a lower bound of the resonance, or ""."""
         if not len(self) or self.kind not in ("response", "run-up"):
             return ""
         if not self.complete:
@@ -255,7 +263,7 @@ class ResponseCurve(
 
     @property
     def out_of_reach(self) -> NDArray:
-        """Whether each point (n,) is on a closed branch, or on a separate branch that is higher than the peak."""
+        """Whether each point (n,) is on a closed branch, or a separate one above the peak."""
         above = self.separate[self.amplitude[self.separate] > self.amplitude[self.peak_index]]
         return np.isin(self.branch, (*self.closed, *self.branch[above]))
 
@@ -269,12 +277,15 @@ class ResponseCurve(
 
     @property
     def peak(self) -> Peak:
-        """Point of largest response, even if it is no maximum (``peak_at_end``); closed and separate branches do not count.
+        """Point of largest response, even if it is no maximum (``peak_at_end``).
 
-        It is the point ``peak_index`` of the curve, without further computation.  A maximum is exact to
-        ``ContinuationOptions.locate_tolerance``.  The amplitude of an unbounded resonance is infinite, and NaN if it has no
-        digits.  The curve does not store its tangent, which is zero here; the analyses
-        that need the tangent first correct the point by Newton's method (``bdamper.response.peak.with_tangent``).
+        Closed and separate branches do not count.
+
+        It is the point ``peak_index`` of the curve, without further computation.  A maximum is
+        exact to ``ContinuationOptions.locate_tolerance``.  The amplitude of an unbounded resonance
+        is infinite, and NaN if it has no digits.  The curve does not store its tangent, which is
+        zero here; the analyses that need the tangent first correct the point by Newton's method
+        (``bdamper.response.peak.with_tangent``).
         """
         i = self.peak_index
         frequency = float(self.frequency[i])
@@ -322,7 +333,7 @@ class ResponseCurve(
 
     @property
     def peak_at_end(self) -> bool:
-        """Whether the largest response is at an end of the curve or at a gap in it, and is no maximum."""
+        """Whether the largest response is at an end of the curve or at a gap: no maximum."""
         i = self.peak_index
         if self.kind in ("response", "run-up") and self.point_kind[i] in ("maximum", "fold"):
             return False
@@ -337,8 +348,11 @@ class ResponseCurve(
 
     @property
     def labels(self) -> NDArray:
-        """Stability of each point: "stable" or "unstable" in time; "stable as far as N harmonics tell" or "unstable" by
-        multipliers; "unstable (det J < 0) with N harmonics" or "undecided (det J >= 0) with N harmonics"; "" if unknown.
+        """Stability of each point, or "" if unknown.
+
+        It is "stable" or "unstable" in time, "stable as far as N harmonics tell" or "unstable" by
+        multipliers, and "unstable (det J < 0) with N harmonics" or "undecided (det J >= 0) with N
+        harmonics" by the sign of the determinant.
         """
         if self.unstable is None:
             return np.full(len(self), "", object)
@@ -370,14 +384,14 @@ class ResponseCurve(
         return {f"{name} (%)": share for name, share in shares if np.isfinite(share)}
 
     def _facts(self) -> tuple[Fact, ...]:
-        """Return the highest point of the curve and its origin; empty for a curve without points."""
+        """Return the highest point of the curve and its origin; empty without points."""
         if not len(self):
             return ()
         named = exceeds(self.half_range, self.amplitude[self.peak_index])
         return (*super()._facts(), *[Fact("half of the range", self.half_range, "m")] * named)
 
     def _unprinted(self) -> tuple[str, ...]:
-        """Return the names of fields that are not printed; the preload of a limit only closes contact points."""
+        """Return the names of fields that are not printed."""
         return (*super()._unprinted(), *["preload"] * self.is_limit)
 
     def _headline(self) -> str:
@@ -432,15 +446,15 @@ class ResponseCurve(
 
 
 def unstable_points(curve: ResponseCurve) -> NDArray:
-    """Return the unstable points (n,) bool: by a stability analysis, otherwise by a decreasing frequency."""
+    """Return the unstable points (n,): by a stability analysis, or by a decreasing frequency."""
     return np.asarray(curve.backward if curve.unstable is None else curve.unstable, bool)
 
 
 def crossed(x: NDArray, height: NDArray, at: float, joined: NDArray) -> tuple[NDArray, NDArray]:
     """Find the intersections of a curve with the line ``x = at``.
 
-    Return the index of the first point of each segment that crosses the line, and the interpolated heights.  Only segments
-    with ``joined`` belong to the curve.
+    Return the index of the first point of each segment that crosses the line, and the interpolated
+    heights.  Only segments with ``joined`` belong to the curve.
     """
     f = x - at
     across = np.flatnonzero((f[:-1] * f[1:] <= 0.0) & (f[:-1] != f[1:]) & joined)

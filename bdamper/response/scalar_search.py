@@ -1,23 +1,28 @@
 """Minimum and root of an expensive, piecewise smooth function of one variable.
 
-The optimum is the minimum of ln(peak amplitude) over ln(preload), given with its slope.  This function is smooth on a
-branch of peaks and jumps if another peak becomes the highest.  Values and slopes are known at some samples.  Between two
-neighbouring samples (:func:`lower_bound`):
+The optimum is the minimum of ln(peak amplitude) over ln(preload), given with its slope.  This
+function is smooth on a branch of peaks and jumps if another peak becomes the highest.  Values and
+slopes are known at some samples.  Between two neighbouring samples (:func:`lower_bound`):
 
-- if the tangents match one smooth branch, the Hermite cubic through both ends has a minimum or none;
-- otherwise one branch may continue along its tangent and end, or two branches cross where their tangents meet.
+- if the tangents match one smooth branch, the Hermite cubic through both ends has a minimum or
+  none;
+- otherwise one branch may continue along its tangent and end, or two branches cross where their
+  tangents meet.
 
-:func:`find_minimum` evaluates the function where it may be lowest, until no bound is below the smallest known value.  A
-bracketing search (Brent) between the neighbours of the smallest value misses minima elsewhere and does not use slopes.
+:func:`find_minimum` evaluates the function where it may be lowest, until no bound is below the
+smallest known value.  A bracketing search (Brent) between the neighbours of the smallest value
+misses minima elsewhere and does not use slopes.
 
-:func:`find_root` finds the root between a change of sign.  The next trial is the zero of the inverse interpolation
-polynomial through the last four points at most.  If their values are not monotonic, or the zero lies outside the bracket,
-the trial is the secant through the ends of the bracket.  The value at an end that remains twice is then reduced, so that
-both ends of the bracket move [1]_.  If a trial is not below half the value that it replaces, the next trial is the
-midpoint.  If the function jumps through zero, the root is the jump.
+:func:`find_root` finds the root between a change of sign.  The next trial is the zero of the
+inverse interpolation polynomial through the last four points at most.  If their values are not
+monotonic, or the zero lies outside the bracket, the trial is the secant through the ends of the
+bracket.  The value at an end that remains twice is then reduced, so that both ends of the bracket
+move [1]_.  If a trial is not below half the value that it replaces, the next trial is the midpoint.
+If the function jumps through zero, the root is the jump.
 
-The search stops if the secant step through the last two trials on one side is within the tolerance, regardless of the
-width of the bracket.  A secant across the root would mistake a jump for a root nearby.
+The search stops if the secant step through the last two trials on one side is within the tolerance,
+regardless of the width of the bracket.  A secant across the root would mistake a jump for a root
+nearby.
 
 References
 ----------
@@ -33,25 +38,32 @@ from typing import NamedTuple
 import numpy as np
 
 GAIN = 2e-3
-"""Smallest improvement that continues the search; in ln(amplitude) a fifth of the tolerated error of an optimum."""
+"""Smallest improvement that continues the search; in ln(amplitude) a fifth of the tolerated error
+of an optimum."""
 LEVEL_SLOPE = 1e-4
-"""Largest slope at a refined smooth minimum.  With a larger slope another branch is the highest there."""
+"""Largest slope at a refined smooth minimum.  With a larger slope another branch is the highest
+there."""
 MISMATCH = 0.2
-"""Largest mismatch of values and tangents on one smooth branch, relative to the larger change along either tangent."""
+"""Largest mismatch of values and tangents on one smooth branch, relative to the larger change along
+either tangent."""
 MAX_DISTANCE = 0.6
-"""Largest distance of samples for which matching or crossing tangents prove anything.  Without this limit the optimum from
-four preloads between 60 N and 20 kN (residual modes, one harmonic) is 17 % too high.
+"""Largest distance of samples for which matching or crossing tangents prove anything.  Without this
+limit the optimum from four preloads between 60 N and 20 kN (residual modes, one harmonic) is 17 %
+too high.
 """
 CORNER = 0.02
-"""Distance to which a sample without a slope (corner or drift), or the end of a decreasing range of known values, is
-enclosed by bisection.  Without it one of 15 random optima is 4 % too high.
+"""Distance to which a sample without a slope (corner or drift), or the end of a decreasing range of
+known values, is enclosed by bisection.  Without it one of 15 random optima is 4 % too high.
 """
 MAX_EVALUATIONS = 12
 """Largest number of further evaluations."""
 
 
 class Sample(NamedTuple):
-    """Abscissa with the value and the slope of the function; NaN without a slope, infinite without a value."""
+    """Abscissa with the value and the slope of the function.
+
+    The slope is NaN if unknown, and the value infinite.
+    """
 
     x: float
     value: float
@@ -59,7 +71,7 @@ class Sample(NamedTuple):
 
 
 class LowerBound(NamedTuple):
-    """Lower bound of the function between two samples, its position, and whether both are on one smooth branch."""
+    """Lower bound between two samples, its position, and whether both are on one smooth branch."""
 
     value: float
     x: float
@@ -95,7 +107,7 @@ def on_one_branch(a: Sample, b: Sample) -> bool:
 
 
 def lower_bound(a: Sample, b: Sample) -> LowerBound | None:
-    """Return the lower bound of the function between two neighbours from their tangents; None if it is not below both."""
+    """Return the lower bound between two neighbours from their tangents; None if not below both."""
     h = b.x - a.x
     fall, rise = -min(a.slope, 0.0), max(b.slope, 0.0)
     if np.isfinite(a.value) != np.isfinite(b.value):  # the known branch may decrease further
@@ -133,7 +145,7 @@ def lower_bound(a: Sample, b: Sample) -> LowerBound | None:
 
 
 def _minimum_of_cubic(first: float, last: float, rise: float) -> float:
-    """Return the abscissa of the minimum of the Hermite cubic on (0, 1) that decreases at 0 and increases at 1."""
+    """Return the minimum of the Hermite cubic on (0, 1) that decreases at 0 and increases at 1."""
     b, c = 6.0 * rise - 4.0 * first - 2.0 * last, 3.0 * (first + last) - 6.0 * rise
     root = np.sqrt(max(b * b - 4.0 * c * first, 0.0))
     return float(np.clip(-2.0 * first / (b + root) if b + root > 0.0 else 0.5, 0.01, 0.99))
@@ -144,7 +156,8 @@ Candidate = tuple[tuple[Sample, Sample], LowerBound]
 Evaluate = Callable[[Sequence[float]], Sequence[Sample]]
 """Callable that evaluates the function at several abscissae."""
 Refine = Callable[[Sample, Sample, float], float | None]
-"""Callable that returns the minimum of the smooth branch between two samples from a guess; None if it fails."""
+"""Callable that returns the minimum of the smooth branch between two samples from a guess; None if
+it fails."""
 
 
 def find_minimum(
@@ -171,7 +184,8 @@ def find_minimum(
         Minimum of the samples.
     """
     samples, refined, tried = sorted(known), set[float](), set[tuple[float, float]]()
-    # two concurrent evaluations use two cores; the number is fixed so that the result does not depend on the machine
+    # two concurrent evaluations use two cores; the number is fixed so that the result does not
+    # depend on the machine
     at_once = 2
     while len(samples) < len(known) + MAX_EVALUATIONS and (
         candidates := _candidates(samples, tried)
@@ -196,10 +210,11 @@ def find_minimum(
 
 
 def _candidates(samples: Sequence[Sample], tried: set[tuple[float, float]]) -> list[Candidate]:
-    """Return neighbours between which the function may be lower by GAIN than all known values, the lowest bound first.
+    """Return neighbours between which the function may be lower by GAIN, lowest bound first.
 
-    Next to the smallest value any lower bound counts, until its slope is below LEVEL_SLOPE or the minimum was refined
-    (``tried``): a refinement may fail from samples far apart and succeed from closer ones.
+    Next to the smallest value any lower bound counts, until its slope is below LEVEL_SLOPE or the
+    minimum was refined (``tried``): a refinement may fail from samples far apart and succeed from
+    closer ones.
     """
     smallest = min(samples, key=lambda p: p.value)
     lowest = smallest.value
@@ -251,7 +266,8 @@ class Root(NamedTuple):
     at, value : float
         Last trial and the function there.
     step : float
-        Estimated error of ``at``: secant step through the last two trials on one side, at most the width of the bracket.
+        Estimated error of ``at``: secant step through the last two trials on one side, at most the
+        width of the bracket.
     trials : int
         Number of function evaluations.
     """
@@ -336,18 +352,18 @@ def root_trials(
 
 
 def _weight(new: float, old: float) -> float:
-    """Return the factor for the value at the end that remains, from the values at the end that moves."""
+    """Return the factor for the value at the end that remains."""
     return 1.0 - new / old if abs(new) < abs(old) else 0.5
 
 
 def _secant(a: float, f_a: float, b: float, f_b: float) -> float:
-    """Return the root of the line through two points; the midpoint if rounding places it outside."""
+    """Return the root of the line through two points; the midpoint if it is outside."""
     x = (a * f_b - b * f_a) / (f_b - f_a) if f_b != f_a else a
     return x if a < x < b else 0.5 * (a + b)
 
 
 def _zero_of_inverse(known: list[tuple[float, float]]) -> float:
-    """Return the zero of the inverse interpolation polynomial (Neville); NaN if the values are not monotonic."""
+    """Return the zero of the inverse interpolation polynomial (Neville); NaN if not monotonic."""
     x, f = [at for at, _ in known], np.array([value for _, value in known])
     rises = np.diff(f)
     if not ((rises > 0.0).all() or (rises < 0.0).all()):

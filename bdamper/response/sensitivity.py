@@ -1,21 +1,25 @@
 """Derivatives of resonance peaks and response curves with respect to the preload and to settings.
 
-Let ``B`` be ``[J r_omega; t^T]`` with the tangent ``t`` of the response curve.  For a parameter ``p``
+Let ``B`` be ``[J r_omega; t^T]`` with the tangent ``t`` of the response curve.
+For a parameter ``p``
 
-    B z_p = (-r_p, 0),       dA/dp = grad(A) . z_p = -lambda . r_p,      B^T (lambda, nu) = (grad(A), 0):
+    B z_p = (-r_p, 0),       B^T (lambda, nu) = (grad(A), 0),
 
-one adjoint solution serves all parameters.  The peak moves by ``z_p + s t`` with ``s = -(d phi along (z_p, 1))/(grad(phi) .
-t)``, where ``phi`` is the slope of ln(amplitude) along the curve.  The gradient of ``phi`` takes one more adjoint solution,
-nu, and differences of Jacobians along the curve (``csrc/solver/newton.c``).  Along (z_p, 1) ``phi`` changes with the
-response and by ``-nu . d[J r_omega] t``.
+    dA/dp = grad(A) . z_p = -lambda . r_p:
 
-A point of a curve moves by ``z_p``, normal to the curve in scaled unknowns.  The bordered matrix is regular at folds, where
-the derivative at a fixed frequency is infinite.
+one adjoint solution serves all parameters.  The peak moves by ``z_p + s t`` with ``s = -(d phi
+along (z_p, 1))/(grad(phi) . t)``, where ``phi`` is the slope of ln(amplitude) along the curve.  The
+gradient of ``phi`` takes one more adjoint solution, nu, and differences of Jacobians along the
+curve (``csrc/solver/newton.c``).  Along (z_p, 1) ``phi`` changes with the response and by ``-nu .
+d[J r_omega] t``.
 
-The unknowns are modal coordinates, and modes may depend on the parameter: the mass-normalised modes of a damper are
-inversely proportional to the root of its mass.  Factors on the unknowns at another parameter value therefore preserve the
-motion of the contact points.  Without them the differences would cross contact events, such as slip-to-stick, only because
-modes change.
+A point of a curve moves by ``z_p``, normal to the curve in scaled unknowns.  The bordered matrix is
+regular at folds, where the derivative at a fixed frequency is infinite.
+
+The unknowns are modal coordinates, and modes may depend on the parameter: the mass-normalised modes
+of a damper are inversely proportional to the root of its mass.  Factors on the unknowns at another
+parameter value therefore preserve the motion of the contact points.  Without them the differences
+would cross contact events, such as slip-to-stick, only because modes change.
 """
 
 from __future__ import annotations
@@ -53,20 +57,21 @@ from bdamper.util.progress import one_thread
 
 
 SIDES = 0.3
-"""Largest relative difference of the one-sided derivatives.  At a flat peak they are 771 and 671 Hz per unit, and
-differences of computed peaks confirm the mean, 720.6 Hz.
+"""Largest relative difference of the one-sided derivatives.  At a flat peak they are 771 and 671 Hz
+per unit, and differences of computed peaks confirm the mean, 720.6 Hz.
 """
 NOISE = 1e-4
-"""Difference of the relative one-sided derivatives that counts as curvature over the step, as at an optimum."""
+"""Difference of the relative one-sided derivatives that counts as curvature over the step, as at an
+optimum."""
 
 
 class NoDerivative(SettingError, ArithmeticError):
-    """Error: a peak has no derivative with respect to a parameter, or the derivative cannot be computed."""
+    """Error: a peak has no derivative with respect to a parameter, or it cannot be computed."""
 
 
 @dataclass(frozen=True)
 class PeakSensitivity:
-    """Derivatives of a peak with respect to one parameter, per unit of the parameter; NaN if unknown.
+    """Derivatives of a peak with respect to one parameter, per unit of it; NaN if unknown.
 
     Parameters
     ----------
@@ -110,7 +115,10 @@ class Sensitivities(Plottable, dict[str, PeakSensitivity]):
         self.amplitude, self.frequency = amplitude, frequency
 
     def changes(self) -> dict[str, tuple[float, float]]:
-        """Return the relative change of amplitude and frequency for one per cent of each parameter; NaN if unknown."""
+        """Return the relative change of amplitude and frequency for one per cent of each parameter.
+
+        NaN if unknown.
+        """
         a, f = 0.01 / self.amplitude, 0.01 / self.frequency
         return {
             name: (a * s.value * s.amplitude, f * s.value * s.frequency) for name, s in self.items()
@@ -145,7 +153,8 @@ class Sensitivities(Plottable, dict[str, PeakSensitivity]):
 class CurveSensitivity:
     """Derivatives of a response curve with respect to one parameter, per unit of the parameter.
 
-    A point moves normal to the curve.  Its frequency and response change together, and both changes are finite at folds.
+    A point moves normal to the curve.  Its frequency and response change together, and both changes
+    are finite at folds.
 
     Parameters
     ----------
@@ -168,7 +177,7 @@ class CurveSensitivity:
 
     @property
     def at_frequency(self) -> NDArray:
-        """Derivative (n,) of the complex response at fixed frequency, m per unit; infinite at a fold."""
+        """Derivative (n,) of the response at fixed frequency, m per unit; infinite at a fold."""
         onward = self.tangent[:, 0].real
         with np.errstate(divide="ignore", invalid="ignore"):
             return self.response - self.tangent[:, 1] * self.frequency / onward
@@ -181,7 +190,7 @@ def across(
     families: Mapping[str, tuple[Family, float]],
     factors: NDArray | float = 1.0,
 ) -> dict[str, CurveSensitivity]:
-    """Compute the derivatives of points of a response curve, with one bordered matrix for each point.
+    """Compute the derivatives of points of a response curve, with one bordered matrix each.
 
     Parameters
     ----------
@@ -191,9 +200,11 @@ def across(
     scale : (n, n_unknowns + 1) float
         Units in which each tangent has unit length.
     families : mapping of name to (family, value)
-        Equations as a function of each parameter, and the value at which they are the equations of ``system``.
+        Equations as a function of each parameter, and the value at which they are the equations of
+        ``system``.
     factors : float or (n,) float
-        Excitation at each point relative to the excitation of ``system``.  The residual is linear in the excitation.
+        Excitation at each point relative to the excitation of ``system``.  The residual is linear
+        in the excitation.
 
     Raises
     ------
@@ -239,14 +250,15 @@ def sensitivities(
 ) -> dict[str, PeakSensitivity]:
     """Compute the derivatives of amplitude and frequency of a peak.
 
-    One adjoint solution serves the amplitude for all parameters.  The frequency needs the derivative of the solution with
-    respect to each parameter.
+    One adjoint solution serves the amplitude for all parameters.  The frequency needs the
+    derivative of the solution with respect to each parameter.
 
     Parameters
     ----------
     peak : Peak
     families : mapping of name to (family, value)
-        Equations as a function of each parameter, and the value at which they are the equations of the peak.
+        Equations as a function of each parameter, and the value at which they are the equations of
+        the peak.
 
     Returns
     -------
@@ -287,8 +299,9 @@ class _Linear:
             )
 
     def move(self, r_p: NDArray) -> NDArray:
-        """Return the derivative of the solution with respect to the parameter, in scaled unknowns, normal to the tangent.
+        """Return the derivative of the solution with respect to the parameter.
 
+        It is in scaled unknowns and normal to the tangent.
         ``r_p`` (n_unknowns,) is the derivative of the residual with respect to the parameter.
         """
         peak = self.peak
@@ -325,7 +338,8 @@ class _Linear:
     def along(self, move: NDArray, high: _Neighbour, low: _Neighbour) -> NDArray:
         """Return the derivatives from differences along the derivative of the solution.
 
-        The two points move with the parameter, so the contact states of both are nearly the states at the peak.
+        The two points move with the parameter, so the contact states of both are nearly the states
+        at the peak.
         """
         peak, t = self.peak, self.peak.tangent * self.peak.scale
         ends = [peak.y + side.step * move * peak.scale for side in (high, low)]
@@ -345,8 +359,9 @@ class _Linear:
 
 @dataclass(frozen=True)
 class _Neighbour:
-    """Equations at a neighbouring parameter value, with the factors on the unknowns that preserve the motion of contact
-    points.
+    """Equations at a neighbouring parameter value.
+
+    The factors on the unknowns preserve the motion of the contact points.
     """
 
     system: Equations
@@ -380,7 +395,10 @@ class _Neighbour:
 
 
 def _neighbours(family: Family, value: float, system: Equations) -> tuple[_Neighbour, _Neighbour]:
-    """Return the equations above and below a value; at the value if it is the lower end of its range."""
+    """Return the equations above and below a value.
+
+    At the lower end of its range those at the value replace those below.
+    """
     step = DIFFERENCE * (abs(value) if value != 0.0 else 1.0)
     above = family(value + step)
     high = _Neighbour(above, step, _factors(above, system))
@@ -399,7 +417,7 @@ def _rate(
 
 
 def _factors(system: Equations, reference: Equations) -> NDArray:
-    """Return factors (n_unknowns + 1,) that match modes of two equation systems with different normalisation.
+    """Return factors (n_unknowns + 1,) that match modes with different normalisation.
 
     Raises
     ------
@@ -430,8 +448,9 @@ def _factors(system: Equations, reference: Equations) -> NDArray:
 
 
 def _adjoint(system: Equations, peak: Peak) -> NDArray:
-    """Return the adjoint solution (n_unknowns,): minus the derivative of the amplitude at the peak with respect to each
-    residual.
+    """Return the adjoint solution (n_unknowns,).
+
+    It is minus the derivative of the amplitude at the peak with respect to each residual.
     """
     gradient, square = system.rows.squared_gradient(peak.y)
     gradient /= np.sqrt(square)
@@ -441,7 +460,7 @@ def _adjoint(system: Equations, peak: Peak) -> NDArray:
 
 
 def amplitude_sensitivity(peak: Peak, family: Family, value: float) -> float:
-    """Compute the derivative of a peak's amplitude (m per unit of the parameter) by the adjoint solution alone.
+    """Compute the derivative of a peak's amplitude (m per unit) by the adjoint solution alone.
 
     Parameters
     ----------
@@ -551,8 +570,8 @@ def band(
     Returns
     -------
     deviation : (n,) float
-        Standard deviation normal to the curve, in ln(amplitude) and in ln(frequency) over the width at half the highest
-        amplitude.  NaN where only the mean drifts along the curve.
+        Standard deviation normal to the curve, in ln(amplitude) and in ln(frequency) over the width
+        at half the highest amplitude.  NaN where only the mean drifts along the curve.
     frequency, amplitude : (n, 2) float, Hz and m
         Edges of the band at plus and minus two standard deviations.
     """
@@ -578,8 +597,9 @@ def band(
 def families(
     problem: Problem, parameters: Sequence[str], preload: float
 ) -> dict[str, tuple[Family, float]]:
-    """Return the equations at one preload as functions of each parameter, with its value; parameters without effect are
-    omitted.
+    """Return the equations at one preload as functions of each parameter, with its value.
+
+    Parameters without effect are omitted.
     """
     if (given := problem.settings.contact_forces) != "event_driven":
         raise SettingError(

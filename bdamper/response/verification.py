@@ -1,4 +1,4 @@
-"""Results of checks of a solution: time integration, convergence with harmonics, and error estimates by source."""
+"""Results of checks of a solution: time integration, convergence with harmonics, error estimates."""
 
 from __future__ import annotations
 
@@ -35,18 +35,20 @@ from bdamper.util.tables import (
 
 
 ALIKE = 0.05
-"""Relative difference of the mean amplitudes of two blades below which they vibrate equally.  Also the amplitude
-relative to the largest wave below which waves are not listed.
+"""Relative difference of the mean amplitudes of two blades below which they vibrate equally.  Also
+the amplitude relative to the largest wave below which waves are not listed.
 """
 BEATS = 0.1
 """Excess of the highest period over the mean amplitude from which the headline names it."""
 
 
 def energy_shares(energy: tuple[float, ...]) -> tuple[float, NDArray]:
-    """Return the energy (J) supplied in a period, and the shares of it taken by damping, contacts, rise and time steps.
+    """Return the energy (J) supplied in a period, and the shares that take it.
 
-    The work of the excitation is the supply, with everything that gives energy instead of taking it: far from a resonance
-    the work alone may be close to zero.
+    Shares: damping, contacts, rise of kinetic and strain energy, and error of the time steps.
+
+    The work of the excitation is the supply, with everything that gives energy instead of taking
+    it: far from a resonance the work alone may be close to zero.
     """
     taken = np.array([*energy[1:], energy[0] - sum(energy[1:])])
     supplied = max(energy[0], 0.0) - taken[taken < 0.0].sum()
@@ -54,7 +56,7 @@ def energy_shares(energy: tuple[float, ...]) -> tuple[float, NDArray]:
 
 
 def energy_change(energy: tuple[float, ...]) -> str:
-    """Return a text if kinetic and strain energy change by more than a fifth of the energy of a period, or ""."""
+    """Return a text if kinetic and strain energy change by more than a fifth of the supply, or ""."""
     _, (_, _, rise, _) = energy_shares(energy)
     if abs(rise) <= 0.2:
         return ""
@@ -62,7 +64,7 @@ def energy_change(energy: tuple[float, ...]) -> str:
 
 
 class AllBlades(Summarised):
-    """Base class of motions in time: differences between the blades, energy of a period, and travelling waves."""
+    """Base class of motions in time: differences of the blades, energy of a period, travelling waves."""
 
     blade: int
     blades: NDArray
@@ -77,7 +79,7 @@ class AllBlades(Summarised):
 
     @property
     def parted(self) -> bool:
-        """Whether equal blades vibrate differently, with the same blades high in both halves of the periods."""
+        """Whether equal blades vibrate differently, with the same high blades in all periods."""
         low, high = self.spread
         if not (len(self.waves) > 1 < len(self.blades) and high > (1.0 + ALIKE) * low):
             return False
@@ -88,7 +90,7 @@ class AllBlades(Summarised):
 
     @property
     def numerical_loss(self) -> float:
-        """Error of the energy balance of a period relative to the energy supplied; NaN without time integration."""
+        """Error of the energy balance of a period relative to the supply; NaN if not integrated."""
         return float(energy_shares(self.energy)[1][3]) if self.energy else float("nan")
 
     def _unlike(self) -> str:
@@ -128,15 +130,16 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
     mean : float, m
         Amplitude of the first harmonic of the highest blade, mean over periods.
     lowest, highest : float, m
-        Range of the mean: all ``answers`` and higher ``starts``, widened by the remaining change of a settled motion or the
-        standard deviation of its periods.  It contains ``highest_period``.
+        Range of the mean: all ``answers`` and higher ``starts``, widened by the remaining change of
+        a settled motion or the standard deviation of its periods.  It contains ``highest_period``.
     frequency, preload : float, Hz, N
     balance : float, m
         Amplitude of the highest peak by harmonic balance.
     highest_period : float, m
         Highest amplitude of a single period in all ``answers``.
     fall : float, Hz
-        Frequency closest to the highest motion at which the motion changes to another amplitude; NaN if there is none.
+        Frequency closest to the highest motion at which the motion changes to another amplitude;
+        NaN if there is none.
     structure : str
         Modes in the response curve and in time.
     periods : int
@@ -144,27 +147,31 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
     diameters : tuple of int
         Nodal diameters of the model.
     status : str
-        "complete", "interrupted", or "incomplete: " and "not found: " with the reason.  It is "incomplete: not settled" if
-        two of the ``answers``, or one of them and a higher one of the ``starts``, differ by more than 5 %.
+        "complete", "interrupted", or "incomplete: " and "not found: " with the reason.  It is
+        "incomplete: not settled" if two of the ``answers``, or one of them and a higher one of the
+        ``starts``, differ by more than 5 %.
     cost : Cost
     blade : int
         Highest blade.
     blades : (n_periods, n_blades) float, m
         Amplitudes of all blades in the last periods.
     waves : (n_blades, 2) float
-        Nodal diameters and amplitudes (m) of the travelling waves of the motion, in descending order.  A wave against the
-        direction of the excitation has a negative nodal diameter.
+        Nodal diameters and amplitudes (m) of the travelling waves of the motion, in descending
+        order.  A wave against the direction of the excitation has a negative nodal diameter.
     answers : dict of str to float, m
-        Mean amplitude of the highest blade with n, 2n and 4n time steps, in a richer structure, and at ``fall``.
+        Mean amplitude of the highest blade with n, 2n and 4n time steps, in a richer structure, and
+        at ``fall``.
     starts : dict of str to float, m
         Mean amplitude that other initial states lead to.
     energy : tuple of four float, J
-        In a period, all blades: work of the excitation, loss in damping, loss in contacts, and rise of kinetic and strain
-        energy.
+        In a period, all blades: work of the excitation, loss in damping, loss in contacts, and rise
+        of kinetic and strain energy.
     growth : float
-        Growth rate per period of the motion in other waves than the excited wave; negative if it decays, NaN if too small.
+        Growth rate per period of the motion in other waves than the excited wave; negative if it
+        decays, NaN if too small.
     half_range : float, m
-        Half of the peak-to-peak response of the highest blade with the harmonics of the study, mean over periods.
+        Half of the peak-to-peak response of the highest blade with the harmonics of the study, mean
+        over periods.
     settings : mapping
     model_hash : str
     """
@@ -202,7 +209,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
 
     @property
     def settled(self) -> bool:
-        """Whether the status is complete: all ``answers`` agree, and nothing indicates a higher motion.
+        """Whether all ``answers`` agree, and nothing indicates a higher motion: status "complete".
 
         Single periods may still differ, from ``lowest`` to ``highest``.
         """
@@ -215,12 +222,15 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
 
     @property
     def factor(self) -> float:
-        """Largest amplitude in time over the amplitude by harmonic balance, as a factor on stress."""
+        """Largest amplitude in time over the one by harmonic balance, as a factor on stress."""
         return self.largest / self.balance
 
     @property
     def text(self) -> str:
-        """Mean and range, "55 µm (53 to 58)"; only the range if answers differ; the status if nothing was found."""
+        """Mean and range, "55 µm (53 to 58)".
+
+        Only the range if answers differ; the status if nothing was found.
+        """
         if self.mean != self.mean:
             return self.status
         if "not settled" in self.status:
@@ -228,7 +238,10 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         return f"{amount(self.mean, 'm')} ({span(self.lowest, self.highest, 'm', near=self.mean).rpartition(' ')[0]})"
 
     def mark(self, ax: object, path: FilePath | None = None) -> object:
-        """Draw mean and range as a point with a bar over response curves (:func:`bdamper.plot.mark_time_response`)."""
+        """Draw mean and range as a point with a bar over response curves.
+
+        The picture is drawn by :func:`bdamper.plot.mark_time_response`.
+        """
         return draw(self, "figure", "mark", path, ax)
 
     def _headline(self) -> str:
@@ -264,15 +277,16 @@ class MotionInTime(
     Parameters
     ----------
     mean, lowest, highest : float, m
-        Amplitude of the first harmonic of the highest blade: mean, and range of single periods.  With a verdict over the
-        periods named in its reason, otherwise over the second half.
+        Amplitude of the first harmonic of the highest blade: mean, and range of single periods.
+        With a verdict over the periods named in its reason, otherwise over the second half.
     frequency, preload : float, Hz, N
     harmonics : (n_periods, n_harmonics + 1) complex, m
         Response amplitudes of the highest blade; the first column is the mean position.
     balance : float, m
         Amplitude of the solution at which the motion starts; NaN if it is at another frequency.
     verdict : str
-        "agrees", "does not agree" or "undecided": whether the motion stays at its initial solution, if examined.
+        "agrees", "does not agree" or "undecided": whether the motion stays at its initial solution,
+        if examined.
     reason : str
         Reason of the verdict.
     distance : float
@@ -373,7 +387,8 @@ class HarmonicPeak:
 
 
 FRICTION_SPREAD = 1.5
-"""Factor to which friction coefficients of dampers are typically known: within it the amplitude may not double."""
+"""Factor to which friction coefficients of dampers are typically known: within it the amplitude may
+not double."""
 MUCH = 2.0
 """Amplitude with another friction coefficient over that of the study that counts as too high."""
 
@@ -420,7 +435,7 @@ class FrictionPeak(Record):
         return f"at least {amount(self.lower_bound, 'm')}" if self.lower_bound > 0.0 else "unknown"
 
     def compared_with(self, own: FrictionPeak) -> str:
-        """Return "high" if the amplitude exceeds twice that of ``own``, otherwise "low", or "unknown"."""
+        """Return "high" if the amplitude exceeds twice that of ``own``, "low", or "unknown"."""
         limit = MUCH * own.amplitude
         if self.amplitude > limit or self.lower_bound > limit:
             return "high"
@@ -435,7 +450,8 @@ class FrictionLimit(NamedTuple):
     inside : float
         Farthest factor up to which no computed amplitude is twice that of the study.
     outside : float
-        Next computed factor, with twice the amplitude or more; NaN if the amplitude does not double.
+        Next computed factor, with twice the amplitude or more; NaN if the amplitude does not
+        double.
     known : bool
         Whether the amplitude at ``outside`` is known to be twice as high; otherwise it is unknown.
     """
@@ -446,22 +462,22 @@ class FrictionLimit(NamedTuple):
 
     @property
     def near(self) -> bool:
-        """Whether the amplitude doubles, or is unknown, within the usual spread of friction coefficients."""
+        """Whether the amplitude doubles, or is unknown, within the usual spread of friction."""
         rounding = 1e-9
         return max(self.outside, 1.0 / self.outside) <= FRICTION_SPREAD * (1.0 + rounding)
 
 
 @dataclass(frozen=True)
 class FrictionRange(Record):
-    """Peaks at one preload with other friction coefficients, and the factors at which the amplitude doubles.
+    """Peaks at one preload with other friction, and the factors at which the amplitude doubles.
 
     Parameters
     ----------
     peaks : tuple of FrictionPeak
         All computed peaks by ascending factor.
     remedy : float, N
-        Nearest preload at which the amplitude does not double between 1/1.5 and 1.5 times the friction; NaN if there is no
-        need for it, or if none was found.
+        Nearest preload at which the amplitude does not double between 1/1.5 and 1.5 times the
+        friction; NaN if there is no need for it, or if none was found.
     seconds : float
         Elapsed time of all peaks, also of the search for ``remedy``.
     """
@@ -472,7 +488,7 @@ class FrictionRange(Record):
 
     @property
     def limits(self) -> tuple[FrictionLimit, FrictionLimit] | None:
-        """Limits below and above the friction of the study; None if its own amplitude is unknown."""
+        """Limits below and above the friction of the study; None if its amplitude is unknown."""
         own = next((peak for peak in self.peaks if peak.factor == 1.0), None)
         if own is None or not np.isfinite(own.amplitude) or len(self.peaks) == 1:
             return None
@@ -493,7 +509,7 @@ class FrictionRange(Record):
 
     @property
     def doubles(self) -> tuple[float, float]:
-        """Factors below and above 1 with twice the amplitude or more; NaN if it does not double, or is unknown."""
+        """Factors below and above 1 with twice the amplitude or more; NaN if there is none."""
         if self.limits is None:
             return np.nan, np.nan
         low, high = (limit.outside if limit.known else np.nan for limit in self.limits)
@@ -555,7 +571,7 @@ class Meeting(NamedTuple):
 
 
 def _heights(peaks: Sequence[HarmonicPeak]) -> str:
-    """Return the range of the amplitudes of peaks, or one amplitude if both ends have the same digits."""
+    """Return the range of the amplitudes, or one amplitude if both ends have the same digits."""
     low, high = min(p.amplitude for p in peaks), max(p.amplitude for p in peaks)
     return amount(high, "m") if amount(low, "m") == amount(high, "m") else span(low, high, "m")
 
@@ -565,7 +581,8 @@ def _heights(peaks: Sequence[HarmonicPeak]) -> str:
 class Convergence(Plottable, Tabular):
     """One peak with increasing number of harmonics.
 
-    ``plot`` draws the amplitude over the number of harmonics (:func:`bdamper.plot.plot_convergence`).
+    ``plot`` draws the amplitude over the number of harmonics
+    (:func:`bdamper.plot.plot_convergence`).
 
     Parameters
     ----------
@@ -579,7 +596,8 @@ class Convergence(Plottable, Tabular):
     highest_harmonic : str
         Reason why the harmonics end before the highest requested one, or "".
     status : str
-        "complete", "interrupted", or "incomplete: " with the reason why no peak was found with more harmonics.
+        "complete", "interrupted", or "incomplete: " with the reason why no peak was found with more
+        harmonics.
     cost : Cost
     """
 
@@ -658,11 +676,13 @@ class SourceError:
 
     Parameters
     ----------
-    source : {"harmonics", "evaluation", "contact points", "modes", "residual flexibility", "solver"}
+    source : str
+        "harmonics", "evaluation", "contact points", "modes", "residual flexibility" or "solver".
     amplitude, frequency : float
         Relative change of the peak with a more accurate setting; NaN without an estimate.
     uncertainty : float
-        Relative change that the estimate may have missed; 0 if the peak was computed with the more accurate setting.
+        Relative change that the estimate may have missed; 0 if the peak was computed with the more
+        accurate setting.
     against : str
         The more accurate setting and the method, or the reason why there is no estimate.
     """
