@@ -18,12 +18,26 @@ from numpy.typing import NDArray
 
 from bdamper.importers.measurements import HERTZ, motion_unit, read_columns
 from bdamper.util import quantities, validation
-from bdamper.util.errors import check
+from bdamper.util.errors import check, warn
 from bdamper.util.formatting import short_repr
 from bdamper.util.records import check_all
 
 STRAIGHT = 0.05
 """Relative deviation of the amplitude of a decay from a line, from which noise determines it."""
+FLANK = 0.2
+"""Width over which the filter of a band falls, relative to its width or its lower end."""
+RINGING = 1.0
+"""Time after the blow that is left out because the filter rings, times the width of a flank."""
+DIGITS = 10.0
+"""Distance between a peak and its neighbours, in digits of the record, from which it is clipped."""
+EQUAL_SAMPLES, EQUAL_PEAKS = 3, 5
+"""Equal samples in a row, or peaks of equal height, from which a record is clipped."""
+WEAKEST, ABOVE_NOISE, VALLEY = 0.01, 8.0, 8.0
+"""Height of a mode in the spectrum, relative to the largest one, the median and the valley beside it."""
+MOST_MODES = 6
+"""Number of modes that a message names."""
+FAR = 3.0
+"""Fall of the amplitude above which a decay that other modes end is returned, with a warning."""
 TIMES = {"s": 1.0, "ms": 1e-3}
 """Units of time in seconds."""
 RATIOS = {"%": 0.01, "-": 1.0, "1": 1.0}
@@ -141,6 +155,7 @@ def _name_of(path: str | PathLike[str] | Mapping[str, Any]) -> str:
 def read_ring_down(
     path: str | PathLike[str] | Mapping[str, Any],
     *,
+    band: tuple[float, float] | None = None,
     periods: float | None = None,
     name: str | None = None,
     **conditions: Any,
@@ -151,7 +166,9 @@ def read_ring_down(
     ----------
     path : path-like, or mapping of header to values
         Columns ``time (s)``, with constant steps, and ``amplitude`` (displacement, velocity or
-        acceleration) of one mode.
+        acceleration). Samples before the largest amplitude are left out.
+    band : (2,) float, Hz, optional
+        Lowest and highest frequency that is read: the band of one mode, if a blow excites several.
     periods : float, optional
         Length of the windows in periods; by default a twentieth of the record, at least 4.
     name : str, optional
@@ -165,6 +182,18 @@ def read_ring_down(
         One point for each window, until noise deforms the decay: until the amplitude rises, or
         deviates by more than 5 % from the line.
 
+    Raises
+    ------
+    BdamperError
+        If the record has no decay. If it has several modes, the message names their frequencies and
+        a band for each.
+
+    Warns
+    -----
+    BdamperWarning
+        If peaks of the record are clipped; the decay is then read behind the last of them. If the
+        decay ends because the record has several modes.
+
     Notes
     -----
     The modulus of the analytic signal (Hilbert transform, :func:`scipy.signal.hilbert`) is the
@@ -173,7 +202,10 @@ def read_ring_down(
     window (least squares). With the decay rate :math:`\delta = -d \ln A/dt` the frequency is
     :math:`\omega = (\omega_d^2 + \delta^2)^{1/2}`, and the damping ratio :math:`\delta/\omega`.
     Since the transform is periodic, the record is continued by its mirror image, and the first and
-    last window are left out.
+    last window are left out. A band is a factor on the spectrum without shift of the phase: 1
+    inside, and falling to 0 on both sides over a fifth of the band width, at most a fifth of its
+    lower end. The response of this
+    filter to the blow is left out as well.
     """
     columns = read_columns(path, ("time", "amplitude"), units={"time": TIMES, "amplitude": None})
     time, _ = columns["time"]
@@ -183,18 +215,126 @@ def read_ring_down(
     step = float(time[-1] - time[0]) / max(len(time) - 1, 1)
     constant = len(time) > 2 and np.ptp(np.diff(time)) < 0.01 * step
     check(constant, source, "times with a constant step", "others")
+    if band is not None:
+        band = _band(band, step)
+    behind = _end_of_clipping(motion)
+    if behind > 0:
+        warn(
+            f"{source}: peaks up to {time[behind - 1]:.4g} s are clipped at "
+            f"{np.abs(motion).max():.4g} {unit}; the decay is read from there on"
+        )
+    time, motion = time[behind:], motion[behind:]
+    check(len(motion) > 2, source, "a decay behind the clipped peaks", "none")
     # the mean over the last quarter is the offset of the sensor
     motion = factor * (motion - motion[-len(motion) // 4 :].mean())
+    signal = _analytic(motion, step, band)
+    first = int(np.argmax(np.abs(signal)))
+    if np.ptp(np.unwrap(np.angle(signal[: first + 1]))) < 2.0 * np.pi:
+        # a record that begins with the decay; its first period suffers from the transform
+        first = 0
+    if band is not None:
+        first = min(first + int(RINGING / (_flank(band) * step)), len(time) - 1)
+    lines, ends_early, window = _lines(time[first:], signal[first:], periods)
+    level, decay_rate, omega = np.array(lines).reshape(-1, 3).T
+    falls_far = len(lines) > 0 and level[-1] < level[0] - np.log(FAR)
+    modes = _modes(motion, step, band) if ends_early else []
+    if len(modes) > 1:
+        bands = " or ".join(_proposed(modes, k) for k in range(len(modes)))
+        found = f"modes at {', '.join(f'{each:.4g}' for each in modes)} Hz; read one with {bands}"
+        check(falls_far, source, "a decay of one mode", found)
+        warn(f"{source}: other modes end the decay: {found}")
+    expected = f"a decay over more than {3.0 * window:.3g} periods"
+    check(bool(lines), source, expected, f"none in {len(time)} samples")
+    frequency = omega / (2.0 * np.pi)
+    if band is not None:
+        inside = (band[0] <= frequency) & (frequency <= band[1])
+        check_all(
+            inside, frequency, f"frequencies in the band from {band[0]:g} to {band[1]:g} Hz", source
+        )
+    return MeasuredMode(
+        np.exp(level) / omega**order,
+        frequency,
+        decay_rate / omega,
+        source=source,
+        **conditions,
+    )
+
+
+def _band(band: tuple[float, float], step: float) -> tuple[float, float]:
+    """Return a band (Hz), below half of the sampling rate."""
+    low, high = validation.interval("band", band)
+    validation.number("upper end of band", high, most=0.5 / step, unit="Hz")
+    return low, high
+
+
+def _flank(band: tuple[float, float]) -> float:
+    """Return the width (Hz) over which the filter of a band falls to zero on both sides."""
+    low, high = band
+    return FLANK * min(high - low, low)
+
+
+def _end_of_clipping(motion: NDArray) -> int:
+    """Return the index behind the last clipped sample; 0 for a record without clipping.
+
+    Samples of a clipped peak are equal, and their neighbours are lower by many digits of the
+    record. The digits of a coarse record also make samples of a smooth peak equal, but those
+    neighbours are lower by one or two digits.
+    """
+    values = np.unique(motion)
+    if len(values) < 2:
+        return 0
+    digit = float(np.diff(values).min())
+    end = 0
+    for side in (motion, -motion):
+        top = side == side.max()
+        edges = np.flatnonzero(np.diff(np.r_[False, top, False].astype(int))).reshape(-1, 2)
+        padded = np.pad(side, 1, constant_values=-np.inf)
+        neighbour = np.maximum(padded[edges[:, 0]], padded[edges[:, 1] + 1])
+        edges = edges[side.max() - neighbour > DIGITS * digit]
+        lengths = edges[:, 1] - edges[:, 0]
+        is_clipped = len(edges) >= EQUAL_PEAKS or (lengths >= EQUAL_SAMPLES).any()
+        if is_clipped:
+            end = max(end, int(edges[-1, 1]))
+    return end
+
+
+def _analytic(motion: NDArray, step: float, band: tuple[float, float] | None) -> NDArray:
+    """Return the analytic signal of a record, of the frequencies in a band (Hz) if there is one."""
     mirrored = np.append(motion[::-1], motion)
-    signal = scipy.signal.hilbert(mirrored)[len(motion) :]
+    if band is None:
+        signal = scipy.signal.hilbert(mirrored)
+    else:
+        (low, high), flank = band, _flank(band)
+        frequency = np.fft.fftfreq(len(mirrored), step)
+        # a flank as a normal distribution rings for the shortest time; at both of its ends it is
+        # two standard deviations from its middle
+        beyond = np.maximum(low - frequency, frequency - high) / flank
+        share = scipy.special.ndtr(4.0 * (0.5 - beyond))
+        signal = np.fft.ifft(2.0 * share * np.fft.fft(mirrored))
+    return np.asarray(signal[len(motion) :])
+
+
+def _lines(
+    time: NDArray, signal: NDArray, periods: float | None
+) -> tuple[list[tuple[float, float, float]], bool, float]:
+    """Return the lines through the windows of an analytic signal, until its amplitude is no decay.
+
+    Returns
+    -------
+    lines : list of (logarithm of the amplitude, decay rate, natural angular frequency)
+    ends_early : bool
+        Whether windows at the end of the record are left out.
+    periods : float
+        Length of the windows.
+    """
     log_amplitude = np.log(np.maximum(np.abs(signal), 1e-300))
     phase = np.unwrap(np.angle(signal))
     if periods is None:
         periods = max(4.0, (phase[-1] - phase[0]) / (40.0 * np.pi))
-    window = 2.0 * np.pi * validation.number("periods", periods, least=1.0)
+    periods = validation.number("periods", periods, least=1.0)
+    window = 2.0 * np.pi * periods
     edges = np.searchsorted(phase, np.arange(phase[0] + window, phase[-1] - window, window))
-    # logarithm of the amplitude, decay rate and natural frequency of each window
-    lines = []
+    lines: list[tuple[float, float, float]] = []
     for start, end in zip(edges, edges[1:]):
         from_middle = time[start:end] - time[start:end].mean()
         coefficients, squares, *_ = np.polyfit(from_middle, log_amplitude[start:end], 1, full=True)
@@ -203,15 +343,32 @@ def read_ring_down(
         damped = np.polyfit(from_middle, phase[start:end], 1)[0]
         is_straight = square < STRAIGHT**2 * (end - start)
         if not (slope < 0.0 and is_straight):
-            break
+            return lines, True, periods
         lines.append((level, -slope, float(np.hypot(damped, slope))))
-    expected = f"a decay over more than {3.0 * periods:.3g} periods"
-    check(bool(lines), source, expected, f"none in {len(time)} samples")
-    level, decay_rate, omega = np.array(lines).T
-    return MeasuredMode(
-        np.exp(level) / omega**order,
-        omega / (2.0 * np.pi),
-        decay_rate / omega,
-        source=source,
-        **conditions,
-    )
+    return lines, not lines, periods
+
+
+def _modes(motion: NDArray, step: float, band: tuple[float, float] | None) -> list[float]:
+    """Return the frequencies (Hz) of the modes in a decay: the peaks of its spectrum in a band."""
+    decay = motion[int(np.argmax(np.abs(motion))) :]
+    # without this fall, a record that has not decayed at its end has further peaks near each mode
+    fall = 0.5 + 0.5 * np.cos(np.pi * np.arange(len(decay)) / len(decay))
+    size = np.abs(np.fft.rfft(decay * fall))
+    frequency = np.fft.rfftfreq(len(decay), step)
+    noise = float(np.median(size))
+    if size.max() == 0.0:
+        return []
+    low, high = band or (0.0, np.inf)
+    size = np.where((frequency >= low) & (frequency <= high), size, 0.0)
+    least = max(WEAKEST * float(size.max()), ABOVE_NOISE * noise)
+    level = np.log(np.maximum(size, 1e-3 * least))
+    peaks, _ = scipy.signal.find_peaks(level, height=np.log(least), prominence=np.log(VALLEY))
+    largest = peaks[np.argsort(-size[peaks])][:MOST_MODES]
+    return [float(each) for each in np.sort(frequency[largest])]
+
+
+def _proposed(modes: list[float], k: int) -> str:
+    """Return the proposal of a band for a mode: half of the way to its neighbours and to zero."""
+    others = [0.0, *modes[:k], *modes[k + 1 :]]
+    half = 0.5 * min(abs(modes[k] - other) for other in others)
+    return f"band=({modes[k] - half:.4g}, {modes[k] + half:.4g})"

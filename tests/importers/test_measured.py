@@ -328,3 +328,69 @@ def test_a_decay_ends_where_noise_begins():
         )
     with pytest.raises(BdamperError, match="times with a constant step"):
         read_ring_down({"time (s)": T**2, "displacement (m)": x})
+
+
+def decaying(time, amplitude, damping, frequency, phase=0.0):
+    omega = 2.0 * np.pi * frequency
+    return amplitude * np.exp(-damping * omega * time) * np.cos(omega * time + phase)
+
+
+def two_modes(time):
+    return decaying(time, 2.0, 0.004, 40.0) + decaying(time, 9.0, 0.003, 410.0, 1.0)
+
+
+@each(("band", "damping", "frequency"), [((20, 80), 0.004, 40.0), ((300, 550), 0.003, 410.0)])
+@each("waiting", [0, 2000])
+def test_a_band_separates_the_modes_of_a_blow(band, damping, frequency, waiting):
+    """The closed form is that of one mode: the natural frequency is higher than the damped one.
+
+    A record may begin before the blow.
+    """
+    t = np.arange(0.0, 4.0, 1.0 / 4096.0)
+    blow = np.append(np.zeros(waiting), two_modes(t))[: len(t)]
+    mode = read_ring_down({"time (s)": t, "acceleration (m/s^2)": blow}, band=band, periods=8.0)
+    above_rounding = mode.amplitude > 1e-8 * mode.amplitude[0]
+    assert above_rounding.sum() > 10
+    assert np.abs(mode.damping_ratio[above_rounding] / damping - 1.0).max() < 0.01
+    natural = frequency / np.sqrt(1.0 - damping**2)
+    assert np.abs(mode.frequency[above_rounding] / natural - 1.0).max() < 1e-4
+    largest = {40.0: 2.0, 410.0: 9.0}[frequency] / (2.0 * np.pi * frequency) ** 2
+    assert 0.3 * largest < mode.amplitude[0] < largest
+
+
+def test_a_record_with_several_modes_proposes_bands():
+    t = np.arange(0.0, 4.0, 1.0 / 4096.0)
+    record = {"time (s)": t, "acceleration (m/s^2)": two_modes(t)}
+    found = (
+        r"expected a decay of one mode, found modes at 40\.\d+, 4(10|09\.\d) Hz; "
+        r"read one with band=\(20\.\d+, 60\.\d+\) or band=\(22\d, 59\d\.\d\)"
+    )
+    with pytest.raises(BdamperError, match=found):
+        read_ring_down(record)
+    with pytest.raises(BdamperError, match="frequencies in the band from 50 to 200 Hz, found 40"):
+        read_ring_down(record, band=(50, 200))
+    # a weak second mode distorts the decay after the first one has fallen
+    second = decaying(t, 1.0, 0.004, 50.0) + decaying(t, 0.015, 0.0002, 200.0)
+    with pytest.warns(match=r"other modes end the decay: modes at 50.*, 200"):
+        mode = read_ring_down({"time (s)": t, "acceleration (m/s^2)": second}, periods=5.0)
+    assert mode.damping_ratio == pytest.approx(np.full(len(mode.amplitude), 0.004), rel=0.1)
+
+
+@each("band", [None, (25.0, 100.0)])
+def test_clipped_peaks_are_named(band):
+    t = np.arange(0.0, 4.0, 1.0 / 4096.0)
+    x = decaying(t, 1.0, 0.004, 50.0, 0.3)
+    record = {"time (s)": t, "acceleration (g)": np.clip(x, -0.5, 0.5)}
+    # the amplitude falls to half after ln 2 / (damping ratio times angular frequency) = 0.552 s
+    with pytest.warns(match=r"peaks up to 0\.5\d+ s are clipped at 0\.5 g"):
+        mode = read_ring_down(record, band=band)
+    assert mode.damping_ratio == pytest.approx(np.full(len(mode.amplitude), 0.004), rel=0.01)
+
+
+@each(("digit", "damping", "frequency"), [(2048, 0.004, 1.7), (512, 1e-3, 50.0), (64, 0.004, 50.0)])
+def test_digits_are_not_clipping(recwarn, digit, damping, frequency):
+    """A coarse converter has equal samples at smooth peaks, and equal peaks."""
+    t = np.arange(0.0, 40.0, 1.0 / 1024.0)
+    x = np.round(digit * decaying(t, 1.0, damping, frequency, 0.3)) / digit
+    read_ring_down({"time (s)": t, "displacement (mm)": x})
+    assert not recwarn.list
