@@ -1,4 +1,4 @@
-"""Results of checks of a solution: time integration, convergence with harmonics, error estimates."""
+"""Results of checks of a solution: time integration, number of harmonics, error estimates."""
 
 from __future__ import annotations
 
@@ -50,21 +50,24 @@ def energy_shares(energy: tuple[float, ...]) -> tuple[float, NDArray]:
     The work of the excitation is the supply, with everything that gives energy instead of taking
     it: far from a resonance the work alone may be close to zero.
     """
-    taken = np.array([*energy[1:], energy[0] - sum(energy[1:])])
-    supplied = max(energy[0], 0.0) - taken[taken < 0.0].sum()
+    work, *damping_contacts_rise = energy
+    numerical = work - sum(damping_contacts_rise)
+    taken = np.array([*damping_contacts_rise, numerical])
+    supplied = max(work, 0.0) - taken[taken < 0.0].sum()
     return float(supplied), taken / max(supplied, 1e-300)
 
 
 def energy_change(energy: tuple[float, ...]) -> str:
-    """Return a text if kinetic and strain energy change by more than a fifth of the supply, or ""."""
+    """Return a text if kinetic and strain energy change by a fifth of the supply, or ""."""
     _, (_, _, rise, _) = energy_shares(energy)
     if abs(rise) <= 0.2:
         return ""
-    return f"its stored energy changes by {percent(rise, True)} of the energy of a period; use more periods"
+    change = f"{percent(rise, True)} of the energy of a period"
+    return f"its stored energy changes by {change}; use more periods"
 
 
 class AllBlades(Summarised):
-    """Base class of motions in time: differences of the blades, energy of a period, travelling waves."""
+    """Base class of motions in time: blades, energy of a period, and travelling waves."""
 
     blade: int
     blades: NDArray
@@ -79,43 +82,59 @@ class AllBlades(Summarised):
 
     @property
     def parted(self) -> bool:
-        """Whether equal blades vibrate differently, with the same high blades in all periods."""
-        low, high = self.spread
-        if not (len(self.waves) > 1 < len(self.blades) and high > (1.0 + ALIKE) * low):
+        """Whether equal blades vibrate differently, the same ones high in both halves."""
+        n_periods, n_waves = len(self.blades), len(self.waves)
+        if n_waves < 2 or n_periods < 2:
             return False
-        halves = [half.mean(axis=0) for half in np.array_split(self.blades, 2)]
-        # smallest correlation of the blade amplitudes in both halves of the periods
+        low, high = self.spread
+        if not high > (1.0 + ALIKE) * low:
+            return False
+        first_half, second_half = np.array_split(self.blades, 2)
+        correlation = np.corrcoef(first_half.mean(axis=0), second_half.mean(axis=0))[0, 1]
+        # smallest correlation of the blade amplitudes at which the same blades are high
         same = 0.8
-        return bool(np.corrcoef(*halves)[0, 1] > same)
+        return bool(correlation > same)
 
     @property
     def numerical_loss(self) -> float:
         """Error of the energy balance of a period relative to the supply; NaN if not integrated."""
-        return float(energy_shares(self.energy)[1][3]) if self.energy else float("nan")
+        if not self.energy:
+            return float("nan")
+        _, (_, _, _, numerical) = energy_shares(self.energy)
+        return float(numerical)
 
     def _unlike(self) -> str:
-        return f" Blades do not vibrate alike: {span(*self.spread, 'm')}." if self.parted else ""
+        """Return a sentence if equal blades vibrate differently, or ""."""
+        if not self.parted:
+            return ""
+        return f" Blades do not vibrate alike: {span(*self.spread, 'm')}."
 
     def _facts(self) -> tuple[Fact, ...]:
         """Return facts of the time integration, with the energy of a period and the waves."""
-        unequal = self.blades.size and not self.waves.size
-        out = [Fact("blade", self.blade)] * bool(unequal) + list(super()._facts())
+        facts: list[Fact] = []
+        # blades of a mistuned disk have numbers, equal blades have waves
+        if self.blades.size and not self.waves.size:
+            facts.append(Fact("blade", self.blade))
+        facts += super()._facts()
         if self.energy:
             supplied, shares = energy_shares(self.energy)
-            listed = [
-                f"{name} {percent(x)}"
-                for name, x in zip(("damping", "contacts", "rise", "numerical"), shares)
-            ]
-            out.append(Fact("energy of a period", f"{amount(supplied, 'J')}: {', '.join(listed)}"))
+            takers = ("damping", "contacts", "rise", "numerical")
+            listed = ", ".join(f"{name} {percent(x)}" for name, x in zip(takers, shares))
+            facts.append(Fact("energy of a period", f"{amount(supplied, 'J')}: {listed}"))
         if len(self.waves) > 1:
-            out.append(Fact("lowest to highest blade", span(*self.spread, "m")))
-            high = [(d, a) for d, a in self.waves if a > ALIKE * self.waves[0, 1]]
-            ways = [
-                f"{abs(d):.0f} {'backward' if d < 0 else 'forward'} {amount(float(a), 'm')}"
-                for d, a in high
-            ]
-            out.append(Fact("waves, nodal diameters", ", ".join(ways)))
-        return tuple(out)
+            facts.append(Fact("lowest to highest blade", span(*self.spread, "m")))
+            facts.append(Fact("waves, nodal diameters", self._wave_text()))
+        return tuple(facts)
+
+    def _wave_text(self) -> str:
+        """Return nodal diameter, direction and amplitude of all waves that are not small."""
+        largest = self.waves[0, 1]
+        texts = []
+        for diameter, amplitude in self.waves:
+            if amplitude > ALIKE * largest:
+                direction = "backward" if diameter < 0 else "forward"
+                texts.append(f"{abs(diameter):.0f} {direction} {amount(float(amplitude), 'm')}")
+        return ", ".join(texts)
 
 
 @short_repr
@@ -198,14 +217,26 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
     growth: float = field(default=float("nan"), compare=False)
     half_range: Annotated[float, Quantity("m"), Data(derived=True)] = float("nan")
     _summary_fields = (
-        "mean", "lowest", "highest", "highest_period", "balance", "frequency", "fall", "preload", "structure", "diameters",
-        "answers", "starts", "growth", "status",
-    )  # fmt: skip
+        "mean",
+        "lowest",
+        "highest",
+        "highest_period",
+        "balance",
+        "frequency",
+        "fall",
+        "preload",
+        "structure",
+        "diameters",
+        "answers",
+        "starts",
+        "growth",
+        "status",
+    )
 
     @property
     def elsewhere(self) -> int:
         """Number of other initial states that lead to another motion."""
-        return sum(abs(a / self.mean - 1.0) > ALIKE for a in self.starts.values())
+        return sum(abs(amplitude / self.mean - 1.0) > ALIKE for amplitude in self.starts.values())
 
     @property
     def settled(self) -> bool:
@@ -231,11 +262,11 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
 
         Only the range if answers differ; the status if nothing was found.
         """
-        if self.mean != self.mean:
+        if np.isnan(self.mean):
             return self.status
         if "not settled" in self.status:
             return span(self.lowest, self.highest, "m")
-        return f"{amount(self.mean, 'm')} ({span(self.lowest, self.highest, 'm', near=self.mean).rpartition(' ')[0]})"
+        return f"{amount(self.mean, 'm')} ({_range_without_unit(self)})"
 
     def mark(self, ax: object, path: FilePath | None = None) -> object:
         """Draw mean and range as a point with a bar over response curves.
@@ -245,24 +276,30 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         return draw(self, "figure", "mark", path, ax)
 
     def _headline(self) -> str:
-        at = f"At {amount(self.preload, 'N')}"
-        if self.mean != self.mean:
-            why = self.status.partition(": ")[2] or self.status
-            return f"{at} the amplitude in time is not known, so nothing confirms the peak of the harmonic balance: {why}."
-        peak = f"the peak of the harmonic balance is {amount(self.balance, 'm')}"
-        doubt = f" ({self.status})" if self.status != COMPLETE else ""
-        head = f"{at} in time the highest blade has {self.text} at {amount(self.frequency, 'Hz', 6)}{doubt}; {peak}."
-        if self.highest_period > (1.0 + BEATS) * self.mean:
-            head = f"{head} Single periods reach {amount(self.highest_period, 'm')}."
-        if exceeds(self.half_range, self.mean):
-            head = (
-                f"{head} These are amplitudes of the first harmonic; {range_text(self.half_range)}."
+        at_preload = f"At {amount(self.preload, 'N')}"
+        if np.isnan(self.mean):
+            reason = self.status.partition(": ")[2] or self.status
+            return (
+                f"{at_preload} the amplitude in time is not known, so nothing confirms the peak of "
+                f"the harmonic balance: {reason}."
             )
-        head += self._unlike()
+        in_time = f"the highest blade has {self.text} at {amount(self.frequency, 'Hz', 6)}"
+        doubt = f" ({self.status})" if self.status != COMPLETE else ""
+        peak = f"the peak of the harmonic balance is {amount(self.balance, 'm')}"
+        text = f"{at_preload} in time {in_time}{doubt}; {peak}."
+        if self.highest_period > (1.0 + BEATS) * self.mean:
+            text += f" Single periods reach {amount(self.highest_period, 'm')}."
+        if exceeds(self.half_range, self.mean):
+            half_range = range_text(self.half_range)
+            text += f" These are amplitudes of the first harmonic; {half_range}."
+        text += self._unlike()
         if self.starts:
-            head = f"{head} {self.elsewhere} of {len(self.starts)} other starts came to another motion."
-        jump = f" The motion jumps to a lower amplitude at {amount(self.fall, 'Hz', 6)}."
-        return head if self.fall != self.fall else head + jump
+            others = f"{self.elsewhere} of {len(self.starts)} other starts"
+            text += f" {others} came to another motion."
+        if not np.isnan(self.fall):
+            frequency = amount(self.fall, "Hz", 6)
+            text += f" The motion jumps to a lower amplitude at {frequency}."
+        return text
 
 
 @short_repr
@@ -317,9 +354,18 @@ class MotionInTime(
     energy: tuple[float, ...] = ()
     growth: float = field(default=float("nan"), compare=False)
     _summary_fields = (
-        "mean", "lowest", "highest", "balance", "frequency", "preload", "diameters", "growth", "verdict", "distance",
+        "mean",
+        "lowest",
+        "highest",
+        "balance",
+        "frequency",
+        "preload",
+        "diameters",
+        "growth",
+        "verdict",
+        "distance",
         "status",
-    )  # fmt: skip
+    )
 
     @property
     def period(self) -> Numbers:
@@ -337,28 +383,33 @@ class MotionInTime(
         return {name: columns[name] for name in ("period", "amplitude", "harmonics")}
 
     def _headline(self) -> str:
-        kind = {None: "irregular", 1: "periodic"}.get(
-            self.repeats_after, f"{self.repeats_after}-periodic"
-        )
-        ends = span(self.lowest, self.highest, "m", near=self.mean).rpartition(" ")[0]
-        comes = (
-            f"the highest blade comes to {amount(self.mean, 'm')} ({ends}) in time at {amount(self.frequency, 'Hz', 6)}, "
-            f"{kind}"
-        )
-        at = f"At {amount(self.preload, 'N')}"
+        if self.repeats_after is None:
+            kind = "irregular"
+        elif self.repeats_after == 1:
+            kind = "periodic"
+        else:
+            kind = f"{self.repeats_after}-periodic"
+        amplitude = f"{amount(self.mean, 'm')} ({_range_without_unit(self)})"
+        frequency = amount(self.frequency, "Hz", 6)
+        motion = f"the highest blade comes to {amplitude} in time at {frequency}, {kind}"
+        at_preload = f"At {amount(self.preload, 'N')}"
         if not self.verdict:
-            return f"{at} {comes}; {self.status}.{self._unlike()}"
+            return f"{at_preload} {motion}; {self.status}.{self._unlike()}"
         solution = f"the solution of {amount(self.balance, 'm')}"
-        verdict = (
-            f"it is undecided whether time integration agrees with {solution}" if self.verdict == "undecided"
-            else f"time integration {self.verdict} with {solution}"
-        )  # fmt: skip
-        doubt = (
-            f" Status: {self.status}."
-            if self.status != COMPLETE and self.verdict not in self.status
-            else ""
-        )
-        return f"{at} {verdict}: {comes} ({self.reason}).{self._unlike()}{doubt}"
+        if self.verdict == "undecided":
+            verdict = f"it is undecided whether time integration agrees with {solution}"
+        else:
+            verdict = f"time integration {self.verdict} with {solution}"
+        doubt = ""
+        if self.status != COMPLETE and self.verdict not in self.status:
+            doubt = f" Status: {self.status}."
+        return f"{at_preload} {verdict}: {motion} ({self.reason}).{self._unlike()}{doubt}"
+
+
+def _range_without_unit(motion: TimeResponse | MotionInTime) -> str:
+    """Return lowest and highest amplitude in the unit of the mean, which stands before them."""
+    with_unit = span(motion.lowest, motion.highest, "m", near=motion.mean)
+    return with_unit.rpartition(" ")[0]
 
 
 # ---- convergence with harmonics ----
@@ -432,14 +483,18 @@ class FrictionPeak(Record):
             return "not steady"
         if np.isfinite(self.amplitude):
             return amount(self.amplitude, "m")
-        return f"at least {amount(self.lower_bound, 'm')}" if self.lower_bound > 0.0 else "unknown"
+        if self.lower_bound > 0.0:
+            return f"at least {amount(self.lower_bound, 'm')}"
+        return "unknown"
 
     def compared_with(self, own: FrictionPeak) -> str:
         """Return "high" if the amplitude exceeds twice that of ``own``, "low", or "unknown"."""
         limit = MUCH * own.amplitude
         if self.amplitude > limit or self.lower_bound > limit:
             return "high"
-        return "low" if self.amplitude <= limit else "unknown"
+        if self.amplitude <= limit:
+            return "low"
+        return "unknown"
 
 
 class FrictionLimit(NamedTuple):
@@ -464,7 +519,8 @@ class FrictionLimit(NamedTuple):
     def near(self) -> bool:
         """Whether the amplitude doubles, or is unknown, within the usual spread of friction."""
         rounding = 1e-9
-        return max(self.outside, 1.0 / self.outside) <= FRICTION_SPREAD * (1.0 + rounding)
+        factor = max(self.outside, 1.0 / self.outside)
+        return factor <= FRICTION_SPREAD * (1.0 + rounding)
 
 
 @dataclass(frozen=True)
@@ -489,30 +545,32 @@ class FrictionRange(Record):
     @property
     def limits(self) -> tuple[FrictionLimit, FrictionLimit] | None:
         """Limits below and above the friction of the study; None if its amplitude is unknown."""
-        own = next((peak for peak in self.peaks if peak.factor == 1.0), None)
-        if own is None or not np.isfinite(own.amplitude) or len(self.peaks) == 1:
+        nominal = next((peak for peak in self.peaks if peak.factor == 1.0), None)
+        if nominal is None or not np.isfinite(nominal.amplitude) or len(self.peaks) == 1:
             return None
         below = [peak for peak in reversed(self.peaks) if peak.factor < 1.0]
         above = [peak for peak in self.peaks if peak.factor > 1.0]
-        return self._limit(own, below), self._limit(own, above)
+        return self._limit(nominal, below), self._limit(nominal, above)
 
     @staticmethod
-    def _limit(own: FrictionPeak, away: list[FrictionPeak]) -> FrictionLimit:
-        """Return the limit in one direction, from the peaks in this direction by their distance."""
+    def _limit(nominal: FrictionPeak, outward: list[FrictionPeak]) -> FrictionLimit:
+        """Return the limit in one direction; ``outward`` begins with the peak next to nominal."""
         inside = 1.0
-        for peak in away:
-            found = peak.compared_with(own)
-            if found != "low":
-                return FrictionLimit(inside, peak.factor, found == "high")
+        for peak in outward:
+            comparison = peak.compared_with(nominal)
+            if comparison != "low":
+                return FrictionLimit(inside, peak.factor, known=comparison == "high")
             inside = peak.factor
-        return FrictionLimit(inside, np.nan, True)
+        return FrictionLimit(inside, np.nan, known=True)
 
     @property
     def doubles(self) -> tuple[float, float]:
         """Factors below and above 1 with twice the amplitude or more; NaN if there is none."""
         if self.limits is None:
             return np.nan, np.nan
-        low, high = (limit.outside if limit.known else np.nan for limit in self.limits)
+        below, above = self.limits
+        low = below.outside if below.known else np.nan
+        high = above.outside if above.known else np.nan
         return low, high
 
     def __str__(self) -> str:
@@ -525,17 +583,22 @@ class FrictionRange(Record):
             return "it is unknown with which friction the amplitude doubles"
         below, above = self.limits
         tolerated = f"from {below.inside:.2g} to {above.inside:.2g} times"
-        doubled = [
-            f"{limit.outside:.2g}"
-            for limit in self.limits
-            if limit.known and np.isfinite(limit.outside)
-        ]
-        unknown = [f"{limit.outside:.2g}" for limit in self.limits if not limit.known]
+        doubled = []
+        unknown = []
+        for limit in self.limits:
+            factor = f"{limit.outside:.2g}"
+            if not limit.known:
+                unknown.append(factor)
+            elif np.isfinite(limit.outside):
+                doubled.append(factor)
         if doubled:
-            text = f"the amplitude doubles with {' and '.join(doubled)} times the friction, not {tolerated}"
+            factors = " and ".join(doubled)
+            text = f"the amplitude doubles with {factors} times the friction, not {tolerated}"
         else:
             text = f"the amplitude does not double {tolerated} the friction"
-        return f"{text}; it is unknown with {' and '.join(unknown)} times" if unknown else text
+        if unknown:
+            text += f"; it is unknown with {' and '.join(unknown)} times"
+        return text
 
     @property
     def interrupted(self) -> bool:
@@ -565,15 +628,21 @@ class Meeting(NamedTuple):
     distance: float
 
     def __str__(self) -> str:
-        where = f" at nodal diameter {self.nodal_diameter}" if self.nodal_diameter >= 0 else ""
-        near = f"within {percent(abs(self.distance))} of mode {self.mode} of the stuck structure{where}"
-        return f"harmonic {self.harmonic} is {near} ({amount(self.frequency, 'Hz')})"
+        mode = f"mode {self.mode} of the stuck structure"
+        if self.nodal_diameter >= 0:
+            mode += f" at nodal diameter {self.nodal_diameter}"
+        distance = percent(abs(self.distance))
+        frequency = amount(self.frequency, "Hz")
+        return f"harmonic {self.harmonic} is within {distance} of {mode} ({frequency})"
 
 
 def _heights(peaks: Sequence[HarmonicPeak]) -> str:
     """Return the range of the amplitudes, or one amplitude if both ends have the same digits."""
-    low, high = min(p.amplitude for p in peaks), max(p.amplitude for p in peaks)
-    return amount(high, "m") if amount(low, "m") == amount(high, "m") else span(low, high, "m")
+    low = min(peak.amplitude for peak in peaks)
+    high = max(peak.amplitude for peak in peaks)
+    if amount(low, "m") == amount(high, "m"):
+        return amount(high, "m")
+    return span(low, high, "m")
 
 
 @short_repr
@@ -617,50 +686,61 @@ class Convergence(Plottable, Tabular):
     @property
     def settled(self) -> tuple[HarmonicPeak, ...]:
         """Last peaks that agree within the tolerance."""
-        settled = self.peaks[-1:]
-        for peak in self.peaks[-2::-1]:
-            amplitude = [p.amplitude for p in (peak, *settled)]
-            if max(amplitude) - min(amplitude) > self.tolerance * settled[-1].amplitude:
+        last = self.peaks[-1:]
+        for peak in reversed(self.peaks[:-1]):
+            longer = (peak, *last)
+            amplitudes = [item.amplitude for item in longer]
+            if max(amplitudes) - min(amplitudes) > self.tolerance * last[-1].amplitude:
                 break
-            settled = (peak, *settled)
-        return settled
+            last = longer
+        return last
 
     @property
     def range(self) -> tuple[float, float]:
         """Smallest and largest amplitude (m) of all peaks."""
-        amplitude = [p.amplitude for p in self.peaks]
-        return min(amplitude), max(amplitude)
+        amplitudes = [peak.amplitude for peak in self.peaks]
+        return min(amplitudes), max(amplitudes)
 
     @property
     def converged(self) -> bool:
         """Whether the peak agrees with all peaks with more harmonics, at least two."""
-        return (
-            self.status == COMPLETE and len(self.peaks) > 2 and len(self.settled) == len(self.peaks)
-        )
+        if self.status != COMPLETE or len(self.peaks) <= 2:
+            return False
+        return self._all_agree
+
+    @property
+    def _all_agree(self) -> bool:
+        return len(self.settled) == len(self.peaks)
 
     @property
     def verdict(self) -> str:
         """Result of the convergence study in words."""
-        first_peak, *more = self.peaks
+        peak_of_study, *more = self.peaks
         if not more:
             return "not known with more harmonics"
-        first, last = more[0].harmonics, more[-1].harmonics
-        result = f"{_heights(more)} with {first if first == last else f'{first} to {last}'}"
-        if 1 < len(self.settled) < len(more):
-            result += f", {_heights(self.settled)} from {self.settled[0].harmonics} on"
+        first = more[0].harmonics
+        last = more[-1].harmonics
+        numbers = f"{first}" if first == last else f"{first} to {last}"
+        result = f"{_heights(more)} with {numbers}"
+        settled = self.settled
+        if 1 < len(settled) < len(more):
+            result += f", {_heights(settled)} from {settled[0].harmonics} on"
         if self.converged:
             return f"{result}: converged to {percent(self.tolerance)}"
-        if len(self.settled) == len(self.peaks):
+        if self._all_agree:
             return f"{result}: agrees so far"
-        return f"{result}: not converged with {first_peak.harmonics}"
+        return f"{result}: not converged with {peak_of_study.harmonics}"
 
     @property
     def note(self) -> str:
         """Amplitude, verdict, and the reason why the harmonics end."""
         peak = self.peaks[0]
-        text = f"{amount(peak.amplitude, 'm')} with {peak.harmonics} harmonic{'s' * (peak.harmonics != 1)}, {self.verdict}"
-        text += f"; {self.highest_harmonic}" if self.highest_harmonic else ""
-        text += f"; {self.status}" if self.status != COMPLETE else ""
+        harmonics = counted(peak.harmonics, "harmonic")
+        text = f"{amount(peak.amplitude, 'm')} with {harmonics}, {self.verdict}"
+        if self.highest_harmonic:
+            text += f"; {self.highest_harmonic}"
+        if self.status != COMPLETE:
+            text += f"; {self.status}"
         return text
 
     def _headline(self) -> str:
@@ -697,26 +777,27 @@ class SourceError:
     def known(self) -> bool:
         """Whether there is an estimate that is larger than its uncertainty."""
         change = np.abs([self.amplitude, self.frequency])
-        return bool(
-            np.isfinite(change).all()
-            and (self.uncertainty == 0.0 or self.uncertainty < change.max())
-        )
+        if not np.isfinite(change).all():
+            return False
+        return bool(self.uncertainty == 0.0 or self.uncertainty < change.max())
 
     @property
     def size(self) -> float:
         """Larger of both relative changes; NaN if unknown."""
-        return (
-            float(np.fmax(abs(self.amplitude), abs(self.frequency))) if self.known else float("nan")
-        )
+        if not self.known:
+            return float("nan")
+        return float(np.fmax(abs(self.amplitude), abs(self.frequency)))
 
     def __str__(self) -> str:
-        change = (
-            f"amplitude {percent(self.amplitude, True)}, frequency {percent(self.frequency, True)}"
-        )
-        miss = (
-            f", may miss {percent(self.uncertainty)}" if self.uncertainty > 0.05 * self.size else ""
-        )
-        return f"{self.source}: {f'{change}{miss} ({self.against})' if self.known else f'not estimated: {self.against}'}"
+        if not self.known:
+            return f"{self.source}: not estimated: {self.against}"
+        amplitude = f"amplitude {percent(self.amplitude, True)}"
+        frequency = f"frequency {percent(self.frequency, True)}"
+        change = f"{amplitude}, {frequency}"
+        # an uncertainty far below the error is not worth its digits
+        if self.uncertainty > 0.05 * self.size:
+            change += f", may miss {percent(self.uncertainty)}"
+        return f"{self.source}: {change} ({self.against})"
 
 
 @short_repr
@@ -746,26 +827,32 @@ class ErrorEstimates(Summarised):
     @property
     def total(self) -> float:
         """Sum of all known errors: a bound if they do not interact."""
-        return float(np.nansum([s.size for s in self.sources]))
+        return float(np.nansum([source.size for source in self.sources]))
 
     @property
     def unknown(self) -> tuple[str, ...]:
         """Sources without an estimate."""
-        return tuple(s.source for s in self.sources if not s.known)
+        return tuple(item.source for item in self.sources if not item.known)
 
     @property
     def line(self) -> str:
         """Errors in one line, in per cent; sources below a hundredth of the sum are omitted."""
-        known = sorted((s for s in self.sources if s.known), key=lambda s: -s.size)
-        if not known:
+        estimated = [item for item in self.sources if item.known]
+        if not estimated:
             return "error not estimated"
-        named = ", ".join(
-            f"{s.source} {percent(s.size)[:-2]}" for s in known if s.size > 0.01 * self.total
-        )
-        text = f"{percent(self.total)} ({named})" if self.total > 1e-5 else "below 0.001 %"
-        return f"estimated error {text}" + (
-            f", not estimated: {', '.join(self.unknown)}" if self.unknown else ""
-        )
+        total = self.total
+        if total > 1e-5:
+            shares = []
+            for item in sorted(estimated, key=lambda item: -item.size):
+                if item.size > 0.01 * total:
+                    without_sign = percent(item.size).removesuffix(" %")
+                    shares.append(f"{item.source} {without_sign}")
+            text = f"estimated error {percent(total)} ({', '.join(shares)})"
+        else:
+            text = "estimated error below 0.001 %"
+        if self.unknown:
+            text += f", not estimated: {', '.join(self.unknown)}"
+        return text
 
     def _headline(self) -> str:
         peak = f"{peak_text(self.amplitude, self.frequency)}, preload {amount(self.preload, 'N')}"
