@@ -4,9 +4,12 @@ The style is in ``style.mplstyle``.  Conventions of all plots:
 
 * Response lines are dashed if they are known to be unstable, otherwise solid, and dotted at jumps.
 * Thin grey lines with names are the limits without contact (free) and with all contacts stuck.
-* A plot has the width of a column of a paper, and a frame without data contains a sentence that says why.
-* A red star is the optimum.  A green diamond with a bar is the mean and range of an amplitude in time.
-* Colours go from dark to light with increasing preload, distinct in grey print and for colour-blind readers.
+* A plot has the width of a column of a paper, and a frame without data contains a sentence that
+  says why.
+* A red star is the optimum.  A green diamond with a bar is the mean and range of an amplitude in
+  time.
+* Colours go from dark to light with increasing preload, distinct in grey print and for colour-blind
+  readers.
 
 Data are plotted in SI units; axis labels and numbers use the prefix that fits (:func:`fit_units`).
 """
@@ -58,7 +61,9 @@ OPTIMUM = "#c0392b"
 IN_TIME = "#1a7a3e"
 """Colour of amplitudes in time (diamonds with bars)."""
 STYLES = ("-", "-.", (0, (6, 1, 1, 1, 1, 1)), (0, (10, 2)), (0, (1, 0.6)), (0, (3, 1, 1, 1)))
-"""Line styles that are distinct in grey print; plain dashed and dotted lines have other meanings."""
+"""Line styles that are distinct in grey print; plain dashed and dotted lines have other
+meanings.
+"""
 DASHED = (0, (3, 1.5))
 """Line style of unstable solutions."""
 SUBS = {
@@ -67,7 +72,9 @@ SUBS = {
     1e4: (1.0, 3.0),
     np.inf: (1.0,),
 }
-"""Multiples of powers of ten at the ticks of a logarithmic axis, by the largest ratio of its ends."""
+"""Multiples of powers of ten at the ticks of a logarithmic axis, by the largest ratio of its
+ends.
+"""
 COLUMN, SMALL = 3.35, 6.5
 """Width of a plot (inches) and the font size of names within it (points)."""
 NEW: Any = None
@@ -87,7 +94,7 @@ def broken(branch: NDArray, *columns: NDArray) -> list[NDArray]:
 
 
 class Picture(Figure):
-    """Figure that a notebook shows once, although inline figures appear without being returned by a cell."""
+    """Figure that a notebook shows once, although inline figures appear by themselves."""
 
     def _ipython_display_(self) -> None:
         if "inline" in plt.get_backend():
@@ -98,7 +105,10 @@ class Picture(Figure):
 def new_axes(
     width: float = COLUMN, height: float = 2.4, rows: int = 1, columns: int = 1, **options: Any
 ) -> Any:
-    """Return empty axes (size of the figure in inches), or an array of axes; axes below each other share the x axis."""
+    """Return empty axes (size of the figure in inches), or an array of axes.
+
+    Axes below each other share the x axis.
+    """
     options = {"sharex": columns == 1, **options}
     with plt.rc_context(STYLE):
         return plt.subplots(rows, columns, figsize=(width, height), FigureClass=Picture, **options)[
@@ -216,8 +226,8 @@ def picture(
 ) -> Callable[[Callable[..., None]], Callable[..., Any]]:  # fmt: skip
     """Return a decorator that registers a plot function for a type of result and provides its axes.
 
-    The decorated function accepts ``ax`` (new axes if omitted) and ``title``, and returns the axes.  For the arguments see
-    :func:`bdamper.util.display.register_plot` and :func:`drawing`.
+    The decorated function accepts ``ax`` (new axes if omitted) and ``title``, and returns the
+    axes.  For the arguments see :func:`bdamper.util.display.register_plot` and :func:`drawing`.
     """
 
     def enter(function: Callable[..., None]) -> Callable[..., Any]:
@@ -279,7 +289,10 @@ def legend_beside(
 
 
 def _move_legend(ax: Axes, margin: float | None = None) -> None:
-    """Move a legend from `legend_beside` below the axes, by default below the numbers and the label (margin in inches)."""
+    """Move a legend from `legend_beside` below the axes.
+
+    The default of the margin (inches) depends on the size of the numbers and the label.
+    """
     legend = ax.get_legend()
     if legend is None or legend.get_gid() != "below":
         return
@@ -295,7 +308,10 @@ def _move_legend(ax: Axes, margin: float | None = None) -> None:
 
 
 def note(ax: Axes, text: str, height: float = 0.5, *, empty: bool = False) -> None:
-    """Write a sentence into a frame, for results that were not found; an empty frame has no numbers."""
+    """Write a sentence into a frame, for results that were not found.
+
+    An empty frame has no numbers.
+    """
     if empty:
         ax.set(
             yticks=[], **{} if len(ax.get_shared_x_axes().get_siblings(ax)) > 1 else {"xticks": []}
@@ -316,7 +332,10 @@ def wrapped(text: str, columns: int) -> str:
 
 
 def name_point(ax: Axes, text: str, at: tuple[float, float], **style: Any) -> None:
-    """Write a name next to a point; `place_names` moves it to a free place.  A point that is not known has no name."""
+    """Write a name next to a point.
+
+    `place_names` moves it to a free place.  A point that is not known has no name.
+    """
     if not np.isfinite(at).all():
         return
     line = {"arrowstyle": "-", "color": "0.6", "linewidth": 0.4, "shrinkA": 0.0, "shrinkB": 2.0}
@@ -360,7 +379,7 @@ def place_names(ax: Axes) -> None:
 
 
 def _on_screen(line: Any) -> NDArray:
-    """Return points (n, 2) in pixels along a line, a few pixels apart, and at its markers, with the radius of these."""
+    """Return points (n, 3) of a line and its markers: place and radius of the marker in pixels."""
     at = line.get_transform().transform(
         np.column_stack([np.ravel(x) for x in line.get_data(orig=False)])
     )
@@ -384,7 +403,10 @@ def _on_screen(line: Any) -> NDArray:
 
 
 def fit_units(ax: Axes) -> None:
-    """Scale the numbers and labels of axes to a fitting unit prefix, such as µm; simplify the ticks of logarithmic axes."""
+    """Scale the numbers and labels of axes to a fitting unit prefix, such as µm.
+
+    Simplify the ticks of logarithmic axes.
+    """
     for axis in (ax.xaxis, ax.yaxis):
         shared = ax.get_shared_x_axes() if axis is ax.xaxis else ax.get_shared_y_axes()
         if not axis.get_label_text() and len(shared.get_siblings(ax)) > 1:
@@ -433,7 +455,10 @@ def plain_number(value: float) -> str:
 def save_figure(
     target: Axes | Figure | Sequence[Axes] | NDArray, path: FilePath | io.BytesIO, **options: Any
 ) -> None:
-    """Save a figure, or the figure of axes, to a file, and close it; ``options`` are passed to ``Figure.savefig``."""
+    """Save a figure, or the figure of axes, to a file, and close it.
+
+    ``options`` are passed to ``Figure.savefig``.
+    """
     first = np.ravel(np.asarray(target, object))[0]
     figure = first if isinstance(first, Figure) else first.figure
     with file_errors(path), plt.rc_context(STYLE):
@@ -459,7 +484,10 @@ def figure_of(
 
 @register_plot(Plottable, "image")
 def image_of(shown: Plottable, kind: str = "plot", *arguments: Any, **options: Any) -> bytes:
-    """Return the plot of an object as a file; a PNG for notebooks unless the options of ``savefig`` differ."""
+    """Return the plot of an object as a file.
+
+    A PNG for notebooks unless the options of ``savefig`` differ.
+    """
     file = io.BytesIO()
     save_figure(draw(shown, kind, *arguments), file, **{"format": "png", "dpi": 160, **options})
     return file.getvalue()
@@ -493,8 +521,8 @@ def highest_on(grid: NDArray, x: NDArray, y: NDArray, branch: NDArray) -> tuple[
     """Interpolate curves y (n, m) over x on a grid; return the values (n_grid, m) and how often the curve passes each grid
     point.
 
-    If the curve passes a grid point more than once, the passage with the highest value is used.  Values are NaN at grid
-    points that the curve does not pass.
+    If the curve passes a grid point more than once, the passage with the highest value is used.
+    Values are NaN at grid points that the curve does not pass.
     """
     best, count = np.full((len(grid), y.shape[1]), np.nan), np.zeros(len(grid), int)
     for i in np.flatnonzero((np.diff(branch) == 0) & (np.diff(x) != 0.0)):

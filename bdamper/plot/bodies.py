@@ -35,7 +35,7 @@ from bdamper.util.storage import file_errors
 def shown_shapes(
     model: Model, body: str | None, nodal_diameter: int | None, purpose: str
 ) -> tuple[str, int]:
-    """Return the body and the nodal diameter of the shapes to show: the given ones, or the first with shapes."""
+    """Return the body and the nodal diameter of the shapes to show, by default the first ones."""
     bodies = [name for name, mesh in model.meshes.items() if mesh.modes]
     if not bodies:
         raise SettingError(
@@ -58,7 +58,7 @@ def export_modes(
     body: str | None = None,
     nodal_diameter: int | None = None,
 ) -> Path:
-    """Write the mode shapes on the surface of a body, one pair of vector fields (real, imaginary) for each mode.
+    """Write the mode shapes on the surface of a body, real and imaginary part of each mode.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def _write(
 def export_response(
     problem: Problem, unknowns: NDArray, folder: str | PathLike[str], name: str = "response"
 ) -> list[Path]:
-    """Write the motion of every body with a surface: mean displacement, real and imaginary part of the vibration.
+    """Write the mean and the complex vibration of every body with a surface.
 
     The mean is left out if the mesh has no mode shapes of nodal diameter 0.
 
@@ -144,13 +144,16 @@ def export_response(
 # ---- Plots ----
 
 Surface = tuple[NDArray, NDArray, Any]
-"""Points (n, 3) in m, quadrilaterals (m, 4), and a colour (with or without opacity) or a value (n,) for each point."""
+"""Points (n, 3) in m, quadrilaterals (m, 4), and a colour (with or without opacity) or a value (n,)
+for each point.
+"""
 
 
 def plot_surfaces(surfaces: Sequence[Surface], ax: Axes | None = None, *, title: str = "") -> Axes:
     """Plot surfaces of quadrilaterals in an oblique view from the front, with a length scale.
 
-    Faces of all surfaces are drawn from the farthest to the nearest, so that they hide the ones behind them.
+    Faces of all surfaces are drawn from the farthest to the nearest, so that they hide the ones
+    behind them.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Plots of contacts: states over a period, maps of contact faces, hysteresis loops, histories and dissipated energy."""
+"""Plots of contacts: states, maps of faces, hysteresis loops, histories and dissipated energy."""
 
 from __future__ import annotations
 
@@ -203,7 +203,7 @@ def plot_contacts(
     *,
     direction: int = 0,
 ) -> NDArray:
-    """Plot the state of every contact face: a map with the shares of the cycle at each point, and the states over time.
+    """Plot the state of every contact face: a map of shares of the cycle, and the states over time.
 
     Parameters
     ----------
@@ -211,8 +211,8 @@ def plot_contacts(
     study : Study, optional
         Study of the result; only a static state needs none.
     point : int, optional
-        Index of the solution of a curve or mode.  By default the peak of a response curve or the highest amplitude of a
-        mode; an optimal curve has the peak at its optimum.
+        Index of the solution of a curve or mode.  By default the peak of a response curve or the
+        highest amplitude of a mode; an optimal curve has the peak at its optimum.
     direction : {0, 1}
         Tangential direction t1 or t2.
     """
@@ -308,7 +308,7 @@ def plot_faces(
     label: str,
     titles: Sequence[str] = ("",),
 ) -> NDArray:
-    """Plot values on several faces as coloured patches, with a colour bar for each title and a column for each face.
+    """Plot values on faces as coloured patches: a colour bar for each title, a column for each face.
 
     Without several titles the faces are in two columns.
     """
@@ -364,7 +364,9 @@ def plot_peak(peak: Peak, ax: Axes = NEW) -> None:
 
 @register_plot(PreloadState)
 def plot_static(state: PreloadState, quantity: str = "pressure") -> NDArray:
-    """Plot pressure, gap or utilisation of the friction limit on the friction faces at rest; open points are white.
+    """Plot pressure, gap or utilisation of the friction limit on the friction faces at rest.
+
+    Open points are white.
 
     Parameters
     ----------
@@ -426,8 +428,8 @@ def plot_loops(
     ----------
     result : Hysteresis
     where : int, str or sequence of these
-        Indices of contact points, names of faces, or "whole".  "whole" is the loop of all contacts: the force at the
-        response location that does the same work, over the response.
+        Indices of contact points, names of faces, or "whole".  "whole" is the loop of all contacts:
+        the force at the response location that does the same work, over the response.
     direction : {"t1", "t2", "n"}
         Direction of points and faces.
     """
@@ -499,7 +501,7 @@ def plot_energy(result: Hysteresis) -> NDArray:
 
 @picture(Hysteresis, "dissipation", size=(COLUMN, 4.8), rows=3)
 def plot_dissipation(result: Hysteresis, ax: NDArray = NEW, *, over: str = "amplitude") -> None:
-    """Plot the equivalent stiffness and damping ratio of the contacts, and below them the energy balance of the cycle.
+    """Plot equivalent stiffness and damping ratio of the contacts, and the energy balance.
 
     Parameters
     ----------
@@ -542,5 +544,8 @@ def plot_dissipation(result: Hysteresis, ax: NDArray = NEW, *, over: str = "ampl
 
 @register_plot(Hysteresis)
 def plot_hysteresis(result: Hysteresis, *arguments: Any, **options: Any) -> Any:
-    """Plot the loops of one solution (:func:`plot_loops`), or the dissipation of several (:func:`plot_dissipation`)."""
+    """Plot the loops of one solution, or the dissipation of several.
+
+    See :func:`plot_loops` and :func:`plot_dissipation`.
+    """
     return (plot_loops if result.single else plot_dissipation)(result, *arguments, **options)

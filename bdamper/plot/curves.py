@@ -65,7 +65,7 @@ FREQUENCY, AMPLITUDE, PRELOAD = (
 
 
 def amplitude_label(*results: ResponseCurve | OptimalCurve) -> str:
-    """Return the axis label of the amplitude, with the response location if all results have the same one."""
+    """Return the axis label of the amplitude, with the response location that all results share."""
     locations = {
         r.settings["response"]["location"] if "response" in r.settings else None for r in results
     }
@@ -111,7 +111,7 @@ def _draw_tracking(
 
 
 def _only_highest(curve: ResponseCurve) -> bool:
-    """Return whether the highest point lies at the end of a computed part, so that a higher one may exist."""
+    """Return whether the highest point ends a computed part, so that a higher one may exist."""
     f = curve.peak.frequency
     edge = 1e-6 * f  # largest distance of a point at the edge of a part
     return curve.peak_at_end or any(
@@ -216,7 +216,7 @@ def plot_band(
     deviations: Mapping[str, float],
     ax: Axes = NEW,
 ) -> None:
-    """Plot a response curve with a band of plus and minus two standard deviations, from derivatives along the curve.
+    """Plot a response curve with a band of two standard deviations, from derivatives along it.
 
     Parameters
     ----------
@@ -279,13 +279,14 @@ def plot_measurement(
 def plot_optimal(
     result: OptimalCurve, ax: Axes | None = None, *, quantity: str = "amplitude", title: str = ""
 ) -> Axes | NDArray:
-    """Plot the resonance amplitude and frequency shift over the preload, as in Figs 8 and 9 of the paper.
+    """Plot resonance amplitude and frequency shift over the preload (Figs 8 and 9 of the paper).
 
     Parameters
     ----------
     result : OptimalCurve
     ax : matplotlib axes, optional
-        Axes for one quantity.  By default both quantities are plotted in new axes, one below the other.
+        Axes for one quantity.  By default both quantities are plotted in new axes, one below the
+        other.
     quantity : {"amplitude", "shift"}
     title : str
 
@@ -295,10 +296,11 @@ def plot_optimal(
 
     Notes
     -----
-    Dotted lines connect different resonances.  A filled star is a verified optimum, an open star the least known value.
-    By harmonic balance the amplitude of the shaded preloads is at most a fifth higher.  Hatched preloads have no value;
-    open triangles there are lower bounds.  A bar at the optimum is the range of its peak with more harmonics.  Diamonds
-    with bars are means and ranges in time.  Triangles to the left and to the right are clearly higher amplitudes with lower
+    Dotted lines connect different resonances.  A filled star is a verified optimum, an open star
+    the least known value. By harmonic balance the amplitude of the shaded preloads is at most a
+    fifth higher.  Hatched preloads have no value; open triangles there are lower bounds.  A bar at
+    the optimum is the range of its peak with more harmonics.  Diamonds with bars are means and
+    ranges in time.  Triangles to the left and to the right are clearly higher amplitudes with lower
     and higher friction coefficients.
     """
     shown = SHOWN if ax is None else (validation.choice("quantity", quantity, SHOWN),)
@@ -408,7 +410,7 @@ def _mark_optimum(ax: Axes, result: OptimalCurve) -> None:
 
 
 def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
-    """Hatch preloads without a value, up to the midpoints to their neighbours, and mark lower bounds."""
+    """Hatch preloads without a value, halfway to their neighbours, and mark lower bounds."""
     x, missing = np.log(result.preload), ~np.isfinite(result.amplitude)
     if not missing.any():
         return
@@ -434,7 +436,7 @@ def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
 
 @picture(TimeResponse, "mark")
 def mark_time_response(time_response: TimeResponse, ax: Axes, x: float | None = None) -> None:
-    """Mark the mean and range of the highest blade in time as a point with a bar, by default at its frequency."""
+    """Mark mean and range of the highest blade in time by a bar, by default at its frequency."""
     mean, name = time_response.mean, "highest blade in time, and range"
     ends = [[mean - time_response.lowest], [time_response.largest - mean]]
     ax.errorbar(time_response.frequency if x is None else x, mean, ends, fmt="D", color=IN_TIME, markerfacecolor="w",
@@ -445,7 +447,10 @@ def mark_time_response(time_response: TimeResponse, ax: Axes, x: float | None = 
 def plot_frequency_sweep(
     sweep: TimeSweep, ax: Axes = NEW, *, label: str = "", **style: Any
 ) -> None:
-    """Plot the amplitude over frequency of a sweep in time, also over response curves; ``style`` are line options."""
+    """Plot the amplitude over frequency of a sweep in time, also over response curves.
+
+    ``style`` are line options.
+    """
     if not ax.has_data():
         ax.set_title(f"{abs(sweep.rate):.3g} Hz/s, preload {amount(sweep.preload, 'N')}")
     look = {
@@ -531,15 +536,17 @@ def plot_together(
 ) -> None:  # fmt: skip
     """Plot several results of one type on the same axes.
 
-    Stars mark optima, filled if verified by complete response curves.  Lines are interrupted at points without a value.
+    Stars mark optima, filled if verified by complete response curves.  Lines are interrupted at
+    points without a value.
 
     Parameters
     ----------
     results : mapping of name to result
-        Response curves over frequency, optimal curves over preload, dissipation over amplitude, or loops of all contacts
-        over the response.
+        Response curves over frequency, optimal curves over preload, dissipation over amplitude, or
+        loops of all contacts over the response.
     quantity : str, optional
-        "amplitude" or "shift" (of frequency) of optimal curves, "damping_ratio" or "stiffness" of dissipation.
+        "amplitude" or "shift" (of frequency) of optimal curves, "damping_ratio" or "stiffness" of
+        dissipation.
     measured : sequence of Measurement
         Measurements to plot over response curves.
     """

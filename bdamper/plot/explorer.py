@@ -49,7 +49,7 @@ class Explorer:
 
 
 def explore(study: Study, *, source: str = "# study: the explored study") -> Explorer:
-    """Serve a page with sliders for a study, its curves, contact faces and loops, on the loopback interface.
+    """Serve a page with sliders for a study, its curves, contact faces and loops.
 
     Parameters
     ----------
@@ -60,7 +60,8 @@ def explore(study: Study, *, source: str = "# study: the explored study") -> Exp
     Returns
     -------
     Explorer
-        Its ``address`` contains a random token, which every request needs.  A notebook displays the page.
+        Its ``address`` contains a random token, which every request needs.  A notebook displays the
+        page.
 
     Raises
     ------
@@ -82,7 +83,7 @@ def explore(study: Study, *, source: str = "# study: the explored study") -> Exp
     hosts: set[str] = set()
 
     class Loopback(access.NullAuth):  # type: ignore[misc, name-defined]
-        """Refuse requests for other hosts, since any website can resolve its name to the loopback interface."""
+        """Refuse other hosts, since any website can resolve its name to the loopback interface."""
 
         login_url = path
 

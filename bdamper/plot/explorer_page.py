@@ -48,7 +48,9 @@ SIZE = "12px"
 DAMPER, BODY_EDGE = ("#e8b563", "#c08a2e"), "#a3aeb4"
 """Fill and line colours of free bodies, and the line colour of all others."""
 FACTOR_TITLES = {INERTIA: "Damper inertia (factor)", MASS: "Damper mass (factor)"}
-"""Titles of the factor at rest, where the preload is given, and with rotation, where it follows the mass."""
+"""Titles of the factor at rest, where the preload is given, and with rotation, where it follows the
+mass.
+"""
 MOVE = """
     const draw = (theta) => {
         const {x, y, cx, cy, sx, sy} = nodes.data, {a, b, c, d} = faces.data, [co, si] = [Math.cos(theta), Math.sin(theta)];
@@ -109,7 +111,10 @@ class Page:
     def _slider(
         self, name: str, title: str, low: float, high: float, value: float, step: float = 0.01
     ) -> Any:
-        """Create a slider below a number field that shows and sets the same value; logarithmic if the range is wide."""
+        """Create a slider below a number field that shows and sets the same value.
+
+        Logarithmic if the range is wide.
+        """
         kind, wide = int if step == 1 else float, {"sizing_mode": "stretch_width"}
         if high > 50.0 * low > 0.0:
             self.logarithmic.add(name)
@@ -265,7 +270,8 @@ class Page:
     def moved(self, name: str, attr: str, old: object, new: object) -> None:
         """Handle a changed value.
 
-        With rotation the preload is set to the centrifugal load; without rotation it is set to its former value.
+        With rotation the preload is set to the centrifugal load; without rotation it is set to its
+        former value.
         """
         if new is None:  # an empty field
             self.numbers[name].value = old
@@ -296,7 +302,8 @@ class Page:
     def question(self) -> Question:
         """Return the question for the current values.
 
-        The range of the optimal curve is centred on the expected optimum, which is inversely proportional to friction.
+        The range of the optimal curve is centred on the expected optimum, which is inversely
+        proportional to friction.
         """
         speed = self.speed  # at speed the load follows from mass and radius of the bodies
         settings: dict[str, Any] = {
@@ -678,7 +685,10 @@ class Page:
     # ---- clicks and downloads ----
 
     def _chosen(self, event: Any) -> None:
-        """Choose the point of the curve nearest to a click on the screen; ignore clicks outside the axes."""
+        """Choose the point of the curve nearest to a click on the screen.
+
+        Ignore clicks outside the axes.
+        """
         answer = self.shown.get("curve")
         if (
             answer is None

@@ -2,10 +2,9 @@
 
 A question is answered in four steps:
 
-1. the response curve with one harmonic and long steps, which is never cancelled, so that the page follows the sliders;
-2. the response curve with all harmonics;
-3. the optimal curve;
-4. the steady-state amplitude in time at the peak.
+1. the response curve with one harmonic and long steps, which is never cancelled, so that the page
+follows the sliders; 2. the response curve with all harmonics; 3. the optimal curve; 4. the
+steady-state amplitude in time at the peak.
 
 A newer question cancels every step except the first one; at most one question waits.
 """
@@ -35,8 +34,10 @@ from bdamper.util.progress import LongWork, stopped_by
 MOVING = ContinuationOptions(
     tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, budget=2000, locate=False
 )
-"""Options of the curve that follows the sliders.  Its peaks are within 0.2 % of the peaks with the default steps, in two
-thirds of the time.  The budget stops the few curves with an open damper, which take up to twenty times as much."""
+"""Options of the curve that follows the sliders.  Its peaks are within 0.2 % of the peaks with the
+default steps, in two thirds of the time.  The budget stops the few curves with an open damper,
+which take up to twenty times as much.
+"""
 FORCE = "excitation.amplitude"
 
 
@@ -47,7 +48,8 @@ class Question:
     Parameters
     ----------
     settings : tuple of (name, value)
-        Settings that differ from the study, with the names of :func:`bdamper.harmonic_balance.parameters.vary`.
+        Settings that differ from the study, with the names of
+        :func:`bdamper.harmonic_balance.parameters.vary`.
     preload : float, N
     preloads : (low, high), N, optional
         Range of the optimal curve; None if the model has no preload.
@@ -107,7 +109,8 @@ class Answers:
     ----------
     study : Study
     deliver : callable
-        Called in the thread with an :class:`Answer`, with an error text, or with None at the end of a question.
+        Called in the thread with an :class:`Answer`, with an error text, or with None at the end of
+        a question.
     most : int
         Largest number of cached results; a curve of the typical blade takes some 100 kB.
     preloads : int
@@ -196,7 +199,7 @@ class Answers:
         return self.once(("study", *sorted(settings.items())), lambda: vary(self.study, settings))
 
     def band(self, question: Question) -> tuple[float, float]:
-        """Return the frequencies (Hz) around the free and the stuck resonance of the mode, to three digits."""
+        """Return the interval (Hz) around the free and the stuck resonance, to three digits."""
         load = question.preloads[1] if question.preloads else question.preload
         key = "band", question.settings, question.mode, load
         ends = self.once(
@@ -206,7 +209,10 @@ class Answers:
         return float(f"{ends[0]:.3g}"), float(f"{ends[1]:.3g}")
 
     def curve(self, question: Question, harmonics: int | None) -> Answer:
-        """Compute the response curve with its limits; with one harmonic, in the band of the unchanged settings."""
+        """Compute the response curve with its limits.
+
+        With one harmonic, in the band of the unchanged settings.
+        """
         order_only = tuple(
             (name, value) for name, value in question.settings if name == "engine_order"
         )

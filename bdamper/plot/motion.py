@@ -1,8 +1,9 @@
 """Motion of bodies in metres and radians, and states of contact points, computed from a solution.
 
-A mass-normalised translation mode has the amplitude ``1/sqrt(m)`` everywhere; a rotation mode about a principal axis has
-the angle ``1/sqrt(I)``.  The products with the modal coefficients are the displacement of the centre of mass along X, Y, Z
-of the damper and its rotation about them (X tangential, Y along the load, Z along the rotation axis).
+A mass-normalised translation mode has the amplitude ``1/sqrt(m)`` everywhere; a rotation mode about
+a principal axis has the angle ``1/sqrt(I)``.  The products with the modal coefficients are the
+displacement of the centre of mass along X, Y, Z of the damper and its rotation about them (X
+tangential, Y along the load, Z along the rotation axis).
 """
 
 from __future__ import annotations
@@ -44,7 +45,8 @@ class RigidMotion:
     ----------
     body : str
     bias : (..., 6) float
-        Mean translation of the centre of mass (m) and mean rotation (rad) along and about X, Y, Z of the damper.
+        Mean translation of the centre of mass (m) and mean rotation (rad) along and about X, Y, Z
+        of the damper.
     vibratory : (..., n_harmonics, 6) complex
         Amplitudes of each harmonic, ``Re sum_l A_l exp(i l omega t)``.
     modal_bias : (..., 6) float, kg^1/2 m
@@ -75,8 +77,8 @@ class ContactStatus:
     interface : tuple of str
         Interface of each point.
     parts : tuple of two tuples for each point
-        Exact (start, end, state) of the parts of the period, for both tangential directions.  Start and end are angles of
-        the excitation in rad; the state is 0 (stick), 1 (slip) or 2 (open).
+        Exact (start, end, state) of the parts of the period, for both tangential directions.  Start
+        and end are angles of the excitation in rad; the state is 0 (stick), 1 (slip) or 2 (open).
     """
 
     points: NDArray
@@ -89,7 +91,7 @@ class ContactStatus:
 
     @property
     def share(self) -> NDArray:
-        """Fractions (n_points, 2, 3) of the period in stick, slip and separation, for both tangential directions."""
+        """Fractions (n_points, 2, 3) of the period by tangential direction and state."""
         out = np.zeros((len(self.points), 2, 3))
         for i, directions in enumerate(self.parts):
             for d, parts in enumerate(directions):
@@ -99,7 +101,7 @@ class ContactStatus:
 
 
 def _solutions(problem: Problem, unknowns: NDArray) -> NDArray:
-    """Check that unknowns (..., n_unknowns) are finite and have the number of unknowns of the study."""
+    """Check that unknowns (..., n_unknowns) are finite and fit the study."""
     n = len(problem.bases[0].omega2) + 2 * sum(len(basis.omega2) for basis in problem.bases[1:])
     try:
         out = np.asarray(unknowns, float)
@@ -113,7 +115,7 @@ def _solutions(problem: Problem, unknowns: NDArray) -> NDArray:
 
 
 def modal_amplitudes(problem: Problem, unknowns: NDArray) -> list[NDArray]:
-    """Return the modal coordinates (..., n_modes) of each harmonic: real for the mean, then complex amplitudes."""
+    """Return modal coordinates (..., n_modes) of each harmonic: the real mean, complex amplitudes."""
     sizes = [len(basis.omega2) for basis in problem.bases]
     parts = np.split(unknowns, np.cumsum([sizes[0], *np.repeat(sizes[1:], 2)])[:-1], axis=-1)
     return [parts[0], *(cosine - 1j * sine for cosine, sine in zip(parts[1::2], parts[2::2]))]
@@ -204,7 +206,10 @@ def contact_status(problem: Problem, unknowns: NDArray, preload: float) -> Conta
 
 
 def _joined(pieces: list[tuple[float, float, int]]) -> Parts:
-    """Return the parts of the period with the states of plots; adjacent parts with slip in either direction are merged."""
+    """Return the parts of the period with the states of plots.
+
+    Adjacent parts with slip in either direction are merged.
+    """
     runs = [list(run) for _, run in groupby(pieces, lambda part: PLAIN[part[2]])]
     return tuple((run[0][0], run[-1][1], PLAIN[run[0][2]]) for run in runs)
 
@@ -212,7 +217,7 @@ def _joined(pieces: list[tuple[float, float, int]]) -> Parts:
 def _without_friction(
     x: NDArray, kn: float, n0: float, two_sided: bool
 ) -> list[tuple[float, float, int]]:
-    """Return the parts of the period of a frictionless point, which slips while it is in contact."""
+    """Return the parts of the period of a frictionless point, which slips if it is in contact."""
     sliding = 1
     if two_sided:
         return [(0.0, 2.0 * np.pi, sliding)]
@@ -243,7 +248,7 @@ class SurfaceMotion:
 def _rigid_displacement(
     problem: Problem, unknowns: NDArray, body: str, points: NDArray
 ) -> tuple[NDArray, NDArray]:
-    """Return the mean and the complex fundamental amplitude (n, 3), in m, of points of a rigid free body."""
+    """Return mean and complex fundamental amplitude (n, 3), m, of points of a rigid free body."""
     motion = rigid_motion(problem, unknowns, body)
     part = problem.model.bodies[body]
     assert part.centre is not None
@@ -261,9 +266,9 @@ def _rigid_displacement(
 def surface_motion(problem: Problem, unknowns: NDArray) -> dict[str, SurfaceMotion]:
     """Compute the motion of all bodies with a surface mesh.
 
-    Free bodies move with their rigid-body modes.  Constrained bodies move with the retained modes that have shapes on the
-    mesh (``model.meshes[...].modes``, at the nodal diameter of the fundamental).  Their mean motion is NaN without shapes
-    of nodal diameter 0.
+    Free bodies move with their rigid-body modes.  Constrained bodies move with the retained modes
+    that have shapes on the mesh (``model.meshes[...].modes``, at the nodal diameter of the
+    fundamental).  Their mean motion is NaN without shapes of nodal diameter 0.
 
     Raises
     ------
@@ -273,7 +278,8 @@ def surface_motion(problem: Problem, unknowns: NDArray) -> dict[str, SurfaceMoti
     Warns
     -----
     PlausibilityWarning
-        If modes without shapes contribute more than 1 % of the motion, in the norm of the mass matrix.
+        If modes without shapes contribute more than 1 % of the motion, in the norm of the mass
+        matrix.
     """
     unknowns = _solutions(problem, unknowns)
     q0, q1, *_ = modal_amplitudes(problem, unknowns)
@@ -320,7 +326,7 @@ def surface_motion(problem: Problem, unknowns: NDArray) -> dict[str, SurfaceMoti
 
 
 def sectors_shown(model: Model) -> list[tuple[str, int, NDArray]]:
-    """Return the bodies with a mesh, the sectors in which interfaces show them, and the rotations (3, 3) into these."""
+    """Return bodies with a mesh, the sectors that show them, and rotations (3, 3) into these."""
     bodies = {(face.body_a, face.sector_a) for face in model.interfaces.values()}
     bodies |= {(face.body_b, face.sector_b) for face in model.interfaces.values()}
     shown = sorted((name, sector) for name, sector in bodies if name in model.meshes)
@@ -332,7 +338,8 @@ def sectors_shown(model: Model) -> list[tuple[str, int, NDArray]]:
 class LineDrawing:
     """Drawing of vibrating surfaces in a view from one side.
 
-    The faces are sorted from the farthest to the nearest, so that each face hides the lines behind it.
+    The faces are sorted from the farthest to the nearest, so that each face hides the lines behind
+    it.
 
     Parameters
     ----------
@@ -357,7 +364,7 @@ class LineDrawing:
 
 @asked
 def line_drawing(problem: Problem, unknowns: NDArray) -> LineDrawing:
-    """Compute the vibration of all bodies with a mesh, in all sectors that a contact joins, for an animation.
+    """Compute the vibration of all meshes, in all sectors that a contact joins, for an animation.
 
     Parameters
     ----------

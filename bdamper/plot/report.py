@@ -1,7 +1,8 @@
-"""Report of an optimal curve for a design review: one HTML file with plots, from the template ``report.html``.
+"""Report of an optimal curve for a design review: one HTML file, from ``report.html``.
 
-Each check has a colour and a rule: green if passed, amber if uncertain, red if failed, white if not computed.  A red check
-is in the first sentence.  The file contains no link, and equal results of one day give identical files.
+Each check has a colour and a rule: green if passed, amber if uncertain, red if failed, white if not
+computed.  A red check is in the first sentence.  The file contains no link, and equal results of
+one day give identical files.
 """
 
 from __future__ import annotations
@@ -61,7 +62,10 @@ def write_report(
     curve: OptimalCurve, path: FilePath, study: Asking | Problem | None = None, fit: Fitted | None = None,
     disk: DiskPeak | MistunedSample | None = None, **subject: str,
 ) -> Path:  # fmt: skip
-    """Write the report of an optimal curve (:meth:`bdamper.response.optimal_curve_result.OptimalCurve.report`)."""
+    """Write the report of an optimal curve.
+
+    See :meth:`bdamper.response.optimal_curve_result.OptimalCurve.report`.
+    """
     jinja2 = import_extra("jinja2", "report", "report")
     check_folder(path)
     best = curve.optimum
@@ -120,7 +124,7 @@ def write_report(
 
 
 def _asked(curve: OptimalCurve) -> str:
-    """Return the requested preloads as arguments: a range and a number of preloads, or the list of preloads."""
+    """Return the requested preloads as arguments: a range and a number, or a list."""
     asked = curve.preload[curve.requested]
     low, high, n = asked[0], asked[-1], len(asked)
     if np.allclose(asked, np.geomspace(low, high, n), rtol=1e-9, atol=0.0):
@@ -129,7 +133,7 @@ def _asked(curve: OptimalCurve) -> str:
 
 
 def _subject(curve: OptimalCurve, given: Mapping[str, str]) -> dict[str, str]:
-    """Return the first rows of the report: project, author, date, model, excitation, speed and preloads."""
+    """Return the first rows: project, author, date, model, excitation, speed and preloads."""
     settings, force = curve.settings, curve.settings.get("excitation") or {}
     where = " at ".join(
         str(force[name]) for name in ("direction", "location") if force.get(name) is not None
@@ -185,7 +189,9 @@ def _settings(settings: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _has(settings: Mapping[str, Any], name: str, value: Any) -> bool:
-    """Return whether a setting has a value; ``name`` is a setting, or setting and part as "friction_coefficient.left".
+    """Return whether a setting has a value.
+
+    ``name`` is a setting, or setting and part as "friction_coefficient.left".
 
     Without a part, all values of a mapping must be equal to it or 0.
     """

@@ -1,4 +1,4 @@
-"""Plots over rotor speed (Campbell and interference diagrams, crossings) and of fatigue (stress, Haigh diagram, margins).
+"""Plots over rotor speed (Campbell, interference, crossings) and of fatigue (stress, margins).
 
 Speeds are in revolutions per minute.
 """
@@ -48,10 +48,11 @@ SPEED = "Rotor speed (rpm)"
 
 @picture(Campbell, size=(COLUMN, 3.2))
 def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
-    """Plot a Campbell diagram: free and stuck frequencies over speed, engine order lines, and crossings.
+    """Plot a Campbell diagram: frequencies over speed, engine order lines, and crossings.
 
-    Free modes are solid, stuck ones dash-dotted; the free ones have their numbers.  Crossings with damping are filled and
-    have their amplitude, crossings with free modes are open circles and have their speed, with stuck modes crosses.
+    Free modes are solid, stuck ones dash-dotted; the free ones have their numbers.  Crossings with
+    damping are filled and have their amplitude, crossings with free modes are open circles and have
+    their speed, with stuck modes crosses.
     """
     orders = [int(o) for o in campbell.engine_order]
     diameters = sorted({campbell.met_by(o) for o in orders}) or campbell.nodal_diameter.tolist()
@@ -113,10 +114,10 @@ def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
 
 @picture(Campbell, "plot_safe")
 def plot_safe(campbell: Campbell, speed: float | None = None, ax: Axes = NEW) -> None:
-    """Plot an interference (SAFE) diagram: modes over nodal diameter at one speed, with the line of the excitation.
+    """Plot an interference (SAFE) diagram: modes over nodal diameter and the excitation line.
 
-    An engine order EO has the frequency ``EO Omega/(2 pi)`` at the nodal diameter that it excites: a line folded back at
-    half the number of blades.  Resonances are modes on this line.
+    An engine order EO has the frequency ``EO Omega/(2 pi)`` at the nodal diameter that it excites:
+    a line folded back at half the number of blades.  Resonances are modes on this line.
 
     Parameters
     ----------
@@ -165,7 +166,7 @@ def plot_safe(campbell: Campbell, speed: float | None = None, ax: Axes = NEW) ->
 
 @picture(Crossings)
 def plot_crossings(found: Crossings, ax: Axes = NEW, *, quantity: str = "amplitude") -> None:
-    """Plot the amplitude or margin at crossings over speed, with a colour and marker for each damper mass.
+    """Plot amplitude or margin at crossings over speed, with a look for each damper mass.
 
     Parameters
     ----------
@@ -249,9 +250,10 @@ def plot_stress(cycle: StressCycle, point: int | None = None, ax: Axes = NEW) ->
 
 @picture(Margins)
 def plot_haigh(margins: Margins, ax: Axes = NEW) -> None:
-    """Plot a Haigh diagram: stress amplitude over mean stress of every point, with the lines of the material.
+    """Plot a Haigh diagram: stress amplitude over mean stress, with the lines of the material.
 
-    The line that defines the margin is thick, the others are broken.  Points excluded from the margin are hollow.
+    The line that defines the margin is thick, the others are broken.  Points excluded from the
+    margin are hollow.
     """
     material, i, counted = margins.material, margins.critical, margins.counted
     right, low = material.ultimate_strength, min(0.0, 1.1 * float(margins.mean.min()))
@@ -290,13 +292,14 @@ def plot_haigh(margins: Margins, ax: Axes = NEW) -> None:
 
 @picture(MarginCurve)
 def plot_margin(curve: MarginCurve, ax: Axes = NEW, *, label: str = "margin") -> None:
-    """Plot the margin over frequency, preload or speed, with the limit 1, and the response amplitude on a second axis.
+    """Plot the margin over frequency, preload or speed, with the amplitude on a second axis.
 
     Parameters
     ----------
     curve : MarginCurve
     ax : matplotlib axes, optional
-        Several curves in the same axes differ by lightness, line and marker; only the first has its amplitude.
+        Several curves in the same axes differ by lightness, line and marker; only the first has its
+        amplitude.
     label : str
         Name of the curve in the legend.
     """

@@ -1,7 +1,7 @@
 """Plots of sweeps, uncertainty, effects, convergence, fits, nonlinear modes and flutter.
 
-:func:`draw_table` plots one column of a result over another one, with labels and units from their annotated types
-(:mod:`bdamper.util.tables`).
+:func:`draw_table` plots one column of a result over another one, with labels and units from their
+annotated types (:mod:`bdamper.util.tables`).
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def _with_unit(name: str) -> str:
 
 @picture(SweepResult)
 def plot_sweep(result: SweepResult, quantity: str | None = None, ax: Axes = NEW) -> None:
-    """Plot a quantity of a sweep over its last setting, with a line for each combination of the other settings.
+    """Plot a quantity over the last setting of a sweep, with a line for each other combination.
 
     Points without a value are crosses at the lower edge, in the colour of their line.
 
@@ -137,9 +137,10 @@ def plot_optimal_curve_uncertainty(
 def plot_effect_significance(advice: EffectSignificance, ax: Axes = NEW) -> None:
     """Plot the change of a peak without each effect as bars.
 
-    Changes of amplitude and frequency are in per cent, on a scale that is linear within the tolerance and logarithmic
-    beyond.  The tolerance is a grey band.  Names of effects that may be left out together are grey.  Thin lines show the
-    uncertainty of estimates; an unknown change has no bar.
+    Changes of amplitude and frequency are in per cent, on a scale that is linear within the
+    tolerance and logarithmic beyond.  The tolerance is a grey band.  Names of effects that may be
+    left out together are grey.  Thin lines show the uncertainty of estimates; an unknown change has
+    no bar.
     """
     effects = advice.effects[::-1]
     rows, tolerance = np.arange(len(effects)), 100.0 * advice.tolerance
@@ -189,7 +190,7 @@ def plot_effect_significance(advice: EffectSignificance, ax: Axes = NEW) -> None
 
 @picture(Sensitivities, size=(COLUMN, 3.0))
 def plot_sensitivities(found: Sensitivities, ax: Axes = NEW) -> None:
-    """Plot the change of a peak for one per cent of each parameter as bars, the largest change of amplitude first.
+    """Plot the changes of a peak for one per cent of each parameter as bars, sorted by size.
 
     Each bar has its number with a sign; an unknown change has no bar.
     """
@@ -217,8 +218,8 @@ def plot_sensitivities(found: Sensitivities, ax: Axes = NEW) -> None:
 def plot_convergence(convergence: Convergence, ax: Axes = NEW) -> None:
     """Plot the amplitude of a peak over the number of harmonics.
 
-    The filled point is the result, the grey band the range of the settled peaks.  Ticks at the upper edge mark harmonics
-    near a mode of the structure with stuck contacts.
+    The filled point is the result, the grey band the range of the settled peaks.  Ticks at the
+    upper edge mark harmonics near a mode of the structure with stuck contacts.
     """
     harmonics, amplitude = np.array([(p.harmonics, p.amplitude) for p in convergence.peaks]).T
     low, high = convergence.range
@@ -255,10 +256,11 @@ def plot_convergence(convergence: Convergence, ax: Axes = NEW) -> None:
 def plot_accuracy(result: AccuracyCost, ax: Axes = NEW, *, of: str = "peak") -> None:
     """Plot the error over processor time for different settings.
 
-    The error of a run is its difference from the reference (the most detailed settings) plus the estimated error of the
-    reference.  Runs that differ from the reference in one setting are labelled with its value.  An open square is a
-    forecast: settings that were not computed and are expected to meet the tolerance.  Crosses at the upper edge are runs of
-    unknown error, triangles at the lower edge runs without an error.
+    The error of a run is its difference from the reference (the most detailed settings) plus the
+    estimated error of the reference.  Runs that differ from the reference in one setting are
+    labelled with its value.  An open square is a forecast: settings that were not computed and are
+    expected to meet the tolerance.  Crosses at the upper edge are runs of unknown error, triangles
+    at the lower edge runs without an error.
 
     Parameters
     ----------
@@ -321,7 +323,9 @@ def _saving(result: AccuracyCost) -> str:
 # ---- Columns of a result ----
 
 LOGARITHMIC = ("N", "m", "J")
-"""Units with a logarithmic axis, if values are positive and the ratio of the largest to the smallest exceeds five."""
+"""Units with a logarithmic axis, if values are positive and the ratio of the largest to the
+smallest exceeds five.
+"""
 
 
 def draw_table(
@@ -329,8 +333,8 @@ def draw_table(
 ) -> None:
     """Plot a field or property of a result over another one.
 
-    Existing axis labels are not changed.  Lines do not connect branches.  A known value between two unknown ones is a
-    point.  Ratios are in per cent.
+    Existing axis labels are not changed.  Lines do not connect branches.  A known value between two
+    unknown ones is a point.  Ratios are in per cent.
 
     Parameters
     ----------
@@ -461,9 +465,10 @@ def plot_loop(result: FittedLoop, ax: Axes = NEW) -> None:
 
 @picture(NonlinearMode, size=(COLUMN, 3.4), rows=2)
 def plot_nonlinear_mode(mode: NonlinearMode, ax: NDArray = NEW, **style: Any) -> None:
-    """Plot frequency and damping ratio of a nonlinear mode over the amplitude of the response, in two axes.
+    """Plot frequency and damping ratio of a nonlinear mode over the response amplitude.
 
-    Circles are folds of the amplitude.  Lines are dashed where the motion no longer resembles the mode.
+    Circles are folds of the amplitude.  Lines are dashed where the motion no longer resembles the
+    mode.
 
     Parameters
     ----------

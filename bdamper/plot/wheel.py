@@ -1,4 +1,4 @@
-"""Plots of mistuned bladed disks: deviations and amplitudes of the blades, and statistics of samples."""
+"""Plots of mistuned bladed disks: deviations and amplitudes of blades, statistics of samples."""
 
 from __future__ import annotations
 
@@ -67,8 +67,8 @@ def plot_mistuning(mistuning: Mistuning, ax: Axes = NEW) -> None:
 def plot_wheel_map(curve: ResponseCurve, ax: Axes = NEW) -> None:
     """Plot a map of the amplitude of every blade over frequency.
 
-    If there are several solutions at a frequency, the one with the highest blade is shown.  A circle marks the highest
-    point.
+    If there are several solutions at a frequency, the one with the highest blade is shown.  A
+    circle marks the highest point.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def plot_wheel_peak(peak: DiskPeak, ax: Axes = NEW) -> None:
 
 
 def _of_peak(peak: DiskPeak, result: str) -> str:
-    """Return a title with preload, frequency, a result, and a warning unless the peak has converged."""
+    """Return a title: preload, frequency, a result, and a warning if a peak has not converged."""
     warning = (
         ""
         if peak.converged
@@ -149,7 +149,7 @@ def _of_peak(peak: DiskPeak, result: str) -> str:
 
 @picture(TimeResponse)
 def plot_blades(found: TimeResponse, ax: Axes = NEW) -> None:
-    """Plot the mean amplitudes of all blades in time as bars with their ranges, with the highest blade dark.
+    """Plot mean amplitudes of all blades in time as bars with ranges, the highest blade dark.
 
     A line is the peak of the harmonic balance.
     """
@@ -166,7 +166,7 @@ def plot_blades(found: TimeResponse, ax: Axes = NEW) -> None:
 
 @picture(MotionInTime)
 def plot_periods(found: MotionInTime, ax: Axes = NEW) -> None:
-    """Plot the amplitude of each period of a motion in time, with the mean and range of their second half."""
+    """Plot the amplitude of each period of a motion, with mean and range of the second half."""
     half = [len(found.period) // 2, len(found.period) - 1]
     ax.fill_between(half, found.lowest, found.highest, color="0.85", label="range")
     draw_table(
@@ -184,7 +184,7 @@ def plot_periods(found: MotionInTime, ax: Axes = NEW) -> None:
 
 @picture(DiskPeak, "plot_wheel", size=(COLUMN, 2.9))
 def plot_wheel(peak: DiskPeak, model: Model, ax: Axes = NEW) -> None:
-    """Plot the bladed disk from the front, with the blades darker the larger their amplitude at the highest peak.
+    """Plot the bladed disk from the front, with darker blades for larger amplitudes.
 
     The number of the highest blade is bold.
 
@@ -192,7 +192,8 @@ def plot_wheel(peak: DiskPeak, model: Model, ax: Axes = NEW) -> None:
     ----------
     peak : DiskPeak
     model : Model
-        Model with a blade surface with mode shapes; the first one distributes the amplitude over each blade.
+        Model with a blade surface with mode shapes; the first one distributes the amplitude over
+        each blade.
     """
     if len(peak.amplitudes) != model.n_blades:
         found = f"{len(peak.response)} blades"
@@ -245,12 +246,13 @@ def plot_sample(
     sample: MistunedSample, over: str | None = None, ax: Axes = NEW, *, quantity: str = "amplification",
     standard_deviation: float | None = None, percentiles: Sequence[float] = PERCENTILES,
 ) -> None:  # fmt: skip
-    """Plot percentiles of the highest blade over the standard deviation of mistuning, or over the preload.
+    """Plot percentiles of the highest blade over the deviation of mistuning or the preload.
 
     Over the standard deviation each preload has a colour.
 
-    Bands are 95 % confidence intervals with the errors of the peaks, for the last percentile if there are several colours.
-    They end where the sample does not bound them.  Over the preload, stars mark the smallest value of each line.
+    Bands are 95 % confidence intervals with the errors of the peaks, for the last percentile if
+    there are several colours. They end where the sample does not bound them.  Over the preload,
+    stars mark the smallest value of each line.
 
     Parameters
     ----------
@@ -314,10 +316,10 @@ def plot_sample_tail(
     sample: MistunedSample, standard_deviation: float | None = None, preload: float | None = None, ax: Axes = NEW,
     *, tail: float = 0.5,
 ) -> None:  # fmt: skip
-    """Plot a histogram of the amplification factors of one cell, with the Weibull distribution fitted to its tail.
+    """Plot a histogram of the amplification factors of one cell, with the Weibull fit of its tail.
 
-    The 95th percentile has its confidence interval with the errors of the peaks, drawn to the edge if the sample does not
-    bound it.
+    The 95th percentile has its confidence interval with the errors of the peaks, drawn to the edge
+    if the sample does not bound it.
 
     Parameters
     ----------

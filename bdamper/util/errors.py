@@ -1,6 +1,7 @@
 """Errors, warnings and statuses.
 
-A status is one of the words below, followed by a colon and the reason if the result has no field for it.
+A status is one of the words below, followed by a colon and the reason if the result has no field
+for it.
 
 * "complete": the result contains everything that was requested.
 * "incomplete": the result is a part or a lower bound; there may be more or a higher one.
@@ -21,6 +22,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from types import FrameType
 from typing import Any
 
 from bdamper.util.formatting import truncate
@@ -91,9 +93,9 @@ def import_extra(module: str, asked: str, extra: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        raise BdamperError(
-            f"{asked} needs {module.partition('.')[0]}: install the extra bdamper[{extra}]"
-        ) from error
+        package = module.partition(".")[0]
+        remedy = f"install the extra bdamper[{extra}]"
+        raise BdamperError(f"{asked} needs {package}: {remedy}") from error
 
 
 # ---- Warnings ----
@@ -107,7 +109,7 @@ class BdamperWarning(UserWarning):
 
 
 class PlausibilityWarning(BdamperWarning):
-    """Warning about an allowed value outside the range of real machines, such as a mistaken unit."""
+    """Warning about an allowed value outside the range of real machines."""
 
 
 def warn_implausible(item: str, plausible: str, found: str) -> None:
@@ -137,7 +139,10 @@ _depth: ContextVar[int] = ContextVar("_depth", default=0)
 
 @contextmanager
 def inside_package() -> Iterator[int]:
-    """Mark code that the package runs; yield the number of enclosing marks, 0 for a call by the user."""
+    """Mark code that the package runs.
+
+    Yield the number of enclosing marks, 0 for a call by the user.
+    """
     enclosing = _depth.get()
     token = _depth.set(enclosing + 1)
     try:
@@ -165,17 +170,30 @@ def warn(text: str, category: type[BdamperWarning] = BdamperWarning) -> None:
     """Warn with the line of the user's code as location, unless :func:`quiet` suppresses it."""
     if _quiet.get():
         return
-    level, frame = 1, inspect.currentframe()
-    while frame is not None and frame.f_globals.get("__name__", "").split(".")[0] in _OURS:
-        level, frame = level + 1, frame.f_back
+    level = 1
+    frame = inspect.currentframe()
+    while frame is not None and _is_ours(frame):
+        level += 1
+        frame = frame.f_back
     warnings.warn(text, category, stacklevel=level)
+
+
+def _is_ours(frame: FrameType) -> bool:
+    """Return whether a frame runs code of this package or of a module that wraps its functions."""
+    module: str = frame.f_globals.get("__name__", "")
+    return module.split(".")[0] in _OURS
 
 
 # ---- Statuses ----
 
 
-COMPLETE, INCOMPLETE, HELD, NOT_FOUND = "complete", "incomplete", "held", "not found"
-INTERRUPTED, FAILED, NOT_RUN = "interrupted", "failed", "not run"
+COMPLETE = "complete"
+INCOMPLETE = "incomplete"
+HELD = "held"
+NOT_FOUND = "not found"
+INTERRUPTED = "interrupted"
+FAILED = "failed"
+NOT_RUN = "not run"
 
 STATUSES = (COMPLETE, INCOMPLETE, HELD, NOT_FOUND, INTERRUPTED, FAILED, NOT_RUN)
 
@@ -196,6 +214,11 @@ def all_complete(statuses: Sequence[str]) -> bool:
 
 
 def not_run_lines(statuses: Sequence[str], what: str) -> list[str]:
-    """Return a line with the number of parts that were not run and the first reason; an empty list if all ran."""
-    left = [status for status in statuses if status_word(status) == NOT_RUN]
-    return [f"  interrupted: {len(left)} of {len(statuses)} {what} were {left[0]}"] if left else []
+    """Return a line with the number of parts that were not run and the first reason.
+
+    An empty list if all ran.
+    """
+    not_run = [status for status in statuses if status_word(status) == NOT_RUN]
+    if not not_run:
+        return []
+    return [f"  interrupted: {len(not_run)} of {len(statuses)} {what} were {not_run[0]}"]

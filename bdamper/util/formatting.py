@@ -15,18 +15,44 @@ def percent(value: float, sign: bool = False) -> str:
     """Return a ratio in per cent with two digits, or as a whole number from 100 % on."""
     if not np.isfinite(value):
         return "unknown"
-    return f"{100.0 * value:{'+' if sign else ''}{'.0f' if 0.995 <= abs(value) < 1e4 else '.2g'}} %"
+    digits = ".0f" if 0.995 <= abs(value) < 1e4 else ".2g"
+    plus = "+" if sign else ""
+    return f"{100.0 * value:{plus}{digits}} %"
 
 
 UNITS = {
-    "preload": "N", "amplitude": "m", "half_range": "m", "frequency": "Hz", "optimum_preload": "N",
-    "optimum_amplitude": "m", "optimum_frequency": "Hz", "free_amplitude": "m", "free_frequency": "Hz",
-    "stuck_amplitude": "m", "stuck_frequency": "Hz", "tuned_amplitude": "m", "excitation.amplitude": "N",
-    "excitation.phase": "rad", "load": "N", "linear_to": "m", "highest": "m", "scales_to": "N", "normal_force": "N",
-    "speed": "rad/s", "fixed_speed": "rad/s", "fixed_speed_amplitude": "m", "amplitude_by_mass": "m",
-    "speed_by_mass": "rad/s", "mass": "kg", "damper_drag": "N s/m", "residual_slip_std": "m",
-    "force": "N", "displacement": "m", "by_interface": "J", "design_amplitude": "m",
-}  # fmt: skip
+    "preload": "N",
+    "amplitude": "m",
+    "half_range": "m",
+    "frequency": "Hz",
+    "optimum_preload": "N",
+    "optimum_amplitude": "m",
+    "optimum_frequency": "Hz",
+    "free_amplitude": "m",
+    "free_frequency": "Hz",
+    "stuck_amplitude": "m",
+    "stuck_frequency": "Hz",
+    "tuned_amplitude": "m",
+    "excitation.amplitude": "N",
+    "excitation.phase": "rad",
+    "load": "N",
+    "linear_to": "m",
+    "highest": "m",
+    "scales_to": "N",
+    "normal_force": "N",
+    "speed": "rad/s",
+    "fixed_speed": "rad/s",
+    "fixed_speed_amplitude": "m",
+    "amplitude_by_mass": "m",
+    "speed_by_mass": "rad/s",
+    "mass": "kg",
+    "damper_drag": "N s/m",
+    "residual_slip_std": "m",
+    "force": "N",
+    "displacement": "m",
+    "by_interface": "J",
+    "design_amplitude": "m",
+}
 """Units of settings and results; a name that is not listed is a plain number or a text."""
 FITTING = {
     "m": "nµm ",
@@ -48,30 +74,48 @@ def amount(value: float, unit: str = "", digits: int = 3) -> str:
     ----------
     value : float
     unit : str
-        Unit without a prefix, except kg.  "" for a plain number, "%" for per cent; "per ..." may follow.
+        Unit without a prefix, except kg.  "" for a plain number, "%" for per cent; "per ..." may
+        follow.
     digits : int
         Significant digits; all digits before the decimal point are shown.
     """
     base, per, rest = unit.partition(" per ")
-    size, base = (1e3 * abs(value), "g") if base == "kg" else (abs(value), base)
+    size = abs(value)
+    # the prefixes apply to the gram
+    if base == "kg":
+        size = 1e3 * abs(value)
+        base = "g"
+    # a number that is rounded up to one has the larger prefix
     prefix = unit_prefix(size * (1.0 + 0.5 * 10.0**-digits), base)
     number = np.copysign(size / PREFIXES[prefix], value)
-    whole = int(np.log10(np.clip(abs(number), 1.0, 1e9))) + 1 if np.isfinite(number) else 1
-    return f"{number:.{max(digits, whole if whole < 7 else 0)}g} {prefix.strip()}{base}{per}{rest}".rstrip()
+    digits_before_point = 1
+    if np.isfinite(number):
+        digits_before_point = int(np.log10(np.clip(abs(number), 1.0, 1e9))) + 1
+    # larger numbers have a power of ten
+    if digits_before_point < 7:
+        digits = max(digits, digits_before_point)
+    return f"{number:.{digits}g} {prefix.strip()}{base}{per}{rest}".rstrip()
 
 
 def span(low: float, high: float, unit: str, near: float | None = None) -> str:
     """Return a range in the unit prefix of ``high`` or of ``near``, for example "149 to 276 µm"."""
-    size = high if near is None else near
-    digits, name = amount(size, unit).split(" ", 1)
-    scale = 10.0 ** round(np.log10(float(digits) / size)) if size else 1.0
-    return f"{scale * low:.3g} to {scale * high:.3g} {name}"
+    reference = high if near is None else near
+    number, prefixed_unit = amount(reference, unit).split(" ", 1)
+    scale = 1.0
+    if reference:
+        scale = 10.0 ** round(np.log10(float(number) / reference))
+    return f"{scale * low:.3g} to {scale * high:.3g} {prefixed_unit}"
 
 
 def unit_prefix(size: float, unit: str) -> str:
-    """Return the largest prefix that keeps a number of the given size at least one; " " for none."""
+    """Return the largest prefix that keeps a number of the given size at least one.
+
+    " " for none.
+    """
+    if not np.isfinite(size):
+        return " "
     reached = [prefix for prefix in FITTING.get(unit, " ") if size >= PREFIXES[prefix]]
-    return reached[-1] if reached and np.isfinite(size) else " "
+    return reached[-1] if reached else " "
 
 
 def peak_text(amplitude: float, frequency: float, digits: int = 3) -> str:
@@ -89,16 +133,21 @@ def spaced(name: str) -> str:
 
 def counted(n: int, what: str) -> str:
     """Return a number of things, for example "1 point", "2 points" or "no point"."""
-    return f"{n or 'no'} {what}{'s' * (n > 1)}"
+    plural = "s" if n > 1 else ""
+    return f"{n or 'no'} {what}{plural}"
 
 
 def aligned(rows: Sequence[Sequence[str]], indent: str = "") -> list[str]:
     """Return the lines of a table, with each column but the last padded to its longest text."""
     if not rows:
         return []
-    width = [max(len(row[i]) for row in rows) + 2 for i in range(len(rows[0]) - 1)]
-    lines = ["".join(f"{text:<{w}}" for text, w in zip(row, width)) + row[-1] for row in rows]
-    return [f"{indent}{line}".rstrip() for line in lines]
+    n_padded = len(rows[0]) - 1
+    widths = [max(len(row[i]) for row in rows) + 2 for i in range(n_padded)]
+    lines = []
+    for row in rows:
+        padded = [f"{text:<{width}}" for text, width in zip(row, widths)]
+        lines.append(f"{indent}{''.join(padded)}{row[-1]}".rstrip())
+    return lines
 
 
 WIDEST = 118
@@ -108,17 +157,27 @@ WIDEST = 118
 def table_lines(rows: Sequence[Sequence[str]], indent: str = "", whole: bool = False) -> list[str]:
     """Return the lines of a table without empty columns, as wide as :data:`WIDEST` allows.
 
-    The last line names the other columns. If ``whole``, they follow in further tables, each with the first column.
+    The last line names the other columns. If ``whole``, they follow in further tables, each with
+    the first column.
     """
-    first, *columns = [column for column in zip(*rows) if any(column[1:])] or [()]
+    # a column without texts below its head is empty
+    columns = [column for column in zip(*rows) if any(column[1:])]
+    if not columns:
+        return []
+    first = columns[0]
+    remaining = columns[1:]
     lines: list[str] = []
-    while (first and not lines) or (whole and columns):
-        width = np.cumsum([max(map(len, column)) + 2 for column in (first, *columns)])
-        n = max(int(np.count_nonzero(width <= WIDEST + 2)) - 1, min(len(columns), 1))
-        lines += aligned([*zip(first, *columns[:n])], indent)
-        columns = columns[n:]
-    others = ", ".join(column[0] for column in columns)
-    return lines + [truncate(f"{indent}also: {others}", WIDEST)] * bool(others)
+    while not lines or (whole and remaining):
+        widths = [max(map(len, column)) + 2 for column in (first, *remaining)]
+        n_fitting = int(np.count_nonzero(np.cumsum(widths) <= WIDEST + 2)) - 1
+        # at least one column after the first
+        n_shown = max(n_fitting, min(len(remaining), 1))
+        lines += aligned([*zip(first, *remaining[:n_shown])], indent)
+        remaining = remaining[n_shown:]
+    if remaining:
+        others = ", ".join(column[0] for column in remaining)
+        lines.append(truncate(f"{indent}also: {others}", WIDEST))
+    return lines
 
 
 def truncate(text: str, most: int) -> str:
@@ -127,14 +186,20 @@ def truncate(text: str, most: int) -> str:
 
 
 def loads_text(load_per_preload: Mapping[str, float] | None) -> str:
-    """Return the loads per newton of preload, for example "front 1, rear 0.6"; empty if all bodies carry the preload."""
-    return ", ".join(f"{name} {load:.6g}" for name, load in (load_per_preload or {}).items())
+    """Return the loads per newton of preload, for example "front 1, rear 0.6".
+
+    Empty if all bodies carry the preload.
+    """
+    if load_per_preload is None:
+        return ""
+    return ", ".join(f"{name} {load:.6g}" for name, load in load_per_preload.items())
 
 
 def preload_text(preload: float, settings: Mapping[str, Any]) -> str:
     """Return a preload (N) as text, with the loads per newton if the settings contain them."""
+    text = f"a preload of {amount(preload, 'N')}"
     shares = loads_text(settings.get("load_per_preload"))
-    return f"a preload of {amount(preload, 'N')}{f' ({shares})' if shares else ''}"
+    return f"{text} ({shares})" if shares else text
 
 
 # ---- Short texts of objects ----
@@ -146,8 +211,8 @@ T = TypeVar("T", bound=type)
 def short_repr(cls: T) -> T:
     """Decorate a dataclass with a ``repr`` of one line.
 
-    It is the beginning of its headline or of ``str`` if the class defines one; otherwise it lists the fields, with arrays
-    shown by their shapes.
+    It is the beginning of its headline or of ``str`` if the class defines one; otherwise it lists
+    the fields, with arrays shown by their shapes.
     """
     prints_itself = any("__str__" in base.__dict__ for base in cls.__mro__[:-1])
     cls.__repr__ = _first_words if prints_itself else _as_items  # type: ignore[assignment]
@@ -155,14 +220,15 @@ def short_repr(cls: T) -> T:
 
 
 def _first_words(self: Any) -> str:
-    headline, name = getattr(self, "_headline", str)(), type(self).__name__
-    words = " ".join((headline or str(self)).split()).removeprefix(f"{name.lower()} ")
-    return f"{name}: {truncate(words, 160)}"
+    name = type(self).__name__
+    headline = self._headline() if hasattr(self, "_headline") else ""
+    words = " ".join((headline or str(self)).split())
+    return f"{name}: {truncate(words.removeprefix(f'{name.lower()} '), 160)}"
 
 
 def _as_items(self: Any) -> str:
-    shown = [f for f in fields(self) if f.repr]
-    return f"{type(self).__name__}({', '.join(f'{f.name}={short_text(getattr(self, f.name))}' for f in shown)})"
+    items = [f"{f.name}={short_text(getattr(self, f.name))}" for f in fields(self) if f.repr]
+    return f"{type(self).__name__}({', '.join(items)})"
 
 
 def text_of(value: object) -> str:
@@ -171,31 +237,25 @@ def text_of(value: object) -> str:
 
 
 def short_text(value: Any) -> str:
-    """Return a short text of a value: arrays by shape, mappings by keys, long sequences by length."""
-    if isinstance(value, np.ndarray):
-        return (
-            repr(value.item())
-            if value.ndim == 0
-            else f"<{' x '.join(map(str, value.shape))} {value.dtype}>"
-        )
+    """Return a short text: arrays by shape, mappings by keys, long sequences by length."""
     longest = 60  # characters of one item
+    if isinstance(value, np.ndarray):
+        if value.ndim == 0:
+            return repr(value.item())
+        return f"<{' x '.join(map(str, value.shape))} {value.dtype}>"
     if isinstance(value, Mapping):
-        text = "{" + ", ".join(f"{key!r}: {short_text(item)}" for key, item in value.items()) + "}"
-        return (
-            text
-            if len(text) <= longest
-            else f"<{len(value)} by name: {truncate(', '.join(map(str, value)), longest)}>"
-        )
+        items = [f"{key!r}: {short_text(item)}" for key, item in value.items()]
+        text = "{" + ", ".join(items) + "}"
+        if len(text) <= longest:
+            return text
+        return f"<{len(value)} by name: {truncate(', '.join(map(str, value)), longest)}>"
     if isinstance(value, (list, tuple)):
-        text = ("[{}]" if isinstance(value, list) else "({})").format(
-            ", ".join(short_text(item) for item in value)
-        )
+        text = ", ".join(short_text(item) for item in value)
+        text = f"[{text}]" if isinstance(value, list) else f"({text})"
         return text if len(text) <= longest else f"<{len(value)} items>"
     if is_dataclass(value) and not isinstance(value, type):
         text = repr(value)
         return text if len(text) <= longest and "\n" not in text else f"{type(value).__name__}(...)"
-    return (
-        truncate(repr(value), longest)
-        if not isinstance(value, (int, float, complex, np.generic))
-        else repr(value)
-    )
+    if isinstance(value, (int, float, complex, np.generic)):
+        return repr(value)
+    return truncate(repr(value), longest)

@@ -1,8 +1,9 @@
 """Plausible ranges of all numerical arguments, in SI units.
 
-A value outside its range is used, with a warning that names the value, the range and the likely mistake.  A key of the
-table is the name of a parameter.  The name of a function or class before it limits the range to that function or class.
-A bound can depend on the sizes of the model (:class:`bdamper.harmonic_balance.model_sizes.Sizes`).
+A value outside its range is used, with a warning that names the value, the range and the likely
+mistake.  A key of the table is the name of a parameter.  The name of a function or class before it
+limits the range to that function or class. A bound can depend on the sizes of the model
+(:class:`bdamper.harmonic_balance.model_sizes.Sizes`).
 """
 
 from __future__ import annotations
@@ -23,16 +24,18 @@ Bound = float | Callable[[Any, Any], float]
 def each(values: NDArray) -> tuple[float, float]:
     """Return the smallest and the largest value except 0, which switches a setting off."""
     values = values[values != 0.0]
-    return (float(values.min()), float(values.max())) if len(values) else (np.inf, -np.inf)
+    if not len(values):
+        return np.inf, -np.inf
+    return float(values.min()), float(values.max())
 
 
 def some(values: NDArray) -> tuple[float, float]:
-    """Return the largest and the smallest value in this order, so that one plausible value of a sweep suffices."""
+    """Return the largest and the smallest value, so that one plausible value suffices."""
     return float(values.max()) or np.inf, float(values.min())
 
 
 def largest(values: NDArray) -> tuple[float, float]:
-    """Return the largest magnitude, as smallest and largest value, for measured values that pass through 0."""
+    """Return the largest magnitude twice, for measured values that pass through 0."""
     size = float(np.abs(values).max())
     return size or np.inf, size
 
@@ -74,29 +77,41 @@ class Range:
         """
         if sizes is None and (callable(self.low) or callable(self.high)):
             return
-        low, high = (
-            bound(sizes, key) if callable(bound) else bound for bound in (self.low, self.high)
-        )
+        low = self.low(sizes, key) if callable(self.low) else self.low
+        high = self.high(sizes, key) if callable(self.high) else self.high
         if low >= 0.0 and self.compared is not largest:
-            values = values[values >= 0.0]  # the function itself rejects negative values
-        least, most = self.compared(values) if len(values) else (np.inf, -np.inf)
+            # the function itself rejects negative values
+            values = values[values >= 0.0]
+        if not len(values):
+            return
+        least, most = self.compared(values)
         if least >= low and most <= high:
             return
-        found, mistake = (least, self.below) if least < low else (most, self.above)
-        shown = [
-            f"{x:.2g}" if callable(bound) else f"{x:g}"
-            for x, bound in ((low, self.low), (high, self.high))
-        ]
-        text = (
-            f"{shown[0]} to {shown[1]}"
-            if low and np.isfinite([low, high]).all()
-            else f"at most {shown[1]}"
-        )
-        text = f"{shown[0]} or more" if np.isinf(high) else text
-        text = f"{text} {self.unit}".rstrip() + (f", {self.by}" if self.by else "")
-        several = self.compared is some and values.min() < values.max()
-        shown_as = f"{values.min():g} to {values.max():g}" if several else f"{found:.4g}"
-        warn_implausible(item, text, f"{shown_as} {self.unit}".rstrip() + f": {mistake}")
+        if least < low:
+            value = least
+            mistake = self.below
+        else:
+            value = most
+            mistake = self.above
+        found = f"{value:.4g}"
+        if self.compared is some and values.min() < values.max():
+            found = f"{values.min():g} to {values.max():g}"
+        found = f"{found} {self.unit}".rstrip()
+        warn_implausible(item, self._text(low, high), f"{found}: {mistake}")
+
+    def _text(self, low: float, high: float) -> str:
+        """Return the range with its unit and explanation."""
+        # bounds from the sizes of a model are not round
+        low_text = f"{low:.2g}" if callable(self.low) else f"{low:g}"
+        high_text = f"{high:.2g}" if callable(self.high) else f"{high:g}"
+        if np.isinf(high):
+            text = f"{low_text} or more"
+        elif low and np.isfinite(low):
+            text = f"{low_text} to {high_text}"
+        else:
+            text = f"at most {high_text}"
+        text = f"{text} {self.unit}".rstrip()
+        return f"{text}, {self.by}" if self.by else text
 
 
 class Rotating(Protocol):
@@ -114,7 +129,8 @@ class Names:
     of : str
         Function or class that has the ranges.
     leading : int, optional
-        Number of values of each parameter that are compared.  A standard deviation behind them has its own magnitude.
+        Number of values of each parameter that are compared.  A standard deviation behind them has
+        its own magnitude.
     """
 
     of: str
@@ -125,7 +141,10 @@ GRAMS = "grams suspected"
 PER_CENT, MILLIMETRES = "per cent suspected", "millimetres or micrometres suspected"
 RPM = "revolutions per minute suspected"
 
-UNEXCITED = "any load: the excitation, with which preloads are compared, has no effect or is checked earlier"
+UNEXCITED = (
+    "any load: the excitation, with which preloads are compared, has no effect or is checked "
+    "earlier"
+)
 BY_EFFECT = "checked by its effect, which has a range of its own"
 UNUSED = "any number: the preload has no effect"
 NOT_A_NUMBER = "a description, whose parts have ranges"
@@ -134,9 +153,14 @@ NOT_A_NUMBER = "a description, whose parts have ranges"
 DAMPING = Range(0.0, 0.1, "of critical damping", PER_CENT)
 STIFFNESS = Range(0.0, 1e13, "N/m", "N/mm or GN/m suspected")
 PRELOAD = Range(
-    lambda s, _: s.amplitude, lambda s, _: 1e6 * s.amplitude or np.inf, "N", "mN suspected, or nothing that slips",
-    "kN suspected, or a damper that does not stay in its seat", "1 to 1e+06 times the excitation amplitude", some,
-)  # fmt: skip
+    lambda s, _: s.amplitude,
+    lambda s, _: 1e6 * s.amplitude or np.inf,
+    "N",
+    "mN suspected, or nothing that slips",
+    "kN suspected, or a damper that does not stay in its seat",
+    "1 to 1e+06 times the excitation amplitude",
+    some,
+)
 DEVIATION = Range(
     -0.5, 0.5, "of the frequency", "per cent or Hz suspected", "per cent or Hz suspected"
 )
@@ -157,52 +181,90 @@ WITHOUT_RANGE = {
     "BladedDisk.system.preload": UNEXCITED,
     "BladedDisk.tuned_peak.preload": UNEXCITED,
 }
-"""Exceptions from the ranges that apply to a name in every function.  Other parameters without a range need no entry."""
+"""Exceptions from the ranges that apply to a name in every function.  Other parameters without a
+range need no entry.
+"""
 
 TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     # settings of a study
     "Study.engine_order": Range(
-        lambda s, _: s.least_order, lambda s, _: s.largest_order, compared=all_of,
+        lambda s, _: s.least_order,
+        lambda s, _: s.largest_order,
+        compared=all_of,
         below="a force that does not vary as the wheel turns and excites nothing",
         above="rad/s, Hz or a number of vanes suspected, which excites another nodal diameter",
     ),
     "Study.friction_coefficient": Range(
-        0.05, 1.5, above=PER_CENT, by="or 0",
+        0.05,
+        1.5,
+        above=PER_CENT,
+        by="or 0",
         below="a mistaken digit suspected; lubricated steel has 0.05, clean metals up to 1.5",
     ),
     "Study.contact_stiffness": Range(
-        lambda s, _: 0.01 * s.body_stiffness, lambda s, _: 100.0 * s.body_stiffness, "N/m",
-        "a stiffness per area or of the whole face suspected", "N/mm or a stiffness per area suspected",
+        lambda s, _: 0.01 * s.body_stiffness,
+        lambda s, _: 100.0 * s.body_stiffness,
+        "N/m",
+        "a stiffness per area or of the whole face suspected",
+        "N/mm or a stiffness per area suspected",
         "at a point in the mean, 0.01 to 100 times that of the bodies there",
     ),
     "Study.contact_stiffness_factor": Range(1e-3, 1e3, above=FACTOR, below=FACTOR),
     "Study.damping_ratio": DAMPING,
     "Study.damper_damping_ratio": Range(0.0, 0.5, "of critical damping", PER_CENT),
     "Study.damper_drag": Range(
-        0.0, lambda s, body: s.critical_drag(body), "N s/m", "kg/s per area or a stiffness suspected",
+        0.0,
+        lambda s, body: s.critical_drag(body),
+        "N s/m",
+        "kg/s per area or a stiffness suspected",
         by="critical damping of the body at the first natural frequency",
     ),
     "Study.gap": Range(
-        lambda s, _: -2e-3 * s.size, lambda s, _: 0.02 * s.size, "m", MILLIMETRES, MILLIMETRES,
+        lambda s, _: -2e-3 * s.size,
+        lambda s, _: 0.02 * s.size,
+        "m",
+        MILLIMETRES,
+        MILLIMETRES,
         "-0.2 % to 2 % of the extent of the model",
     ),
-    "Study.load_per_preload": Range(1e-3, 100.0, "newtons per newton of preload",
+    "Study.load_per_preload": Range(
+        1e-3,
+        100.0,
+        "newtons per newton of preload",
         "newtons suspected, where shares are expected",
-                         "a load in newtons divided by the preload twice suspected"),
-    "Study.constant_loads": Range(
-        lambda s, name: -s.bearable(name), lambda s, name: s.bearable(name), "N", "a stiffness or kN suspected",
-        "a distance suspected: a negative load of a point is a gap", "a pressure of 1 GPa on the faces",
+        "a load in newtons divided by the preload twice suspected",
     ),
-    "Study.load_history": Range(1e-3, 10.0, above="newtons suspected, where factors on the preload are expected"),
-    "Study.residual_slip_std": Range(1e-12, lambda s, _: 1e-3 * s.size, "m", MILLIMETRES, by="0.1 % of the extent"),
+    "Study.constant_loads": Range(
+        lambda s, name: -s.bearable(name),
+        lambda s, name: s.bearable(name),
+        "N",
+        "a stiffness or kN suspected",
+        "a distance suspected: a negative load of a point is a gap",
+        "a pressure of 1 GPa on the faces",
+    ),
+    "Study.load_history": Range(
+        1e-3, 10.0, above="newtons suspected, where factors on the preload are expected"
+    ),
+    "Study.residual_slip_std": Range(
+        1e-12, lambda s, _: 1e-3 * s.size, "m", MILLIMETRES, by="0.1 % of the extent"
+    ),
     "Study.aerodynamic_damping": Range(0.0, 0.1, "of critical damping", PER_CENT, compared=largest),
     "Excitation.amplitude": Range(
-        lambda s, _: s.least_force, lambda s, where: s.deflecting(where), "N", "mN or N/m2 suspected", "kN or MN suspected",
+        lambda s, _: s.least_force,
+        lambda s, where: s.deflecting(where),
+        "N",
+        "mN or N/m2 suspected",
+        "kN or MN suspected",
         "up to the force that deflects the structure by 10 % of its extent",
     ),
     "Body.mass": Range(
-        # per volume of the box around the contact points, 50 to 1e5 kg/m3: steel wedges have 7,600 to 8,900
-        lambda s, name: 50.0 * s.volume(name), lambda s, name: 1e5 * s.volume(name), "kg", GRAMS, "tonnes suspected",
+        # per volume of the box around the contact points, 50 to 1e5 kg/m3 (steel wedges: 7,600 to
+        # 8,900)
+        lambda s, name: 50.0 * s.volume(name),
+        lambda s, name: 1e5 * s.volume(name),
+        "kg",
+        GRAMS,
+        "tonnes suspected",
         "by the size of its faces",
     ),
     # settings that a study varies by name
@@ -210,26 +272,44 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "Study.damping_factor": Range(0.02, 50.0, above=FACTOR, below=FACTOR),
     "Study.damper_inertia_factor": Range(0.02, 15.0, above=GRAMS, below="kilograms suspected"),
     "Study.damper_mass_factor": Range(0.02, 15.0, above=GRAMS, below="kilograms suspected"),
-    "Study.frequency_factor": Range(0.5, 2.0, above="Hz suspected, where a factor is expected", below=FACTOR),
-    "Study.gap_factor": Range(1e-3, 1e3, above=FACTOR, below="metres suspected, where a factor is expected"),
-    "Study.force_factor": Range(1e-2, 1e2, above="newtons suspected, where a factor is expected", below=FACTOR),
+    "Study.frequency_factor": Range(
+        0.5, 2.0, above="Hz suspected, where a factor is expected", below=FACTOR
+    ),
+    "Study.gap_factor": Range(
+        1e-3, 1e3, above=FACTOR, below="metres suspected, where a factor is expected"
+    ),
+    "Study.force_factor": Range(
+        1e-2, 1e2, above="newtons suspected, where a factor is expected", below=FACTOR
+    ),
     "Study.excitation.amplitude": Range(1e-6, 1e6, "N", "mN suspected", "MN suspected"),
-    "Study.excitation.phase": Range(-2.0 * np.pi, 2.0 * np.pi, "rad", "degrees suspected", "degrees suspected"),
+    "Study.excitation.phase": Range(
+        -2.0 * np.pi, 2.0 * np.pi, "rad", "degrees suspected", "degrees suspected"
+    ),
     "sweep.over": Names("Study"),
     "optimal_curve_uncertainty.samples": Names("Study"),
     "robust_optimum.samples": Names("Study"),
-    "fit.vary": Names("Study"), "fit.priors": Names("Study", leading=1),
+    "fit.vary": Names("Study"),
+    "fit.priors": Names("Study", leading=1),
     "compare.studies": Names("Study"),
     # arguments of analyses
     "preload": PRELOAD,
     "preloads": PRELOAD,
     "resonance_crossings.damper_mass_factor": Range(
-        0.05, 10.0, "times the mass of the damper", "grams suspected, where factors are expected",
+        0.05,
+        10.0,
+        "times the mass of the damper",
+        "grams suspected, where factors are expected",
         "kilograms suspected, where factors are expected",
     ),
-    "flutter.aerodynamic_damping": Range(0.0, 0.1, "of critical damping", PER_CENT, compared=largest),
-    "flutter.amplitude": Range(1e-15, lambda s, _: s.size, "m", MILLIMETRES, by="the extent of the model"),
-    "nonlinear_mode.amplitude": Range(1e-15, lambda s, _: s.size, "m", MILLIMETRES, by="the extent of the model"),
+    "flutter.aerodynamic_damping": Range(
+        0.0, 0.1, "of critical damping", PER_CENT, compared=largest
+    ),
+    "flutter.amplitude": Range(
+        1e-15, lambda s, _: s.size, "m", MILLIMETRES, by="the extent of the model"
+    ),
+    "nonlinear_mode.amplitude": Range(
+        1e-15, lambda s, _: s.size, "m", MILLIMETRES, by="the extent of the model"
+    ),
     "speed": Range(0.1, 1.2e4, "rad/s", RPM),
     "elastic": (Range(1e8, 2e12, "Pa", below="MPa or GPa suspected"), Range(0.0, 0.5)),
     "robust_optimum.percentile": Range(50.0, 100.0, "%", below="a share suspected: 95 for 95 %"),
@@ -237,9 +317,15 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "friction": Range(0.05, 1.5, above=PER_CENT),
     "excitation": Range(1e-6, 1e6, "N", "mN suspected", "MN suspected"),
     # material
-    "Material.endurance_limit": Range(1e6, 1e10, "Pa", "where 1 MPa is 1e6 Pa", "where 1 MPa is 1e6 Pa"),
-    "Material.ultimate_strength": Range(1e6, 1e10, "Pa", "where 1 MPa is 1e6 Pa", "where 1 MPa is 1e6 Pa"),
-    "Material.yield_strength": Range(1e6, 1e10, "Pa", "where 1 MPa is 1e6 Pa", "where 1 MPa is 1e6 Pa"),
+    "Material.endurance_limit": Range(
+        1e6, 1e10, "Pa", "where 1 MPa is 1e6 Pa", "where 1 MPa is 1e6 Pa"
+    ),
+    "Material.ultimate_strength": Range(
+        1e6, 1e10, "Pa", "where 1 MPa is 1e6 Pa", "where 1 MPa is 1e6 Pa"
+    ),
+    "Material.yield_strength": Range(
+        1e6, 1e10, "Pa", "where 1 MPa is 1e6 Pa", "where 1 MPa is 1e6 Pa"
+    ),
     "Material.findley_k": Range(0.05, 1.0, above=PER_CENT),
     "Material.youngs_modulus": Range(1e8, 2e12, "Pa", below="MPa or GPa suspected"),
     "Material.density": Range(500.0, 3e4, "kg/m3", below="g/cm3 or t/mm3 suspected"),
@@ -249,8 +335,9 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "lumped.stiffness": Range(1e-6, 1e13, "N/m", "N/mm or GN/m suspected"),
     "lumped.cubic": Range(1e-9, 1e20, "N/m3", compared=largest),
     "lumped.forces": Range(1e-9, 1e7, "N", "mN suspected", "MN suspected"),
-    "lumped.load_per_preload": Range(1e-3, 100.0, "newtons per newton of preload",
-        "newtons suspected, where shares are expected"),
+    "lumped.load_per_preload": Range(
+        1e-3, 100.0, "newtons per newton of preload", "newtons suspected, where shares are expected"
+    ),
     "joint.damping_ratio": DAMPING,
     "joint.stiffness": STIFFNESS,
     "joint.friction": Range(1e-9, 1e8, "N", "mN suspected"),
@@ -273,23 +360,35 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "kn": STIFFNESS,
     "face_gap.crowning": Range(-2e-3, 2e-3, "m", MILLIMETRES, MILLIMETRES),
     "face_gap.axial_crowning": Range(-2e-3, 2e-3, "m", MILLIMETRES, MILLIMETRES),
-    "influence_coefficients.given": Range(0.0, 0.3, "of critical damping", PER_CENT, compared=largest),
+    "influence_coefficients.given": Range(
+        0.0, 0.3, "of critical damping", PER_CENT, compared=largest
+    ),
     # options
     "ContinuationOptions.step": Range(1e-5, 1.0, below="unscaled unknowns suspected"),
     "ContinuationOptions.min_step": Range(1e-14, 0.1),
-    "ContinuationOptions.max_step": Range(1e-4, 2.0, above="Hz suspected, where a share of the vibration is expected"),
+    "ContinuationOptions.max_step": Range(
+        1e-4, 2.0, above="Hz suspected, where a share of the vibration is expected"
+    ),
     "ContinuationOptions.corner_step": Range(1e-6, 10.0),
-    "PeakOptions.tolerance": Range(1e-15, 1e-3, above="the accuracy of the result suspected, where a residual is expected"),
+    "PeakOptions.tolerance": Range(
+        1e-15, 1e-3, above="the accuracy of the result suspected, where a residual is expected"
+    ),
     "PeakOptions.position_tolerance": Range(1e-15, 1e-2),
-    "PeakOptions.max_step": Range(1e-4, 2.0, above="Hz suspected, where a share of the vibration is expected"),
+    "PeakOptions.max_step": Range(
+        1e-4, 2.0, above="Hz suspected, where a share of the vibration is expected"
+    ),
     # mistuned bladed disks
     "BladedDisk.mistuning": DEVIATION,
     "Mistuning.deviation": DEVIATION,
     "standard_deviation": Range(1e-6, 0.2, "of the frequency", PER_CENT),
     "mistuned_sample.dampers": Names("DamperVariation.random"),
-    "DamperVariation.mass": Range(0.2, 5.0, "times the mass of the damper", "grams suspected", "kilograms suspected"),
+    "DamperVariation.mass": Range(
+        0.2, 5.0, "times the mass of the damper", "grams suspected", "kilograms suspected"
+    ),
     "DamperVariation.friction_coefficient": Range(0.1, 10.0, "times that of the study", PER_CENT),
-    "DamperVariation.contact_stiffness": Range(0.01, 100.0, "times that of the study", "N/m suspected"),
+    "DamperVariation.contact_stiffness": Range(
+        0.01, 100.0, "times that of the study", "N/m suspected"
+    ),
     "DamperVariation.gap": Range(1e-12, 1e-3, "m", MILLIMETRES),
     "DamperVariation.random.mass": Range(1e-6, 0.5, above=PER_CENT),
     "DamperVariation.random.friction_coefficient": Range(1e-6, 1.0, above=PER_CENT),
@@ -303,15 +402,17 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "fit_loop.force": Range(1e-3, 1e7, "N", compared=largest),
     "fit_loop.normal": Range(1e-2, 1e7, "N", "mN suspected", "kN suspected"),
     # import
-    "Units.length": Range(1e-6, 1.0, "m", "millimetres in a metre suspected: the factor is 1e-3 for millimetres"),
+    "Units.length": Range(
+        1e-6, 1.0, "m", "millimetres in a metre suspected: the factor is 1e-3 for millimetres"
+    ),
     "Units.mass": Range(1e-9, 1e4, "kg", "grams in a kilogram suspected"),
     "Reduction.damping_ratio": DAMPING,
     "Sector.elasticity": (Range(1e3, 2e12, "Pa or N/mm2", below="GPa suspected"), Range(0.0, 0.5)),
-}  # fmt: skip
+}
 DIMENSIONS = """
-    bore_radius rim_radius axial_length shank_width face_length face_width ridge_radius ridge_width damper_body_height
-    platform_clearance platform_edge_thickness airfoil_height root_chord tip_chord root_thickness tip_thickness camber
-    end_gap
+    bore_radius rim_radius axial_length shank_width face_length face_width ridge_radius ridge_width
+    damper_body_height platform_clearance platform_edge_thickness airfoil_height root_chord
+    tip_chord root_thickness tip_thickness camber end_gap
 """
 TABLE |= {f"Geometry.{name}": Range(1e-6, 5.0, "m", MILLIMETRES) for name in DIMENSIONS.split()}
 TABLE |= WITHOUT_RANGE
@@ -319,8 +420,11 @@ TABLE |= WITHOUT_RANGE
 
 def entry(owner: str, name: str) -> Range | Names | tuple[Range, ...] | str | None:
     """Return the entry of a parameter of a function, method or class; None if there is none."""
-    keys = f"{owner}.{name}", f"{owner.partition('.')[0]}.{name}", name
-    return next((TABLE[key] for key in keys if key in TABLE), None)
+    class_name = owner.partition(".")[0]
+    for key in (f"{owner}.{name}", f"{class_name}.{name}", name):
+        if key in TABLE:
+            return TABLE[key]
+    return None
 
 
 def check(
@@ -344,38 +448,63 @@ def check(
     item : str
         Name in the warning; the parameter by default.
     function : str, optional
-        Function that receives the values of a mapping in place of a study.  Ranges of its parameters apply; a function of
-        the user has none, and an empty name.
+        Function that receives the values of a mapping in place of a study.  Ranges of its
+        parameters apply; a function of the user has none, and an empty name.
     """
-    head, _, part = name.partition(".")
+    parameter, _, part = name.partition(".")
     known = entry(owner, name)
     if known is None and part:
-        known, item = entry(owner, head), item or f"{head} of {part!r}"
+        known = entry(owner, parameter)
+        item = item or f"{parameter} of {part!r}"
     item = item or name
     if isinstance(known, Names) and isinstance(value, Mapping):
-        for key, inner in value.items():
-            if isinstance(inner, Mapping):  # the settings of one of several studies
-                check(owner, name, inner, sizes, function=function)
-            elif function is None:
-                check(known.of, str(key), _leading(inner, known.leading), sizes)
-            elif f"{function}.{key}" in TABLE:
-                check(function, str(key), _leading(inner, known.leading), sizes)
-    ranges = (known,) if isinstance(known, Range) else known if isinstance(known, tuple) else ()
-    for key, values in _numbers(value) if ranges else ():
-        for limits, numbers in zip(ranges, values[:, None] if len(ranges) > 1 else [values]):
-            limits.check(item if key is None else f"{item} of {key!r}", numbers, sizes, part or key)
+        _check_settings(owner, name, known, value, sizes, function)
+    if isinstance(known, Range):
+        for key, numbers in _numbers(value):
+            known.check(_item_of(item, key), numbers, sizes, part or key)
+    elif isinstance(known, tuple):
+        # one range for each number
+        for key, numbers in _numbers(value):
+            for limits, number in zip(known, numbers[:, None]):
+                limits.check(_item_of(item, key), number, sizes, part or key)
     if sizes is not None and (known is PRELOAD or known == UNEXCITED):
-        for _, values in _numbers(value):
-            sizes.check_preload(values)
+        for _, numbers in _numbers(value):
+            sizes.check_preload(numbers)
+
+
+def _check_settings(
+    owner: str,
+    name: str,
+    names: Names,
+    settings: Mapping[Any, Any],
+    sizes: Rotating | None,
+    function: str | None,
+) -> None:
+    """Check a mapping of settings, or of settings for each of several studies."""
+    for key, value in settings.items():
+        if isinstance(value, Mapping):
+            check(owner, name, value, sizes, function=function)
+        elif function is None:
+            check(names.of, str(key), _leading(value, names.leading), sizes)
+        elif f"{function}.{key}" in TABLE:
+            check(function, str(key), _leading(value, names.leading), sizes)
+
+
+def _item_of(item: str, key: object) -> str:
+    return item if key is None else f"{item} of {key!r}"
 
 
 def _leading(values: object, count: int | None) -> object:
     """Return the first ``count`` values of a sequence; all for None."""
-    return values[:count] if isinstance(values, Sequence | np.ndarray) else values
+    is_sequence = isinstance(values, Sequence | np.ndarray)
+    return values[:count] if is_sequence else values  # type: ignore[index]
 
 
 def _numbers(value: object, key: object = None) -> Iterator[tuple[object, NDArray]]:
-    """Yield arrays of the numbers in a value, with their keys in mappings; complex numbers by magnitude."""
+    """Yield arrays of the numbers in a value, with their keys in mappings.
+
+    Complex numbers by magnitude.
+    """
     if isinstance(value, Mapping):
         for name, inner in value.items():
             yield from _numbers(inner, name)
@@ -386,9 +515,9 @@ def _numbers(value: object, key: object = None) -> Iterator[tuple[object, NDArra
         return
     if array.dtype.kind not in "fiuc" or not array.size or not np.isfinite(array).all():
         return
-    if (
-        array.ndim == 2 and array.shape[0] == array.shape[1] > 1
-    ):  # of a matrix, the diagonal has the magnitudes
+    # the diagonal of a matrix has its magnitudes
+    if array.ndim == 2 and array.shape[0] == array.shape[1] > 1:
         array = np.diagonal(array)
-    array = np.abs(array) if array.dtype.kind == "c" else array
+    if array.dtype.kind == "c":
+        array = np.abs(array)
     yield key, array.astype(float).ravel()

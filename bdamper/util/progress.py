@@ -1,9 +1,9 @@
 """Progress bars, interrupts, cost of results, and limits on the threads of linear algebra.
 
-The systems have about ten to a few hundred rows and are factorised thousands of times.  The threads of a BLAS spend more
-time waiting for each other than computing on such matrices, in particular on a busy machine.  Curves run in parallel
-instead (:mod:`bdamper.analyses.sweep`).  The limit applies to all threads of the process.  It ends when the thread that
-set it first has finished.
+The systems have about ten to a few hundred rows and are factorised thousands of times.  The threads
+of a BLAS spend more time waiting for each other than computing on such matrices, in particular on a
+busy machine.  Curves run in parallel instead (:mod:`bdamper.analyses.sweep`).  The limit applies to
+all threads of the process.  It ends when the thread that set it first has finished.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class ExecutorEnded(KeyboardInterrupt):
 
 @contextmanager
 def executor_errors(refusal: type[Exception] = BrokenExecutor) -> Iterator[None]:
-    """Convert errors of an executor that has ended, and its refusal of tasks, into :class:`ExecutorEnded`."""
+    """Convert errors and refusals of an executor that has ended into :class:`ExecutorEnded`."""
     dask = sys.modules.get("distributed")  # imported if one of its executors is in use
     killed = getattr(dask, "KilledWorker", BrokenExecutor)
     try:
@@ -52,7 +52,8 @@ def executor_errors(refusal: type[Exception] = BrokenExecutor) -> Iterator[None]
 class LongWork:
     """Context that suppresses an interrupt so that the caller can return its partial result.
 
-    If the work is itself a part of longer work (:func:`is_part_of_work`), the interrupt propagates to the outer context.
+    If the work is itself a part of longer work (:func:`is_part_of_work`), the interrupt propagates
+    to the outer context.
 
     Attributes
     ----------
@@ -63,7 +64,8 @@ class LongWork:
     """
 
     def __init__(self) -> None:
-        self.interrupted, self.reason = False, ""
+        self.interrupted = False
+        self.reason = ""
 
     def __enter__(self) -> LongWork:
         self.outer = _passed_on.set(True)
@@ -79,13 +81,13 @@ class LongWork:
 
 
 def is_part_of_work() -> bool:
-    """Return whether the caller runs inside :class:`LongWork`, where an interrupt must propagate."""
+    """Return whether the caller runs in :class:`LongWork`, where an interrupt must propagate."""
     return _passed_on.get()
 
 
 @contextmanager
 def stopped_by(stop: Event) -> Iterator[None]:
-    """Let the event ``stop``, set by another thread, interrupt the work of this thread at its next correction."""
+    """Let the event ``stop`` of another thread interrupt this thread at its next correction."""
     before = _stop.set((*_stop.get(), stop))
     try:
         yield
@@ -100,12 +102,18 @@ def raise_if_stopped() -> None:
 
 
 def shows_progress(progress: bool | None) -> bool:
-    """Return whether to show progress; by default in a terminal and a notebook, outside of longer work."""
+    """Return whether to show progress.
+
+    By default in a terminal and a notebook, outside of longer work.
+    """
     if progress is None:
-        return (
-            sys.stderr.isatty() or "ipykernel.kernelapp" in sys.modules
-        ) and not is_part_of_work()
+        return _is_watched() and not is_part_of_work()
     return validation.flag("progress", progress)
+
+
+def _is_watched() -> bool:
+    """Return whether standard error is a terminal or a notebook."""
+    return sys.stderr.isatty() or "ipykernel.kernelapp" in sys.modules
 
 
 @contextmanager
@@ -130,7 +138,10 @@ def no_report(stage: str, done: int, total: int) -> None:
 
 @contextmanager
 def progress_stages(show: bool, what: str, unit: str) -> Iterator[Report]:
-    """Yield a function that updates a progress bar if ``show``; work that ends before its total fills the bar."""
+    """Yield a function that updates a progress bar if ``show``.
+
+    Work that ends before its total fills the bar.
+    """
     if not show:
         yield no_report
         return
@@ -158,40 +169,51 @@ def with_progress(items: Sequence[T], show: bool, what: str, unit: str) -> Itera
 def progress_bar(
     show: bool, low: float, high: float, what: str
 ) -> Iterator[Callable[[Any], None] | None]:
-    """Yield a function that shows the progress of a path over an interval of its parameter, or None if not ``show``.
+    """Yield a function that shows the progress of a path over an interval, or None if not ``show``.
 
     The bar does not decrease if the path turns back.
     """
+    percent_per_unit = 100.0 / (high - low)
     with progress_stages(show, what, "%") as report:
-        share = 100.0 / (high - low)
-        yield (
-            (lambda point: report("", int(min(100.0, share * (point.y[-1] - low))), 100))
-            if show
-            else None
-        )
+
+        def report_point(point: Any) -> None:
+            percent = min(100.0, percent_per_unit * (point.y[-1] - low))
+            report("", int(percent), 100)
+
+        yield report_point if show else None
 
 
-def _bar(*items: Any, **given: Any) -> Any:
-    """Return a progress bar; print a line at each tenth, and every half minute, if standard error is not a terminal."""
+def _bar(*items: Any, **options: Any) -> Any:
+    """Return a progress bar of tqdm.
+
+    If nobody watches it, it prints a line at each tenth and every half minute.
+    """
     from tqdm.auto import tqdm
 
-    if sys.stderr.isatty() or "ipykernel.kernelapp" in sys.modules:
-        return tqdm(*items, **given, delay=1.0)  # short work has no bar
+    if _is_watched():
+        # short work has no bar
+        return tqdm(*items, **options, delay=1.0)
 
     class Lines(tqdm):  # type: ignore[misc]
-        tenths, printed = 0, time.monotonic()
+        tenths = 0
+        printed = time.monotonic()
 
         def set_description(self, desc: str | None = None, refresh: bool | None = True) -> None:
             super().set_description(desc, refresh=False)
             self.display()
 
         def display(self, msg: str | None = None, pos: int | None = None) -> None:
+            # a tenth that rounding leaves just below its number counts
             tenth = int(10.0 * self.n / self.total + 1e-9) if self.total else 0
-            if tenth > self.tenths or time.monotonic() > self.printed + 30.0:
-                self.tenths, self.printed = tenth, time.monotonic()
-                self.fp.write(f"{self.desc}{': ' * (not self.desc.endswith(': '))}{10 * tenth} %\n")
+            if tenth <= self.tenths and time.monotonic() <= self.printed + 30.0:
+                return
+            self.tenths = tenth
+            self.printed = time.monotonic()
+            # tqdm appends a colon to some descriptions
+            description = self.desc if self.desc.endswith(": ") else f"{self.desc}: "
+            self.fp.write(f"{description}{10 * tenth} %\n")
 
-    return Lines(*items, **given, mininterval=0.0, miniters=1, leave=False)
+    return Lines(*items, **options, mininterval=0.0, miniters=1, leave=False)
 
 
 # ---- Cost of a result ----
@@ -206,7 +228,7 @@ class Counted(Protocol):
 
     @property
     def work(self) -> NDArray:
-        """Million operations (4,) of an evaluation, a Jacobian, a factorisation and a least-norm solution."""
+        """Million operations (4,) of each item of :data:`WEIGHED`."""
 
 
 @dataclass(frozen=True)
@@ -218,10 +240,12 @@ class Cost:
     seconds : float
         Wall-clock time.
     processor : float
-        Processor time of the threads that did the work (s); 0 in files of versions that did not measure it.
+        Processor time of the threads that did the work (s); 0 in files of versions that did not
+        measure it.
     contact, assembly, algebra, time_integration : float
-        Processor time of parts of the C core (s): contact forces, modal sums and products, linear algebra, and time
-        integration.  Files of versions up to 0.7 contain wall-clock time, and ``contact`` includes time integration.
+        Processor time of parts of the C core (s): contact forces, modal sums and products, linear
+        algebra, and time integration.  Files of versions up to 0.7 contain wall-clock time, and
+        ``contact`` includes time integration.
     evaluations, jacobians, factorisations : int
     iterations, failed_steps : int
     least_norm : int
@@ -231,9 +255,10 @@ class Cost:
 
     Notes
     -----
-    With n unknowns, p contact points and H harmonics, an evaluation counts 28,000 p (2 H + 1).  With sampled forces it
-    counts p (120,000 + 1,200 samples).  A Jacobian counts 6 p n^2, a factorisation n^3 + 700 n^2 + 1,000,000, a least-norm
-    solution 15 n^3.  The weights were fitted to processor times of response curves, including the time spent in Python.
+    With n unknowns, p contact points and H harmonics, an evaluation counts 28,000 p (2 H + 1).
+    With sampled forces it counts p (120,000 + 1,200 samples).  A Jacobian counts 6 p n^2, a
+    factorisation n^3 + 700 n^2 + 1,000,000, a least-norm solution 15 n^3.  The weights were fitted
+    to processor times of response curves, including the time spent in Python.
     """
 
     seconds: float = 0.0
@@ -262,17 +287,17 @@ class Cost:
 
     def __add__(self, other: Cost) -> Cost:
         """Return the sum of two costs."""
-        return Cost(
-            **{f.name: getattr(self, f.name) + getattr(other, f.name) for f in fields(self)}
-        )
+        sums = {f.name: getattr(self, f.name) + getattr(other, f.name) for f in fields(self)}
+        return Cost(**sums)
 
     def __str__(self) -> str:
         processor = f", {self.processor:.3f} s of the processor" if self.processor > 0.0 else ""
         return (
             f"{self.seconds:.3f} s{processor}: contact {self.contact:.3f}, "
-            f"assembly {self.assembly:.3f}, algebra {self.algebra:.3f}, time {self.time_integration:.3f}, "
-            f"Python {self.python:.3f}; "
-            f"{self.evaluations} evaluations, {self.iterations} iterations, {self.failed_steps} failed steps"
+            f"assembly {self.assembly:.3f}, algebra {self.algebra:.3f}, "
+            f"time {self.time_integration:.3f}, Python {self.python:.3f}; "
+            f"{self.evaluations} evaluations, {self.iterations} iterations, "
+            f"{self.failed_steps} failed steps"
         )
 
 
@@ -313,33 +338,34 @@ class CostMeter:
         """Work so far in million operations."""
         total = sum(part.work for part in self.parts)
         for system, before in self.systems:
-            total += float(
-                system.work
-                @ [getattr(system.core.cost, name) - getattr(before, name) for name in WEIGHED]
-            )
+            now = system.core.cost
+            counts = [getattr(now, name) - getattr(before, name) for name in WEIGHED]
+            total += float(system.work @ counts)
         return float(total)
 
     def read(self, *parts: Cost) -> Cost:
         """Return the cost so far, including the parts of :meth:`add`."""
-        own: dict[str, Any] = {
-            name: sum(
-                (
-                    getattr(system.core.cost, name) - getattr(before, name)
-                    for system, before in self.systems
-                ),
-                zero,
+        total = Cost()
+        for system, before in self.systems:
+            now = system.core.cost
+            total += Cost(
+                contact=now.contact - before.contact,
+                assembly=now.assembly - before.assembly,
+                algebra=now.algebra - before.algebra,
+                evaluations=now.evaluations - before.evaluations,
+                jacobians=now.jacobians - before.jacobians,
+                factorisations=now.factorisations - before.factorisations,
+                least_norm=now.least_norm - before.least_norm,
             )
-            for names, zero in ((("contact", "assembly", "algebra"), 0.0), (WEIGHED, 0))
-            for name in names
-        }
-        mine = Cost(**own, iterations=self.iterations, failed_steps=self.failed_steps)
-        seconds, processor = (
-            time.perf_counter() - self.start,
-            time.thread_time() - self.processor_start,
-        )
-        work = self.work + sum(part.work for part in parts)
+        total += Cost(iterations=self.iterations, failed_steps=self.failed_steps)
+        for part in (*self.parts, *parts):
+            total += part
+        # the parts ran while this meter did, whose clocks include them
         return replace(
-            sum((*self.parts, *parts), mine), seconds=seconds, processor=processor, work=work
+            total,
+            seconds=time.perf_counter() - self.start,
+            processor=time.thread_time() - self.processor_start,
+            work=self.work + sum(part.work for part in parts),
         )
 
 
@@ -351,7 +377,10 @@ _held = Lock()
 
 @cache
 def _controller() -> ThreadpoolController:
-    """Return the controller of the loaded BLAS libraries; the search for them takes a millisecond."""
+    """Return the controller of the loaded BLAS libraries.
+
+    The search for them takes a millisecond.
+    """
     return ThreadpoolController()
 
 

@@ -1,7 +1,7 @@
 """Conversion of quantities of pint to plain numbers in the units of the package.
 
-pint treats the radian as a plain number: it converts 1 rad/s to 1 Hz.  Frequencies and rotor speeds are converted through
-turns here, so that 1 Hz, 1 turn/s, 60 rpm and 6.28 rad/s are equal.
+pint treats the radian as a plain number: it converts 1 rad/s to 1 Hz.  Frequencies and rotor speeds
+are converted through turns here, so that 1 Hz, 1 turn/s, 60 rpm and 6.28 rad/s are equal.
 """
 
 from __future__ import annotations
@@ -19,11 +19,27 @@ TURN = 2.0 * np.pi
 PHYSICAL = ("N", "m", "rad", "rad/s", "Hz", "Pa", "kg", "N/m", "N/m3", "kg/m3", "N s/m", "%")
 """Units of ranges that are no words such as "times the mass of the damper"."""
 UNITS_WITHOUT_RANGE: dict[str, str] = {
-    "preload": "N", "frequency": "Hz", "rate": "Hz/s", "speed": "rad/s", "speeds": "rad/s", "omega": "rad/s", "rpm": "rpm",
-    "phase": "rad", "face_angle": "rad", "twist": "rad", "angle": "rad", "axial_angle": "rad", "microslip.forces": "N",
-    "max_turn": "rad", "gauge_stress.gauge": "m", "PerArea.stiffness": "N/m3", "Checks.expected_frequencies": "Hz",
-}  # fmt: skip
-"""Units of parameters without a range; the name of a function or class before it limits the unit to it."""
+    "preload": "N",
+    "frequency": "Hz",
+    "rate": "Hz/s",
+    "speed": "rad/s",
+    "speeds": "rad/s",
+    "omega": "rad/s",
+    "rpm": "rpm",
+    "phase": "rad",
+    "face_angle": "rad",
+    "twist": "rad",
+    "angle": "rad",
+    "axial_angle": "rad",
+    "microslip.forces": "N",
+    "max_turn": "rad",
+    "gauge_stress.gauge": "m",
+    "PerArea.stiffness": "N/m3",
+    "Checks.expected_frequencies": "Hz",
+}
+"""Units of parameters without a range; the name of a function or class before it limits the unit to
+it.
+"""
 
 
 class Quantity(Protocol):
@@ -48,20 +64,21 @@ def unit_of(owner: str, name: str) -> str | tuple[str, ...] | None:
 
     The unit is empty for plain numbers, and None for an unknown parameter.
     """
-    head = name.partition(".")[0]
-    for key in (f"{owner}.{name}", f"{owner.partition('.')[0]}.{name}", name):
+    class_name = owner.partition(".")[0]
+    parameter = name.partition(".")[0]
+    for key in (f"{owner}.{name}", f"{class_name}.{name}", name):
         if key in UNITS_WITHOUT_RANGE:
             return UNITS_WITHOUT_RANGE[key]
-    known = plausible_ranges.entry(owner, name) or plausible_ranges.entry(owner, head)
-    if isinstance(known, tuple):
-        return tuple(_unit_of_range(part) for part in known)
-    if isinstance(known, Range):
-        return _unit_of_range(known)
-    return None if known is None else ""
+    limits = plausible_ranges.entry(owner, name) or plausible_ranges.entry(owner, parameter)
+    if isinstance(limits, tuple):
+        return tuple(_unit_of_range(part) for part in limits)
+    if isinstance(limits, Range):
+        return _unit_of_range(limits)
+    return None if limits is None else ""
 
 
-def _unit_of_range(known: Range) -> str:
-    return known.unit if known.unit in PHYSICAL else ""
+def _unit_of_range(limits: Range) -> str:
+    return limits.unit if limits.unit in PHYSICAL else ""
 
 
 def in_unit(name: str, value: Quantity, unit: str) -> Any:
@@ -70,17 +87,19 @@ def in_unit(name: str, value: Quantity, unit: str) -> Any:
     Raises
     ------
     SettingError
-        If the quantity has another dimension, or it is not clear whether it counts turns or radians.
+        If the quantity has another dimension, or it is not clear whether it counts turns or
+        radians.
     """
     try:
         return _converted(value, unit)
-    except Exception as error:  # each reason has another class of error
-        raise SettingError(
-            f"{name}: expected {unit or 'a plain number'}, found {one_line(value)}"
-        ) from error
+    # each reason has another class of error
+    except Exception as error:
+        expected = unit or "a plain number"
+        raise SettingError(f"{name}: expected {expected}, found {one_line(value)}") from error
 
 
 def _converted(value: Quantity, unit: str) -> Any:
+    # power of the radian in the quantity
     radians = dict(value.to_root_units().unit_items()).get("radian", 0)
     if unit in ("Hz", "Hz/s"):
         return value.to(unit).magnitude / TURN**radians
@@ -92,7 +111,8 @@ def _converted(value: Quantity, unit: str) -> Any:
         return turns * (TURN if unit == "rad/s" else 60.0)
     if radians and unit != "rad":
         raise ValueError("an angle instead of a plain number")
-    return value.to({"%": "percent"}.get(unit, unit.replace("m3", "m**3"))).magnitude
+    name_in_pint = "percent" if unit == "%" else unit.replace("m3", "m**3")
+    return value.to(name_in_pint).magnitude
 
 
 def plain(owner: str, name: str, value: object) -> Any:
@@ -104,16 +124,16 @@ def plain(owner: str, name: str, value: object) -> Any:
         Function or class, and its parameter.
     value : object
     """
-    known = plausible_ranges.entry(owner, name)
-    if isinstance(known, Names):
-        return _settings(known.of, value)
+    limits = plausible_ranges.entry(owner, name)
+    if isinstance(limits, Names):
+        return _settings(limits.of, value)
     unit = unit_of(owner, name)
     if unit is None:
         return value
     if isinstance(unit, str):
         return in_lists(name, value, unit)
     if isinstance(value, list | tuple) and len(value) == len(unit):
-        return tuple(in_lists(name, part, one) for part, one in zip(value, unit))
+        return tuple(in_lists(name, part, part_unit) for part, part_unit in zip(value, unit))
     return value
 
 
@@ -121,15 +141,15 @@ def _settings(of: str, value: object) -> Any:
     """Convert the values of a mapping of settings, or of a mapping of such mappings."""
     if not isinstance(value, Mapping):
         return value
-    known = {key: unit_of(of, str(key)) is not None for key in value}
-    return {
-        key: plain(of, str(key), inner) if known[key] else _settings(of, inner)
-        for key, inner in value.items()
-    }  # fmt: skip
+    converted = {}
+    for key, inner in value.items():
+        is_setting = unit_of(of, str(key)) is not None
+        converted[key] = plain(of, str(key), inner) if is_setting else _settings(of, inner)
+    return converted
 
 
 def in_lists(name: str, value: object, unit: str) -> Any:
-    """Return a value with its quantities converted to a unit, in lists, tuples and mappings as well."""
+    """Convert the quantities of a value, also in lists, tuples and mappings, to a unit."""
     if is_quantity(value):
         return in_unit(name, value, unit)
     if type(value) is list:

@@ -1,11 +1,12 @@
 """Records in HDF5: dataclasses described by the annotated types of their fields.
 
-A :class:`Record` is a group.  Numbers and texts are attributes, arrays are datasets, mappings and nested records are
-groups, and all other values are texts in JSON, also the objects in an array with named fields.  A field that is None is
-omitted.  :class:`Data` sets units, type and path.
+A :class:`Record` is a group.  Numbers and texts are attributes, arrays are datasets, mappings and
+nested records are groups, and all other values are texts in JSON, also the objects in an array with
+named fields.  A field that is None is omitted.  :class:`Data` sets units, type and path.
 
-:func:`read_record` rejects unknown names, since a misspelt optional dataset would have no effect.  It also rejects links to
-other places, external storage and virtual datasets, since a file must contain all its data.  It ignores other attributes.
+:func:`read_record` rejects unknown names, since a misspelt optional dataset would have no effect.
+It also rejects links to other places, external storage and virtual datasets, since a file must
+contain all its data.  It ignores other attributes.
 
 :func:`check_record` checks type, shape and size of all data of a record; an error names the item.
 """
@@ -56,8 +57,8 @@ Sizes = dict[str, int | None]
 """Sizes by name; None if unknown."""
 ANY = Limits()
 SINGLE, ROUNDING = 1e-6, 1e-8
-"""Relative tolerances: for data that are often in single precision (normals, modes), and for the rounding of a large
-factorisation.
+"""Relative tolerances: for data that are often in single precision (normals, modes), and for the
+rounding of a large factorisation.
 """
 _SINGLE = {"f": np.float32, "c": np.complex64}
 _NATIVE = {"f": np.float64, "c": np.complex128, "i": np.int64, "u": np.int64, "b": np.bool_}
@@ -70,7 +71,7 @@ class Record:
     """Mixin of dataclasses that are stored as a group."""
 
     def check_rows(self) -> None:
-        """Raise ValueError if fields of the same dimension differ in length, as in a damaged file."""
+        """Raise ValueError if fields of one dimension differ in length, as in a damaged file."""
 
 
 @dataclass(frozen=True)
@@ -84,10 +85,11 @@ class Data:
     shape : tuple of int, str or None
         A named size has one value within a record; None is any size.
     kind : {"real", "field", "picture", "integer", "bool"}
-        Type of the numbers.  "field" and "picture" are real or complex; a file contains a picture in single precision.
+        Type of the numbers.  "field" and "picture" are real or complex; a file contains a picture
+        in single precision.
     file : str
-        Path in a file, by default the name of the field.  A star is replaced by the key of a mapping, "nd000" for the
-        number 0.
+        Path in a file, by default the name of the field.  A star is replaced by the key of a
+        mapping, "nd000" for the number 0.
     limits : Limits
         Limits of all numbers.
     matrix : {"", "symmetric", "Hermitian", "skew-Hermitian"}
@@ -137,10 +139,13 @@ class Item(NamedTuple):
 
     @property
     def pattern(self) -> str:
-        """Path in a file, with "nd000" for any nodal diameter, and "@" for a group of attributes."""
-        return self.file.replace(
-            "*", "nd000" if self.keys is int else "@" if self.is_attribute else "*"
-        )
+        """Path in a file; "nd000" is any nodal diameter, "@" a group of attributes."""
+        star = "*"
+        if self.keys is int:
+            star = "nd000"
+        elif self.is_attribute:
+            star = "@"
+        return self.file.replace("*", star)
 
     @property
     def is_record(self) -> bool:
@@ -149,16 +154,17 @@ class Item(NamedTuple):
     @property
     def is_attribute(self) -> bool:
         """Whether it is an attribute in a file: a number, a text, or names with dots."""
-        plain = (
-            self.kind in (int, float, str, tuple[tuple[str, str], ...])
-            or get_origin(self.kind) is Literal
-        )
-        return plain and not self.data.units
+        if self.data.units:
+            return False
+        is_plain = self.kind in (int, float, str, tuple[tuple[str, str], ...])
+        return is_plain or get_origin(self.kind) is Literal
 
     def place(self, key: object = "") -> str:
         """Return the path of the value of a key in a file."""
-        name = f"nd{key:03d}" if self.keys is int and key != "" else str(key)
-        return self.file.replace("*", name).rstrip("/")
+        key_name = str(key)
+        if self.keys is int and key != "":
+            key_name = f"nd{key:03d}"
+        return self.file.replace("*", key_name).rstrip("/")
 
 
 @cache
@@ -169,23 +175,37 @@ def layout(cls: Kind) -> tuple[Item, ...]:
 
 
 def is_array(hint: object) -> bool:
-    """Return whether a type hint is an array; the alias of NumPy has an origin only in some versions."""
+    """Return whether a type hint is an array.
+
+    The alias of NumPy has an origin only in some versions.
+    """
     return np.ndarray is get_origin(hint) or NDArray in (hint, get_origin(hint))
 
 
 def _item(cls: Kind, field: Any) -> Item:
-    kind, optional, _ = declared = declarations(cls)[field.name]
-    keys, inner = None, get_args(kind)
+    declared = declarations(cls)[field.name]
+    data = declared.mark(Data) or Data()
+    kind = declared.kind
+    keys = None
+    inner = get_args(kind)
     if get_origin(kind) in (Mapping, dict) and inner[1] is not Any:
         keys, kind = inner
     elif get_origin(kind) is tuple and isinstance(inner[0], type) and issubclass(inner[0], Record):
-        keys, kind = tuple, inner[0]
-    kind = np.ndarray if is_array(kind) else kind
-    data = declared.mark(Data) or Data()
-    optional = optional or kind is Any
-    default = field.default is not MISSING or field.default_factory is not MISSING
+        keys = tuple
+        kind = inner[0]
+    if is_array(kind):
+        kind = np.ndarray
+    optional = declared.optional or kind is Any
+    has_default = field.default is not MISSING or field.default_factory is not MISSING
+    # an empty mapping has no group in a file
+    may_be_missing = optional or data.derived or (has_default and bool(keys))
     return Item(
-        field.name, kind, keys, optional, not (optional or data.derived or (default and keys)), data
+        name=field.name,
+        kind=kind,
+        keys=keys,
+        optional=optional,
+        required=not may_be_missing,
+        data=data,
     )
 
 
@@ -198,15 +218,11 @@ def write_record(group: h5py.Group, record: object) -> None:
         value = getattr(record, item.name)
         if value is None:
             continue
-        if item.keys:
-            new_group(group, item.file.rpartition("*")[0])
-        parts = (
-            enumerate(value)
-            if item.keys is tuple
-            else value.items()
-            if item.keys
-            else [("", value)]
-        )
+        if not item.keys:
+            _write(group, item.place(), value, item)
+            continue
+        new_group(group, item.file.rpartition("*")[0])
+        parts = enumerate(value) if item.keys is tuple else value.items()
         for key, part in parts:
             _write(group, item.place(key), part, item)
 
@@ -222,30 +238,45 @@ def _write(group: h5py.Group, path: str, value: Any, item: Item) -> None:
     elif item.kind in (int, float):
         owner.attrs[name] = item.kind(value)
     elif item.is_attribute:
-        write_text(
-            owner, name, value if isinstance(value, str) else [".".join(names) for names in value]
-        )
+        text = value if isinstance(value, str) else [".".join(names) for names in value]
+        write_text(owner, name, text)
     else:
-        plain: Any = asdict  # also of a dataclass in a tuple; in mappings it becomes its text
-        if isinstance(value, tuple):
-            value = [plain(part) if is_dataclass(part) else part for part in value]
-        owner[name] = json.dumps(plain(value) if is_dataclass(value) else value, default=to_json)
+        owner[name] = json.dumps(_plain(value), default=to_json)
+
+
+def _plain(value: Any) -> Any:
+    """Return a dataclass, also one in a tuple, as a mapping; in mappings it becomes its text."""
+    if isinstance(value, tuple):
+        return [_mapping_of(part) for part in value]
+    return _mapping_of(value)
+
+
+def _mapping_of(value: Any) -> Any:
+    return asdict(value) if is_dataclass(value) else value  # type: ignore[arg-type]
 
 
 def new_group(group: h5py.Group, path: str) -> h5py.Group:
-    """Return a group with the path, which stores the order of its members; create it if there is none."""
+    """Return a group with the path, which stores the order of its members.
+
+    Create it if there is none.
+    """
     for name in filter(None, path.split("/")):
-        group = group[name] if name in group else group.create_group(name, track_order=True)
+        if name in group:
+            group = group[name]
+        else:
+            group = group.create_group(name, track_order=True)
     return group
 
 
 def _write_array(group: h5py.Group, name: str, array: NDArray, data: Data) -> None:
-    array = array.astype(_SINGLE[array.dtype.kind]) if data.kind == "picture" else array
-    array = _texts_of_objects(array) if array.dtype.kind == "V" else array
-    large = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
-    dataset = group.create_dataset(
-        name, data=array, **large if array.nbytes > COMPRESS_FROM else {}
-    )
+    if data.kind == "picture":
+        array = array.astype(_SINGLE[array.dtype.kind])
+    if array.dtype.kind == "V":
+        array = _texts_of_objects(array)
+    compression: dict[str, Any] = {}
+    if array.nbytes > COMPRESS_FROM:
+        compression = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
+    dataset = group.create_dataset(name, data=array, **compression)
     if data.units:
         write_text(dataset, "units", data.units)
 
@@ -253,13 +284,15 @@ def _write_array(group: h5py.Group, name: str, array: NDArray, data: Data) -> No
 def write_text(owner: h5py.Group | h5py.Dataset, name: str, text: str | list[str]) -> None:
     """Write one text or several texts as an attribute of fixed length.
 
-    C, Fortran and MATLAB read fixed lengths easily.  HDF5 stores texts of variable length in a heap; with a damaged byte
-    reading it may not terminate.
+    C, Fortran and MATLAB read fixed lengths easily.  HDF5 stores texts of variable length in a
+    heap; with a damaged byte reading it may not terminate.
     """
-    encoded = np.array(
-        text.encode() if isinstance(text, str) else [part.encode() for part in text], dtype="S"
-    )
-    owner.attrs.create(name, encoded, dtype=h5py.string_dtype(length=encoded.dtype.itemsize or 1))
+    if isinstance(text, str):
+        encoded = np.array(text.encode(), dtype="S")
+    else:
+        encoded = np.array([part.encode() for part in text], dtype="S")
+    length = encoded.dtype.itemsize or 1
+    owner.attrs.create(name, encoded, dtype=h5py.string_dtype(length=length))
 
 
 # ---- Reading ----
@@ -272,15 +305,22 @@ def place(parent: h5py.Group | h5py.Dataset, name: str = "") -> str:
 
 
 def read_record(group: h5py.Group, kind: Kind) -> Any:
-    """Read a record written by :func:`write_record`; fields that are missing and follow from other data are None."""
+    """Read a record written by :func:`write_record`.
+
+    Fields that are missing and follow from other data are None.
+    """
     items = layout(kind)
     _check_names(group, [item.pattern for item in items if item.keys or not item.is_attribute])
-    values = {"name": group.name.rsplit("/", 1)[-1]} if "name" in declarations(kind) else {}
+    values = {}
+    if "name" in declarations(kind):
+        values["name"] = group.name.rsplit("/", 1)[-1]
     for item in items:
         value = _read_members(group, item) if item.keys else _read(group, item.file, item)
         if value is None and item.required:
             _fail_missing(group, item)
-        if value is not None or (item.kind is np.ndarray and item.data.derived):
+        # an array that follows from other data has no default
+        is_derived_array = item.kind is np.ndarray and item.data.derived
+        if value is not None or is_derived_array:
             values[item.name] = value
     record = kind(**values)
     record.check_rows()
@@ -288,23 +328,33 @@ def read_record(group: h5py.Group, kind: Kind) -> Any:
 
 
 def _fail_missing(group: h5py.Group, item: Item) -> None:
-    sign, expected = ("@", "this attribute") if item.is_attribute else ("", "this group or dataset")
-    check(False, place(group, sign + item.place()), expected, "nothing")
+    if item.is_attribute:
+        check(False, place(group, f"@{item.place()}"), "this attribute", "nothing")
+    check(False, place(group, item.place()), "this group or dataset", "nothing")
 
 
 def _read_members(group: h5py.Group, item: Item) -> Any:
     """Return the mapping or tuple of a field, or None if its group is missing."""
     head, _, tail = item.file.partition("*")
-    if head and head[:-1] not in group:
-        return None
-    parent = subgroup(group, head[:-1]) if head else group
-    names: dict[Any, str] = {name: name for name in (parent.attrs if item.is_attribute else parent)}
+    parent = group
+    if head:
+        group_name = head.removesuffix("/")
+        if group_name not in group:
+            return None
+        parent = subgroup(group, group_name)
+    members = parent.attrs if item.is_attribute else parent
+    # names in the file by key
+    names: dict[Any, str] = {name: name for name in members}
     if item.keys is int:
-        names = {int(found[1]): name for name in names if (found := _DIAMETER.fullmatch(name))}
+        matches = [_DIAMETER.fullmatch(name) for name in members]
+        names = {int(match[1]): match[0] for match in matches if match}
     elif item.keys is tuple:
-        names = dict(sorted((int(name), name) for name in names))
-    parts = {key: _read(parent, name + tail, item) for key, name in names.items()}
-    parts = {key: value for key, value in parts.items() if value is not None}
+        names = dict(sorted((int(name), name) for name in members))
+    parts = {}
+    for key, name in names.items():
+        value = _read(parent, name + tail, item)
+        if value is not None:
+            parts[key] = value
     return tuple(parts.values()) if item.keys is tuple else parts
 
 
@@ -316,32 +366,33 @@ def _read(group: h5py.Group, path: str, item: Item) -> Any:
         return read_attribute(owner, name, item.kind)
     if name not in owner:
         return None
-    return (
-        read_record(subgroup(owner, name), item.kind)
-        if item.is_record
-        else _read_dataset(owner, name, item)
-    )
+    if item.is_record:
+        return read_record(subgroup(owner, name), item.kind)
+    return _read_dataset(owner, name, item)
 
 
 def _check_names(group: h5py.Group, paths: Iterable[str]) -> None:
     """Check that a group contains no unknown names and no links to other places."""
-    known = [path.partition("/")[::2] for path in paths]
+    # first name of each path, and the rest of the path below it
+    known: list[tuple[str, str]] = []
+    for path in paths:
+        head, _, rest = path.partition("/")
+        known.append((head, rest))
+    names = list(dict.fromkeys(head for head, _ in known))
     for name in group:
         check_link(group, name)
-        below = [
-            rest
-            for head, rest in known
-            if head in (name, "*") or (head == "nd000" and _DIAMETER.fullmatch(name))
-        ]
-        names = list(dict.fromkeys(head for head, _ in known))
-        check(
-            below,
-            place(group, name),
-            f"no other names than {names}",
-            f"this one{suggest_name(name, names)}",
-        )
+        below = [rest for head, rest in known if _allows(head, name)]
+        hint = f"this one{suggest_name(name, names)}"
+        check(below, place(group, name), f"no other names than {names}", hint)
         if any(below):
             _check_names(subgroup(group, name), below)
+
+
+def _allows(pattern: str, name: str) -> bool:
+    """Return whether a name of a group matches a name of :attr:`Item.pattern`."""
+    if pattern == "nd000" and _DIAMETER.fullmatch(name):
+        return True
+    return pattern in (name, "*")
 
 
 def check_link(group: h5py.Group, name: str) -> None:
@@ -353,32 +404,38 @@ def check_link(group: h5py.Group, name: str) -> None:
 def subgroup(group: h5py.Group, name: str) -> h5py.Group:
     check_link(group, name)
     member = group[name]
-    check(
-        isinstance(member, h5py.Group),
-        place(group, name),
-        "a group",
-        f"a {type(member).__name__.lower()}",
-    )
+    kind = type(member).__name__.lower()
+    check(isinstance(member, h5py.Group), place(group, name), "a group", f"a {kind}")
     return member
 
 
 def _read_dataset(group: h5py.Group, name: str, item: Item) -> Any:
-    """Read an array in double precision (or int64, bool), a number with units, or a value in JSON."""
-    dataset, at, data = group[name], place(group, name), item.data
-    check(isinstance(dataset, h5py.Dataset), at, "a dataset", f"a {type(dataset).__name__.lower()}")
-    _check_storage(dataset, at)
-    if not data.units:
-        if dataset.dtype.kind == "V":
-            return _objects_of_texts(dataset[()])
-        text = h5py.check_string_dtype(dataset.dtype) is not None
-        return from_json(item.kind, json.loads(dataset[()])) if text else dataset[()]
-    letters, words = TYPES[data.kind]
-    check(dataset.dtype.kind in letters, at, words, f"data of type {dataset.dtype}")
-    check_text(dataset, "units", data.units, "; convert the numbers")
+    """Read an array (double precision, int64 or bool), a number with units, or a value in JSON."""
+    dataset = group[name]
+    path = place(group, name)
+    kind = type(dataset).__name__.lower()
+    check(isinstance(dataset, h5py.Dataset), path, "a dataset", f"a {kind}")
+    _check_storage(dataset, path)
+    units = item.data.units
+    if not units:
+        return _read_plain_dataset(dataset, item.kind)
+    letters, words = TYPES[item.data.kind]
+    check(dataset.dtype.kind in letters, path, words, f"data of type {dataset.dtype}")
+    check_text(dataset, "units", units, "; convert the numbers")
     array = np.asarray(dataset[()])
     array = array.astype(_NATIVE[array.dtype.kind], copy=False)
-    check(item.kind is not float or array.shape == (), at, "shape ()", f"{array.shape}")
-    return float(array) if item.kind is float else array
+    if item.kind is not float:
+        return array
+    check(array.shape == (), path, "shape ()", f"{array.shape}")
+    return float(array)
+
+
+def _read_plain_dataset(dataset: h5py.Dataset, kind: Any) -> Any:
+    """Read an array without units, or a value in JSON."""
+    if dataset.dtype.kind == "V":
+        return _objects_of_texts(dataset[()])
+    is_text = h5py.check_string_dtype(dataset.dtype) is not None
+    return from_json(kind, json.loads(dataset[()])) if is_text else dataset[()]
 
 
 def _check_storage(dataset: h5py.Dataset, item: str) -> None:
@@ -387,9 +444,9 @@ def _check_storage(dataset: h5py.Dataset, item: str) -> None:
     check(not elsewhere, item, "numbers stored in this file", "a reference to other files")
     check(dataset.shape is not None, item, "numbers", "an empty dataset")
     stored = dataset.id.get_storage_size()
-    wanted = dataset.size * dataset.dtype.itemsize
-    within = wanted <= MOST_EXPANDED * stored
-    check(within, item, f"{wanted} bytes for shape {dataset.shape}", f"{stored} bytes in the file")
+    expanded = dataset.size * dataset.dtype.itemsize
+    expected = f"{expanded} bytes for shape {dataset.shape}"
+    check(expanded <= MOST_EXPANDED * stored, item, expected, f"{stored} bytes in the file")
 
 
 def check_text(owner: h5py.Group | h5py.Dataset, name: str, expected: str, cure: str = "") -> None:
@@ -399,17 +456,24 @@ def check_text(owner: h5py.Group | h5py.Dataset, name: str, expected: str, cure:
 
 def read_attribute(owner: h5py.Group | h5py.Dataset, name: str, kind: object = str) -> Any:
     """Read one text (by default), one number, or names with dots as tuples of texts."""
-    at = place(owner, f"@{name}")
-    check(name in owner.attrs, at, "this attribute", "nothing")
+    path = place(owner, f"@{name}")
+    check(name in owner.attrs, path, "this attribute", "nothing")
     value = owner.attrs[name]
-    if kind in (int, float):
-        letters, expected = ("iu", "one integer") if kind is int else ("fiu", "one number")
-        number = np.asarray(value)
-        check(number.dtype.kind in letters and number.size == 1, at, expected, repr(value))
-        return number.item() if kind is int else float(number.item())
+    if kind is int:
+        return _one_number(value, path, "iu", "one integer").item()
+    if kind is float:
+        return float(_one_number(value, path, "fiu", "one number").item())
     if get_origin(kind) is tuple:
-        return tuple(tuple(_text(part, at).rsplit(".", 1)) for part in np.atleast_1d(value).ravel())
-    return _text(value, at)
+        texts = [_text(part, path) for part in np.atleast_1d(value).ravel()]
+        return tuple(tuple(text.rsplit(".", 1)) for text in texts)
+    return _text(value, path)
+
+
+def _one_number(value: Any, item: str, letters: str, expected: str) -> NDArray:
+    """Return an array with a single number; ``letters`` are the allowed types of NumPy."""
+    number = np.asarray(value)
+    check(number.dtype.kind in letters and number.size == 1, item, expected, repr(value))
+    return number
 
 
 def _text(value: Any, item: str) -> str:
@@ -426,8 +490,9 @@ def _text(value: Any, item: str) -> str:
 
 
 def named_fields(columns: Mapping[str, Sequence[Any] | NDArray], n: int) -> NDArray:
-    """Return an array (n,) with a field for each column: float, int or bool if all its values are, otherwise objects.
+    """Return an array (n,) with a field for each column.
 
+    A field has the type float, int or bool if all values of the column have it, otherwise objects.
     None, a missing value, is NaN in a field of floats.
     """
     arrays = {name: _narrowed(column) for name, column in columns.items()}
@@ -438,15 +503,16 @@ def named_fields(columns: Mapping[str, Sequence[Any] | NDArray], n: int) -> NDAr
 
 
 def _narrowed(column: Sequence[Any] | NDArray) -> NDArray:
+    """Return a column as an array of the type of all its values, or of objects."""
     if isinstance(column, np.ndarray) and column.dtype != object:
         return column
-    values, kinds = list(column), {*map(type, column)}
-    narrow = kinds in ({int}, {bool}, {float}, {float, NoneType})
-    return (
-        np.array(values, float if float in kinds else None)
-        if narrow
-        else np.fromiter(values, object, len(values))
-    )
+    values = list(column)
+    kinds = {type(value) for value in values}
+    if kinds in ({float}, {float, NoneType}):
+        return np.array(values, float)
+    if kinds in ({int}, {bool}):
+        return np.array(values)
+    return np.fromiter(values, object, len(values))
 
 
 def names_of(rows: NDArray) -> tuple[str, ...]:
@@ -461,28 +527,37 @@ def row_of(rows: NDArray, i: int) -> dict[str, Any]:
 
 def numbers_of(rows: NDArray, name: str) -> NDArray:
     """Return a field as (n,) float; NaN if there is no such field or no value."""
-    return rows[name].astype(float) if name in names_of(rows) else np.full(len(rows), np.nan)
+    if name not in names_of(rows):
+        return np.full(len(rows), np.nan)
+    return rows[name].astype(float)
 
 
 def _texts_of_objects(rows: NDArray) -> NDArray:
-    objects = {name: rows.dtype[name].hasobject for name in names_of(rows)}
-    kinds = [(name, h5py.string_dtype() if objects[name] else rows.dtype[name]) for name in objects]
+    """Return an array with texts in JSON in place of its fields of objects."""
+    columns: dict[str, Any] = {}
+    kinds: list[tuple[str, Any]] = []
+    for name in names_of(rows):
+        if rows.dtype[name].hasobject:
+            columns[name] = [json.dumps(value, default=to_json) for value in rows[name]]
+            kinds.append((name, h5py.string_dtype()))
+        else:
+            columns[name] = rows[name]
+            kinds.append((name, rows.dtype[name]))
+    # without fields, an array of one byte for each row
     out = np.zeros(len(rows), kinds or "V1")
-    for name in objects:
-        out[name] = (
-            [json.dumps(v, default=to_json) for v in rows[name]] if objects[name] else rows[name]
-        )
+    for name, column in columns.items():
+        out[name] = column
     return out
 
 
 def _objects_of_texts(stored: NDArray) -> NDArray:
+    """Return the array that :func:`_texts_of_objects` has converted."""
     columns: dict[str, Any] = {name: stored[name] for name in names_of(stored)}
     for name, column in columns.items():
         if column.dtype == object:
-            known = {
-                text: json.loads(text) for text in set(column)
-            }  # equal values share their memory
-            columns[name] = [known[text] for text in column]
+            # equal values share their memory
+            by_text = {text: json.loads(text) for text in set(column)}
+            columns[name] = [by_text[text] for text in column]
     return named_fields(columns, len(stored))
 
 
@@ -495,44 +570,42 @@ def from_json(hint: object, value: object) -> Any:
 
 
 def _from_json(hint: Any, value: Any) -> Any:
-    origin, inner = get_origin(hint), get_args(hint)
+    origin = get_origin(hint)
+    inner = get_args(hint)
     if value is None or hint is Any or origin in (dict, Mapping):
         return value
     if is_array(hint):
-        return (
-            value["real"] + 1j * np.array(value["imag"])
-            if isinstance(value, Mapping)
-            else np.array(value)
-        )
+        if isinstance(value, Mapping):
+            return value["real"] + 1j * np.array(value["imag"])
+        return np.array(value)
     if origin is tuple:
         kinds = inner[:1] * len(value) if inner[-1] is ... else inner
         return tuple(_from_json(kind, item) for kind, item in zip(kinds, value))
     if isinstance(hint, InitVar):
         return _from_json(hint.type, value)
     if origin in (Union, UnionType):
-        given = [kind for kind in inner if kind is not NoneType]
-        if len(given) == 1:
-            return _from_json(given[0], value)
-        return tuple(value) if isinstance(value, list) else value  # such as int | tuple[int, ...]
+        kinds = tuple(kind for kind in inner if kind is not NoneType)
+        if len(kinds) == 1:
+            return _from_json(kinds[0], value)
+        # such as int | tuple[int, ...]
+        return tuple(value) if isinstance(value, list) else value
     if is_dataclass(hint):
         hints = get_type_hints(hint)
-        known = {
+        # a file of another version may have further fields
+        arguments = {
             name: _from_json(hints[name], item) for name, item in value.items() if name in hints
         }
-        return hint(**known)  # type: ignore[operator]
-    if isinstance(hint, type) and issubclass(hint, tuple):  # named tuple
-        return hint(*value)
-    return hint(value)
+        return hint(**arguments)  # type: ignore[operator]
+    is_named_tuple = isinstance(hint, type) and issubclass(hint, tuple)
+    return hint(*value) if is_named_tuple else hint(value)
 
 
 def to_json(value: Any) -> Any:
     """Convert arrays and numbers of NumPy, mappings and small dataclasses for JSON."""
     if isinstance(value, np.ndarray):
-        return (
-            {"real": value.real.tolist(), "imag": value.imag.tolist()}
-            if np.iscomplexobj(value)
-            else value.tolist()
-        )
+        if np.iscomplexobj(value):
+            return {"real": value.real.tolist(), "imag": value.imag.tolist()}
+        return value.tolist()
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, Mapping):
@@ -546,7 +619,9 @@ def to_json(value: Any) -> Any:
 
 
 def check_record(record: object, kind: Kind, item: str, sizes: Sizes | None = None) -> None:
-    """Check the fields of a record against the annotated types of its class; nested records are not checked.
+    """Check the fields of a record against the annotated types of its class.
+
+    Nested records are not checked.
 
     Parameters
     ----------
@@ -559,34 +634,36 @@ def check_record(record: object, kind: Kind, item: str, sizes: Sizes | None = No
         Known sizes.
     """
     check_type(record, cast(type, kind), item)
-    known = dict(sizes or {})
-    # vectors show the named sizes
-    for field in sorted(
-        layout(kind), key=lambda field: (len(field.data.shape) > 1, field.keys is not None)
-    ):
+    known_sizes = dict(sizes or {})
+
+    # vectors come before matrices because they show the named sizes
+    def matrices_and_mappings_last(field: Item) -> tuple[bool, bool]:
+        return len(field.data.shape) > 1, field.keys is not None
+
+    for field in sorted(layout(kind), key=matrices_and_mappings_last):
         value = getattr(record, field.name)
         if field.is_record or (value is None and field.optional):
             continue
-        if field.keys is not None:
-            check_type(value, Mapping, f"{item}/{field.place()}")
         sign = "@" if field.is_attribute else ""
-        for key, part in value.items() if field.keys is not None else (("", value),):
-            _check_value(part, field, f"{item}/{sign}{field.place(key)}", known)
+        if field.keys is None:
+            _check_value(value, field, f"{item}/{sign}{field.place()}", known_sizes)
+            continue
+        check_type(value, Mapping, f"{item}/{field.place()}")
+        for key, part in value.items():
+            _check_value(part, field, f"{item}/{sign}{field.place(key)}", known_sizes)
 
 
 def _check_value(value: Any, field: Item, item: str, sizes: Sizes) -> None:
-    kind, limits = field.kind, field.data.limits
+    kind = field.kind
+    limits = field.data.limits
     if kind is np.ndarray:
         _check_array(value, field.data, item, sizes)
     elif kind is int:
         check_integer(value, item)
     elif kind is float:
-        good = (
-            isinstance(value, int | float | np.floating)
-            and np.isfinite(value)
-            and limits.hold(float(value))
-        )
-        check(good, item, f"a finite number {limits}", repr(value))
+        is_number = isinstance(value, int | float | np.floating) and np.isfinite(value)
+        within = is_number and limits.hold(float(value))
+        check(within, item, f"a finite number {limits}", repr(value))
     elif kind is str:
         check(isinstance(value, str), item, "a text", repr(value))
     elif get_origin(kind) is Literal:
@@ -594,37 +671,54 @@ def _check_value(value: Any, field: Item, item: str, sizes: Sizes) -> None:
 
 
 def _check_array(array: Any, data: Data, item: str, sizes: Sizes) -> None:
-    """Check type, shape, finiteness, limits and symmetry; add the named sizes of the array to ``sizes``."""
+    """Check type, shape, finiteness, limits and symmetry.
+
+    Add the named sizes of the array to ``sizes``.
+    """
     check(isinstance(array, np.ndarray), item, "a NumPy array", f"a {type(array).__name__}")
-    letters, words = TYPES[data.kind]
-    double = array.dtype in (np.float64, np.complex128) or "f" not in letters
-    expected = f"{words} in double precision" if "f" in letters else words
-    check(double and array.dtype.kind in letters, item, expected, f"dtype {array.dtype}")
-    shape = [sizes.get(n) if isinstance(n, str) else n for n in data.shape]  # None is any size
-    fits = len(shape) == array.ndim and all(
-        n in (None, found) for n, found in zip(shape, array.shape)
-    )
-    text = ", ".join("any" if n is None else str(n) for n in shape)
-    check(fits, item, f"shape ({text},)" if len(shape) == 1 else f"shape ({text})", array.shape)
+    _check_number_type(array, data.kind, item)
+    _check_shape(array, data.shape, item, sizes)
     for name, size in zip(data.shape, array.shape):
         sizes.setdefault(str(name), size)
     check_all(np.isfinite(array), array, "finite numbers", item)
     if str(data.limits):
         check_all(data.limits.hold(array), array, f"numbers {data.limits}", item)
     if data.matrix:
-        check_hermitian(1j * array if data.matrix == "skew-Hermitian" else array, item, data.matrix)
+        # a skew-Hermitian matrix times i is Hermitian
+        hermitian = 1j * array if data.matrix == "skew-Hermitian" else array
+        check_hermitian(hermitian, item, data.matrix)
+
+
+def _check_number_type(array: NDArray, kind: str, item: str) -> None:
+    """Check the type of the numbers of an array; real and complex numbers have double precision."""
+    letters, words = TYPES[kind]
+    if "f" in letters:
+        words = f"{words} in double precision"
+        is_precise = array.dtype in (np.float64, np.complex128)
+    else:
+        is_precise = True
+    check(is_precise and array.dtype.kind in letters, item, words, f"dtype {array.dtype}")
+
+
+def _check_shape(array: NDArray, expected: Shape, item: str, sizes: Sizes) -> None:
+    """Check the shape of an array; a named size may be unknown."""
+    shape = [sizes.get(size) if isinstance(size, str) else size for size in expected]
+    fits = len(shape) == array.ndim
+    for size, found in zip(shape, array.shape):
+        if size is not None and size != found:
+            fits = False
+    text = ", ".join("any" if size is None else str(size) for size in shape)
+    if len(shape) == 1:
+        text += ","
+    check(fits, item, f"shape ({text})", array.shape)
 
 
 # ---- Checks of values ----
 
 
 def check_integer(value: object, item: str) -> None:
-    check(
-        isinstance(value, int | np.integer) and not isinstance(value, bool),
-        item,
-        "an integer",
-        repr(value),
-    )
+    is_integer = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    check(is_integer, item, "an integer", repr(value))
 
 
 def check_type(value: object, expected: type, item: str) -> None:
@@ -634,24 +728,24 @@ def check_type(value: object, expected: type, item: str) -> None:
 def check_all(good: NDArray, array: NDArray, expected: str, item: str) -> None:
     """Raise an error that shows the first element of ``array`` with a False entry in ``good``."""
     wrong = np.argwhere(~good)
-    if len(wrong):
-        at = tuple(int(i) for i in wrong[0])
-        raise mismatch(
-            item,
-            expected,
-            f"{array[at]!s} at {at if len(at) > 1 else at[0]}, one of {len(wrong)} wrong values",
-        )
+    if not len(wrong):
+        return
+    index = tuple(int(i) for i in wrong[0])
+    shown_index = index if len(index) > 1 else index[0]
+    found = f"{array[index]!s} at {shown_index}, one of {len(wrong)} wrong values"
+    raise mismatch(item, expected, found)
 
 
 def check_hermitian(matrix: NDArray, item: str, word: str = "Hermitian") -> None:
     check(matrix.shape[0] == matrix.shape[1], item, f"a {word} matrix", f"shape {matrix.shape}")
     error = np.abs(matrix - matrix.conj().T)
     size = np.abs(matrix).max(initial=0.0)
-    if not error.max(initial=0.0) <= ROUNDING * size:
-        at = tuple(int(i) for i in np.unravel_index(np.argmax(error), error.shape))
-        raise mismatch(
-            item, f"a {word} matrix", f"a difference of {error[at]:.3g} at {at}, size {size:.3g}"
-        )
+    if error.max(initial=0.0) <= ROUNDING * size:
+        return
+    row, column = (int(i) for i in np.unravel_index(np.argmax(error), error.shape))
+    largest = error[row, column]
+    found = f"a difference of {largest:.3g} at {(row, column)}, size {size:.3g}"
+    raise mismatch(item, f"a {word} matrix", found)
 
 
 def is_positive_definite(matrix: NDArray) -> bool:

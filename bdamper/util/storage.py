@@ -1,14 +1,14 @@
 """Result files.
 
-A result is a frozen dataclass that derives from :class:`Storable` with the name of its format.  An HDF5 file contains its
-fields (:mod:`bdamper.util.records`) and the versions of bdamper, NumPy and SciPy that computed it.  :func:`load` reads
-every format.
+A result is a frozen dataclass that derives from :class:`Storable` with the name of its format.  An
+HDF5 file contains its fields (:mod:`bdamper.util.records`) and the versions of bdamper, NumPy and
+SciPy that computed it.  :func:`load` reads every format.
 
-:class:`ResultsFile` stores the finished parts of long work, so that interrupted work can continue.  Each part (a point of a
-sweep, a peak of an optimal curve) is appended as a line of JSON; once a second all lines are forced to disk.  A killed
-process leaves at most an incomplete last line, which the next run removes; a power failure loses at most the last second.
-The first line identifies the problem and its settings.  A file of other work, or of another version of bdamper, is
-rejected.
+:class:`ResultsFile` stores the finished parts of long work, so that interrupted work can continue.
+Each part (a point of a sweep, a peak of an optimal curve) is appended as a line of JSON; once a
+second all lines are forced to disk.  A killed process leaves at most an incomplete last line, which
+the next run removes; a power failure loses at most the last second. The first line identifies the
+problem and its settings.  A file of other work, or of another version of bdamper, is rejected.
 """
 
 from __future__ import annotations
@@ -80,9 +80,13 @@ FilePath = str | os.PathLike[str]
 VERSION = 4
 """Version of the format of all results."""
 OLDEST = 3
-"""Oldest version that can be read; its names of settings are replaced (:meth:`Storable.with_present_names`)."""
+"""Oldest version that can be read; its names of settings are replaced
+(:meth:`Storable.with_present_names`).
+"""
 MOST_BYTES = 1_600_000_000
-"""Largest size of all arrays in a file (bytes); a larger size indicates damage, unless the file is as large."""
+"""Largest size of all arrays in a file (bytes); a larger size indicates damage, unless the file is
+as large.
+"""
 OF_HDF5 = 2**22
 """Memory that HDF5 needs beside the arrays of a file (bytes)."""
 MOST_TEXT = 2**28
@@ -150,24 +154,23 @@ def load(path: FilePath) -> Any:
     """
     with read_hdf5(path, "a file written by bdamper") as file:
         kind = read_attribute(file, "format") if "format" in file.attrs else "none"
-        since = (
-            f", {_written_by(file)}, which this version cannot read"
-            if kind.startswith("bdamper-")
-            else ""
-        )
+        origin = ""
+        if kind.startswith("bdamper-"):
+            origin = f", {_written_by(file)}, which this version cannot read"
+    # the module of a format registers its reader
     if kind in FORMATS:
         import_module(FORMATS[kind])
     if kind not in _READERS:
         raise BdamperError(
-            f"{path}: expected a file written by bdamper, found the format '{kind}'{since}"
+            f"{path}: expected a file written by bdamper, found the format '{kind}'{origin}"
         )
     return _READERS[kind](path)
 
 
 def _written_by(file: h5py.File) -> str:
-    made_with = (
-        read_record(subgroup(file, "made_with"), Versions) if "made_with" in file else Versions()
-    )
+    made_with = Versions()
+    if "made_with" in file:
+        made_with = read_record(subgroup(file, "made_with"), Versions)
     return f"written by {made_with}"
 
 
@@ -239,12 +242,12 @@ def existing(path: FilePath, kind: type[BdamperError] = BdamperError) -> Path:
     BdamperError
         If it is a device or a pipe, which may have no end; of type ``kind``.
     """
-    found = as_path(path)
-    if not found.exists():
+    file = as_path(path)
+    if not file.exists():
         raise FileNotFoundError(f"there is no file '{path}'")
-    if is_endless(found):
+    if is_endless(file):
         raise kind(f"{path}: expected a regular file, found a device or a pipe")
-    return found
+    return file
 
 
 def is_endless(path: Path) -> bool:
@@ -266,7 +269,7 @@ def check_folder(path: FilePath) -> None:
 
 
 def check_regular(path: FilePath) -> None:
-    """Raise BdamperError if the folder of a path does not exist, or the path is a folder, a device or a pipe."""
+    """Raise BdamperError unless a path is free or a regular file in a folder that exists."""
     check_folder(path)
     if Path(path).exists() and not Path(path).is_file():
         raise BdamperError(f"{path}: expected a regular file, found a device or a pipe")
@@ -285,7 +288,7 @@ def file_errors(path: object) -> Iterator[None]:
 
 @contextmanager
 def replacing(path: FilePath) -> Iterator[Path]:
-    """Yield the path of a temporary file, which replaces ``path`` in a single step when the context ends.
+    """Yield a temporary path, whose file replaces ``path`` in one step when the context ends.
 
     After an error, for example on a full disk, the former file remains.
 
@@ -311,7 +314,8 @@ def replacing(path: FilePath) -> Iterator[Path]:
 def write_hdf5(path: FilePath) -> Iterator[h5py.File]:
     """Open a new HDF5 file, which replaces an existing file in a single step when the context ends.
 
-    The content is built in memory, because HDF5 cannot close a file on a full disk and may abort the process.
+    The content is built in memory, because HDF5 cannot close a file on a full disk and may abort
+    the process.
 
     Raises
     ------
@@ -338,7 +342,10 @@ def write_hdf5(path: FilePath) -> Iterator[h5py.File]:
 def read_hdf5(
     path: FilePath, expected: str, kind: type[BdamperError] = BdamperError
 ) -> Iterator[h5py.File]:
-    """Open an HDF5 file for reading; raise one error of type ``kind`` if it is damaged or not HDF5."""
+    """Open an HDF5 file for reading.
+
+    Raise one error of type ``kind`` if it is damaged or not HDF5.
+    """
     if existing(path, kind).is_dir():
         raise kind(f"{path}: expected {expected}, found a folder")
     size = Path(path).stat().st_size
@@ -351,9 +358,10 @@ def read_hdf5(
         raise
     except BdamperError as error:
         raise kind(str(error)) from error
-    except Exception as error:  # a damaged file can make HDF5 and h5py raise almost anything
-        if isinstance(error, MemoryError):
-            raise too_little_memory(str(path), error) from error
+    except MemoryError as error:
+        raise too_little_memory(str(path), error) from error
+    # a damaged file can make HDF5 and h5py raise almost anything
+    except Exception as error:
         found = one_line(error) or type(error).__name__
         raise kind(f"{path}: expected {expected}, found something else ({found})") from error
 
@@ -370,42 +378,45 @@ def _require_memory(path: FilePath, size: int) -> None:
 
 
 def _check_bytes(file: h5py.File, size: int) -> int:
-    """Return the bytes of all arrays.
+    """Return the bytes of all arrays of a file with ``size`` bytes.
 
-    Reject a file that would expand to too much memory, such as compressed zeros or a text of gigabytes.
+    Reject a file that would expand to too much memory, such as compressed zeros or a text of
+    gigabytes.
     """
-    found: list[tuple[int, int]] = []
+    bytes_in_memory: list[int] = []
+    bytes_in_file: list[int] = []
 
     def add(name: str, item: Any) -> None:
         if isinstance(item, h5py.Dataset):
-            found.append((item.nbytes, item.id.get_storage_size()))
+            bytes_in_memory.append(item.nbytes)
+            bytes_in_file.append(item.id.get_storage_size())
 
     file.visititems(add)
-    arrays, stored = (sum(column) for column in zip(*found)) if found else (0, 0)
+    arrays = int(sum(bytes_in_memory))
+    others = size - sum(bytes_in_file)
     if arrays > max(MOST_BYTES, 4 * size):
         raise ValueError(f"arrays of {arrays} bytes in {size} bytes")
-    if size - stored > MOST_TEXT:
-        raise ValueError(f"{size - stored} bytes of texts and attributes, more than {MOST_TEXT}")
-    return int(arrays)
+    if others > MOST_TEXT:
+        raise ValueError(f"{others} bytes of texts and attributes, more than {MOST_TEXT}")
+    return arrays
 
 
 def _read(cls: type[Storable], path: FilePath) -> Any:
     with read_hdf5(path, f"a file written by {cls.__name__}.save") as file:
-        found = read_attribute(file, "version", int)
-        if not OLDEST <= found <= VERSION:
+        version = read_attribute(file, "version", int)
+        if not OLDEST <= version <= VERSION:
             expected = f"version {OLDEST} or {VERSION} of the format '{cls._format}'"
-            raise BdamperError(
-                f"{path}: expected {expected}, found version {found}, {_written_by(file)}; compute it again"
-            )
+            found = f"version {version}, {_written_by(file)}"
+            raise BdamperError(f"{path}: expected {expected}, found {found}; compute it again")
         try:
             result = read_record(file, cls)
-            return result if found == VERSION else result.with_present_names()
+            return result if version == VERSION else result.with_present_names()
         except MemoryError:
             raise
-        except Exception as error:  # invalid fields, or those of another version of bdamper
-            raise ValueError(
-                f"{_written_by(file)}: {one_line(error) or type(error).__name__}"
-            ) from error
+        # invalid fields, or those of another version of bdamper
+        except Exception as error:
+            reason = one_line(error) or type(error).__name__
+            raise ValueError(f"{_written_by(file)}: {reason}") from error
 
 
 # ---- Finished parts of long work ----
@@ -431,8 +442,11 @@ class ResultsFile:
     def __init__(self, path: str | Path, header: Mapping[str, Any], work: str = "sweep") -> None:
         self.path = Path(path)
         self.header = dict(header)
-        self.expected, self.work = f"a results file of a {work}", work
-        self.waiting, self.synced = b"", -math.inf
+        self.work = work
+        self.expected = f"a results file of a {work}"
+        # lines that could not be written yet, and the time of the last forced write
+        self.waiting = b""
+        self.synced = -math.inf
         check_regular(self.path)
         with file_errors(self.path):
             self.file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
@@ -452,29 +466,31 @@ class ResultsFile:
         try:
             fcntl.flock(self.file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise self._mismatch(
-                "a results file that no other run uses", "a locked file"
-            ) from error
+            expected = "a results file that no other run uses"
+            raise self._mismatch(expected, "a locked file") from error
 
     def _mismatch(self, expected: str, found: str) -> BdamperError:
         return BdamperError(f"{self.path}: expected {expected}, found {found}")
 
     def _check(self) -> None:
+        """Compare the header of an existing file, or write the header of a new file."""
         with open(self.path, "rb") as lines:
             first = lines.readline()
-            whole = len(first) + sum(len(line) for line in lines if line.endswith(b"\n"))
+            complete_bytes = len(first) + sum(len(line) for line in lines if line.endswith(b"\n"))
         if not first.endswith(b"\n"):
+            # a new file, or one of a run that was killed while it wrote the header
             if not json_line(self.header).startswith(first):
                 raise self._mismatch(self.expected, "something else")
             os.ftruncate(self.file, 0)
             self._write(json_line(self.header))
             return
         try:
-            found = json.loads(first)
+            header = json.loads(first)
         except ValueError as error:
             raise self._mismatch(self.expected, "something else") from error
-        self._compare(found)
-        os.ftruncate(self.file, whole)  # without the incomplete line of a killed run
+        self._compare(header)
+        # the last line of a killed run may be incomplete
+        os.ftruncate(self.file, complete_bytes)
 
     def finished(self) -> Iterator[dict[str, Any]]:
         """Read the finished parts one after the other; "index" is the number or name of a part."""
@@ -485,32 +501,37 @@ class ResultsFile:
                     record = from_line(line)
                     _ = record["index"]
                 except (ValueError, KeyError, TypeError) as error:
-                    raise self._mismatch(
-                        f"one finished part in line {number}", repr(line[:60])
-                    ) from error
+                    expected = f"one finished part in line {number}"
+                    raise self._mismatch(expected, repr(line[:60])) from error
                 yield record
 
-    def _compare(self, found: Any) -> None:
-        if not isinstance(found, dict) or found.get("format") != self.header["format"]:
+    def _compare(self, stored: Any) -> None:
+        """Raise BdamperError if the stored header belongs to other work."""
+        if not isinstance(stored, dict) or stored.get("format") != self.header["format"]:
             raise self._mismatch(self.expected, "something else")
-        version, stored = (header.get("bdamper_version") for header in (self.header, found))
-        if version != stored:
-            unusable = f"results of bdamper {stored}, which this version cannot continue"
+        version = self.header.get("bdamper_version")
+        stored_version = stored.get("bdamper_version")
+        if version != stored_version:
+            unusable = f"results of bdamper {stored_version}, which this version cannot continue"
             raise self._mismatch(f"results of bdamper {version}", unusable)
-        for name, expected in json.loads(json_line(self.header)).items():
-            if name not in INSTALLED.attributes() and found.get(name) != expected:
-                values = f"{truncate(json.dumps(found.get(name)), 100)}, here {truncate(json.dumps(expected), 100)}"
-                raise self._mismatch(
-                    f"results of this {self.work}", f"results of other settings: {name} is {values}"
-                )
+        for name, value in json.loads(json_line(self.header)).items():
+            # other versions of NumPy and SciPy may continue
+            if name in INSTALLED.attributes() or stored.get(name) == value:
+                continue
+            stored_text = truncate(json.dumps(stored.get(name)), 100)
+            text = truncate(json.dumps(value), 100)
+            raise self._mismatch(
+                f"results of this {self.work}",
+                f"results of other settings: {name} is {stored_text}, here {text}",
+            )
 
     def _write(self, *lines: bytes) -> None:
         self.waiting += b"".join(lines)
         while self.waiting:
-            self.waiting = self.waiting[os.write(self.file, self.waiting) :]
-        if (
-            not lines or time.monotonic() > self.synced + 1.0
-        ):  # on a disk 4 ms, as long as a small point
+            n_written = os.write(self.file, self.waiting)
+            self.waiting = self.waiting[n_written:]
+        # forcing takes 4 ms on a disk, as long as a small point
+        if not lines or time.monotonic() > self.synced + 1.0:
             os.fsync(self.file)
             self.synced = time.monotonic()
 
@@ -522,9 +543,8 @@ class ResultsFile:
         try:
             self._write(*lines)
         except OSError as error:
-            warn(
-                f"{self.path}: expected free disk space, found {one_line(error)}; finished parts remain in memory"
-            )
+            found = f"found {one_line(error)}; finished parts remain in memory"
+            warn(f"{self.path}: expected free disk space, {found}")
 
     def close(self) -> None:
         """Write parts that were delayed by a full disk, if possible, and close the file."""
@@ -535,7 +555,9 @@ class ResultsFile:
 
 
 _OPEN: WeakSet[ResultsFile] = WeakSet()
-"""Open results files. A forked worker closes them: if its parent is killed, it would keep the file locked."""
+"""Open results files. A forked worker closes them: if its parent is killed, it would keep the file
+locked.
+"""
 
 
 def _close_open() -> None:
@@ -554,7 +576,9 @@ def json_line(record: Mapping[str, Any]) -> bytes:
 
 def from_line(line: bytes) -> dict[str, Any]:
     """Return the record of a line of JSON; equal keys of all records share their memory."""
-    record: dict[str, Any] = json.loads(
-        line, object_pairs_hook=lambda pairs: {sys.intern(k): v for k, v in pairs}
-    )
+
+    def with_shared_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        return {sys.intern(key): value for key, value in pairs}
+
+    record: dict[str, Any] = json.loads(line, object_pairs_hook=with_shared_keys)
     return record

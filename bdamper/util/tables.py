@@ -1,7 +1,7 @@
 """Results as tables: CSV, pandas and xarray (extra ``bdamper[table]``).
 
-The annotated types of fields and properties select the columns of a result that derives from :class:`Tabular`, with unit,
-label and dimensions (:class:`Quantity`)::
+The annotated types of fields and properties select the columns of a result that derives from
+:class:`Tabular`, with unit, label and dimensions (:class:`Quantity`)::
 
     class ResponseCurve(Tabular, row="point"):
         frequency: Hertz
@@ -10,15 +10,17 @@ label and dimensions (:class:`Quantity`)::
         @property
         def amplitude(self) -> Metres: ...
 
-A table has a row for each point of the result; only xarray contains arrays with more dimensions.  Units are in the header
-of a CSV file, in ``frame.attrs["units"]`` of pandas and in the attributes of each variable of xarray.
+A table has a row for each point of the result; only xarray contains arrays with more dimensions.
+Units are in the header of a CSV file, in ``frame.attrs["units"]`` of pandas and in the attributes
+of each variable of xarray.
 """
 
 from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, fields
 from functools import cache, cached_property
@@ -69,7 +71,8 @@ class Quantity:
     name : str
         Name of the column; by default the name of the field or property.
     dims : tuple of str
-        Names of the dimensions of an array, with :data:`ROW` for the rows; empty for one value in each row.
+        Names of the dimensions of an array, with :data:`ROW` for the rows; empty for one value in
+        each row.
     parts : tuple of str
         Names of the columns of an array of shape (n, number of parts).
     """
@@ -117,47 +120,80 @@ Kinds = Annotated[tuple[str, ...], Quantity(name="kind")]
 
 @cache
 def quantities(cls: Any) -> dict[str, Quantity]:
-    """Return the columns of a type by name: its first field, the properties, then the other fields."""
-    own = declarations(cls)
-    of_fields = {
-        f.name: mark for f in fields(cls) if (mark := own[f.name].mark(Quantity)) is not None
-    }
-    derived: dict[str, Quantity] = {}
-    for name, item in (pair for base in reversed(cls.__mro__) for pair in vars(base).items()):
-        getter = (
-            item.fget
-            if isinstance(item, property)
-            else item.func
-            if isinstance(item, cached_property)
-            else None
-        )
-        returned = None if getter is None else declarations(getter).get("return")
-        if returned is not None and (mark := returned.mark(Quantity)) is not None:
-            derived[name] = mark
-    first = next(iter(of_fields), "")
-    return {name: of_fields[name] for name in (first,) if name} | derived | of_fields
+    """Return the columns of a type: its first field, the properties, then the other fields."""
+    of_fields: dict[str, Quantity] = {}
+    hints = declarations(cls)
+    for item in fields(cls):
+        mark = hints[item.name].mark(Quantity)
+        if mark is not None:
+            of_fields[item.name] = mark
+
+    of_properties: dict[str, Quantity] = {}
+    for base in reversed(cls.__mro__):
+        for name, member in vars(base).items():
+            mark = _mark_of_property(member)
+            if mark is not None:
+                of_properties[name] = mark
+
+    first_field = dict(list(of_fields.items())[:1])
+    return first_field | of_properties | of_fields
 
 
-def _columns_of(name: str, mark: Quantity, value: Any, row: str) -> Iterator[tuple[str, Column]]:
-    values = np.atleast_1d(value)
-    if mark.parts:
-        yield from (
-            (part, Column(np.atleast_2d(values)[:, k], mark.unit))
-            for k, part in enumerate(mark.parts)
-        )
+def _mark_of_property(member: object) -> Quantity | None:
+    """Return the mark in the return type of a property; None for other members of a class."""
+    getter: Any
+    if isinstance(member, property):
+        getter = member.fget
+    elif isinstance(member, cached_property):
+        getter = member.func
     else:
-        yield mark.name or name, Column(values, mark.unit, tuple(dim or row for dim in mark.dims))
+        return None
+    returned = declarations(getter).get("return")
+    return None if returned is None else returned.mark(Quantity)
+
+
+def _columns_of(name: str, mark: Quantity, value: Any, row: str) -> dict[str, Column]:
+    """Return the columns of a field or property; ``row`` is the dimension of the rows."""
+    if mark.parts:
+        values = np.atleast_2d(np.atleast_1d(value))
+        return {part: Column(values[:, k], mark.unit) for k, part in enumerate(mark.parts)}
+    dims = tuple(dim or row for dim in mark.dims)
+    return {mark.name or name: Column(np.atleast_1d(value), mark.unit, dims)}
 
 
 @contextmanager
 def _text_file(path: FilePath) -> Iterator[TextIO]:
-    """Open a text file that replaces an existing one at the end; a device or a pipe is written directly."""
+    """Open a text file that replaces an existing one at the end.
+
+    A device or a pipe is written directly.
+    """
     written = Path(path)
     with ExitStack() as stack:
-        if not written.exists() or written.is_file():
+        is_device_or_pipe = written.exists() and not written.is_file()
+        if not is_device_or_pipe:
             written = stack.enter_context(replacing(path))
         with written.open("w", newline="", encoding="utf-8") as file:
             yield file
+
+
+def _numbers_in(values: Sequence[Any]) -> list[float]:
+    """Return the floats of a column that are not NaN."""
+    return [value for value in values if isinstance(value, float) and not math.isnan(value)]
+
+
+def _column_prefix(values: Sequence[Any], unit: str) -> str:
+    """Return the prefix of the unit that fits the largest number of a column; " " for none."""
+    largest = max((abs(number) for number in _numbers_in(values)), default=0.0)
+    return unit_prefix(largest, unit) if largest < np.inf else " "
+
+
+def _cell(value: Any, prefix: str) -> str:
+    """Return a value as text; an unknown number is empty."""
+    if isinstance(value, float):
+        text = f"{value / PREFIXES[prefix]:.5g}"
+    else:
+        text = str(value)
+    return "" if text == "nan" else text
 
 
 class Tabular:
@@ -176,60 +212,84 @@ class Tabular:
         cls._row = row or cls._row
 
     def columns(self) -> dict[str, Column]:
-        """Return the columns by name, including arrays with more dimensions and without fields that are None.
+        """Return the columns by name, without fields that are None.
 
         If the rows form a grid, its coordinates come first, and arrays over the grid are columns.
         """
         cls: Any = type(self)
-        found = ((name, mark, getattr(self, name)) for name, mark in quantities(cls).items())
-        row, grid = self._dimension(), self._grid()
-        out = dict(
-            c
-            for name, mark, value in found
-            if value is not None
-            for c in _columns_of(name, mark, value, row)
-        )
+        columns: dict[str, Column] = {}
+        for name, mark in quantities(cls).items():
+            value = getattr(self, name)
+            if value is not None:
+                columns |= _columns_of(name, mark, value, self._dimension())
+        grid = self._grid()
         if not grid:
-            return out
-        places = zip(grid, np.meshgrid(*grid.values(), indexing="ij"))
-        across = {
-            name: Column(values.ravel(), out[name].unit if name in out else "")
-            for name, values in places
-        }
+            return columns
+
+        coordinates: dict[str, Column] = {}
+        for name, values in zip(grid, np.meshgrid(*grid.values(), indexing="ij")):
+            unit = columns[name].unit if name in columns else ""
+            coordinates[name] = Column(values.ravel(), unit)
         flat = {
-            name: c if c.dims else c._replace(values=c.values.ravel()) for name, c in out.items()
+            name: column if column.dims else column._replace(values=column.values.ravel())
+            for name, column in columns.items()
         }
-        return across | flat | across
+        # coordinates come first and replace a column of the same name
+        return coordinates | flat | coordinates
 
     def check_rows(self) -> None:
         """Raise ValueError if two fields differ in the size of a common dimension."""
         cls: Any = type(self)
-        names, found = {f.name for f in fields(cls)}, dict[str, tuple[int, str]]()
-        entries = {
-            name: mark for name, own in declarations(cls).items() if (mark := own.mark(EachRow))
-        }
-        per_row = set(entries)
-        marked = {name: mark for name, mark in quantities(cls).items() if name in names}
-        marked |= dict.fromkeys(per_row, Quantity(dims=(ROW,)))
-        shapes = {
-            name: np.shape(value) for name in marked if (value := getattr(self, name)) is not None
-        }
+        stored = {item.name for item in fields(cls)}
+        marks = {name: mark for name, mark in quantities(cls).items() if name in stored}
+        per_row: dict[str, EachRow] = {}
+        for name, hint in declarations(cls).items():
+            entry = hint.mark(EachRow)
+            if entry is not None:
+                per_row[name] = entry
+                marks[name] = Quantity(dims=(ROW,))
+
+        shapes: dict[str, tuple[int, ...]] = {}
+        for name, mark in marks.items():
+            value = getattr(self, name)
+            if value is not None:
+                shapes[name] = np.shape(value)
+                self._check_width(name, shapes[name], mark, per_row.get(name))
+        # the entry of a row may have any shape
+        for name in shapes:
+            if name in per_row:
+                shapes[name] = shapes[name][:1]
+        self._unroll_grid(shapes, marks)
+        self._check_sizes(shapes, marks)
+
+    def _unroll_grid(
+        self, shapes: dict[str, tuple[int, ...]], marks: Mapping[str, Quantity]
+    ) -> None:
+        """Replace the shapes of columns over a grid of rows by the number of its points."""
+        columns = [name for name, shape in shapes.items() if shape and not marks[name].dims]
+        # the grid may depend on the columns
+        grid = self._grid() if columns else {}
+        if not grid:
+            return
+        n_points = int(np.prod([len(values) for values in grid.values()]))
+        for name in columns:
+            is_coordinate = name in grid
+            shapes[name] = (n_points if is_coordinate else int(np.prod(shapes[name])),)
+
+    def _check_sizes(
+        self, shapes: Mapping[str, tuple[int, ...]], marks: Mapping[str, Quantity]
+    ) -> None:
+        """Raise ValueError if two fields differ in the size of a common dimension."""
+        first_of_dimension: dict[str, tuple[int, str]] = {}
         for name, shape in shapes.items():
-            self._check_width(name, shape, marked[name], entries.get(name))
-        shapes |= {name: shape[:1] for name, shape in shapes.items() if name in per_row}
-        flat = [name for name, shape in shapes.items() if shape and not marked[name].dims]
-        if grid := self._grid() if flat else {}:
-            n = int(np.prod([len(values) for values in grid.values()]))
-            shapes |= {name: (int(np.prod(shapes[name])),) for name in flat if name not in grid}
-            shapes |= {name: (n,) for name in flat if name in grid}
-        for name, shape in shapes.items():
-            dims = marked[name].dims or (ROW, *marked[name].parts[:1])[: len(shape)]
+            mark = marks[name]
+            dims = mark.dims or (ROW, *mark.parts[:1])[: len(shape)]
             if len(dims) < len(shape):
                 raise ValueError(f"'{name}' has the shape {shape}")
-            for dim, size in zip(
-                dims[::-1], shape[::-1]
-            ):  # a single solution lacks the first dimension
-                other, first = found.setdefault(dim or self._dimension(), (size, name))
+            # from the last dimension, because a single solution lacks the first one
+            for dim, size in zip(dims[::-1], shape[::-1]):
+                dimension = dim or self._dimension()
+                other, first = first_of_dimension.setdefault(dimension, (size, name))
                 if size != other:
                     raise ValueError(f"'{name}' has {size} values, '{first}' has {other}")
 
@@ -237,7 +297,7 @@ class Tabular:
     def _check_width(
         name: str, shape: tuple[int, ...], mark: Quantity, entry: EachRow | None
     ) -> None:
-        """Raise ValueError if each row of a field has another number of values than its mark says."""
+        """Raise ValueError if the rows of a field do not have the width that its mark says."""
         if mark.parts and shape[-1:] != (len(mark.parts),):
             raise ValueError(f"'{name}' has the shape {shape}, without {len(mark.parts)} columns")
         # mean and first harmonic
@@ -253,73 +313,66 @@ class Tabular:
         return self._row
 
     def _grid(self) -> dict[str, Any]:
-        """Return the coordinates of the grid of the rows, the fastest last; empty if there is no grid."""
+        """Return the coordinates of the grid of the rows, the fastest last.
+
+        Empty if there is no grid.
+        """
         return {}
 
     def _order(self) -> Sequence[int] | NDArray:
         """Return the indices of the rows in the order of their texts."""
-        return range(len(next(iter(self._flat().values())).values))
+        first_column = next(iter(self._flat().values()))
+        return range(len(first_column.values))
 
     def _flat(self) -> dict[str, Column]:
+        """Return the columns with one value in each row."""
         return {name: column for name, column in self.columns().items() if not column.dims}
 
     def as_rows(self) -> list[tuple[str, ...]]:
         """Return the header and the rows as texts.
 
-        Tables with more than :data:`FEW_ROWS` rows are reduced to the smallest and the largest value of each column.
+        Tables with more than :data:`FEW_ROWS` rows are reduced to the smallest and the largest
+        value of each column.
         """
-        table = self._flat()
-        values = [np.asarray(column.values).tolist() for column in table.values()]
-        if not values or not values[0]:
+        columns = self._flat()
+        values = {name: np.asarray(column.values).tolist() for name, column in columns.items()}
+        n_rows = len(next(iter(values.values()), []))
+        if n_rows == 0:
             return []
-        largest = [
-            max((abs(v) for v in column if isinstance(v, float) and v == v), default=0.0)
-            for column in values
-        ]
-        scale = [
-            unit_prefix(most, column.unit) if most < np.inf else " "
-            for most, column in zip(largest, table.values())
-        ]
-        texts = {"nan": ""}  # not found
-        cells = [
-            [f"{v / PREFIXES[s]:.5g}" if isinstance(v, float) else str(v) for v in c]
-            for c, s in zip(values, scale)
-        ]
-        cells = [[texts.get(text, text) for text in column] for column in cells]
-        head = [
-            f"{spaced(n)} ({s.strip()}{c.unit})" if c.unit else spaced(n)
-            for (n, c), s in zip(table.items(), scale)
-        ]
-        if len(values[0]) <= FEW_ROWS:
-            rows = list(zip(*cells))
-            return [tuple(head), *(rows[i] for i in self._order())]
-        known = [[v for v in column if isinstance(v, float) and v == v] for column in values]
-        ends = [
-            (h, v.index(min(k)), v.index(max(k)), c)
-            for h, v, k, c in zip(head, values, known, cells)
-            if k
-        ]
-        first = f"{spaced(self._dimension())}: {len(values[0])}", "least", "largest"
-        return [first, *((h, c[i], c[j]) for h, i, j, c in ends)]
+
+        heads: dict[str, str] = {}
+        cells: dict[str, list[str]] = {}
+        for name, column in columns.items():
+            prefix = _column_prefix(values[name], column.unit)
+            heads[name] = spaced(name)
+            if column.unit:
+                heads[name] += f" ({prefix.strip()}{column.unit})"
+            cells[name] = [_cell(value, prefix) for value in values[name]]
+        if n_rows <= FEW_ROWS:
+            rows = list(zip(*cells.values()))
+            return [tuple(heads.values()), *(rows[i] for i in self._order())]
+
+        rows = [(f"{spaced(self._dimension())}: {n_rows}", "least", "largest")]
+        for name, column_values in values.items():
+            numbers = _numbers_in(column_values)
+            if numbers:
+                least = column_values.index(min(numbers))
+                largest = column_values.index(max(numbers))
+                rows.append((heads[name], cells[name][least], cells[name][largest]))
+        return rows
 
     def _attributes(self) -> dict[str, Any]:
         """Return the metadata of the table: type of result, settings, model hash, version."""
-        found = {
-            name: getattr(self, name, None)
-            for name in ("preload", "status", "model_hash", "settings")
-        }
-        texts = {
-            name: value
-            for name, value in found.items()
-            if isinstance(value, str | float | int) and value != ""
-        }
-        settings = (
-            {"settings": json.dumps(found["settings"], default=to_json)}
-            if found["settings"]
-            else {}
-        )
-        version = getattr(self, "made_with", INSTALLED).bdamper
-        return {"result": type(self).__name__, **texts, **settings, "bdamper": version}
+        attributes: dict[str, Any] = {"result": type(self).__name__}
+        for name in ("preload", "status", "model_hash"):
+            value = getattr(self, name, None)
+            if isinstance(value, str | float | int) and value != "":
+                attributes[name] = value
+        settings = getattr(self, "settings", None)
+        if settings:
+            attributes["settings"] = json.dumps(settings, default=to_json)
+        attributes["bdamper"] = getattr(self, "made_with", INSTALLED).bdamper
+        return attributes
 
     def to_csv(self, path: FilePath) -> None:
         """Write a CSV file with one row for each point.
@@ -336,20 +389,21 @@ class Tabular:
         # nobody may read a named pipe
         if Path(path).resolve().is_fifo():
             raise BdamperError(f"{path}: expected a regular file, found a pipe")
-        table = self._flat()
+        columns = self._flat()
         head = [
-            f"{name} ({column.unit})" if column.unit else name for name, column in table.items()
+            f"{name} ({column.unit})" if column.unit else name for name, column in columns.items()
         ]
+        values = [np.asarray(column.values).tolist() for column in columns.values()]
         with file_errors(path), _text_file(path) as file:
             file.writelines(f"# {name}: {value}\n" for name, value in self._attributes().items())
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(head)
-            writer.writerows(
-                zip(*(np.asarray(column.values).tolist() for column in table.values()))
-            )
+            writer.writerows(zip(*values))
 
     def to_pandas(self) -> Any:
-        """Return a pandas.DataFrame with one row for each point; ``attrs["units"]`` contains the units.
+        """Return a pandas.DataFrame with one row for each point.
+
+        ``attrs["units"]`` contains the units.
 
         Raises
         ------
@@ -357,40 +411,46 @@ class Tabular:
             If pandas is not installed.
         """
         pandas = import_extra("pandas", "to_pandas", "table")
-        table = self._flat()
-        frame = pandas.DataFrame(
-            {name: np.asarray(column.values) for name, column in table.items()}
-        )
-        frame.attrs = {
-            **self._attributes(),
-            "units": {name: column.unit for name, column in table.items()},
-        }
+        columns = self._flat()
+        values = {name: np.asarray(column.values) for name, column in columns.items()}
+        units = {name: column.unit for name, column in columns.items()}
+        frame = pandas.DataFrame(values)
+        frame.attrs = {**self._attributes(), "units": units}
         return frame
 
     def to_xarray(self) -> Any:
-        """Return an xarray.Dataset, including arrays with more dimensions; each variable has the attribute ``units``.
+        """Return an xarray.Dataset, including arrays with more dimensions.
+
+        Each variable has the attribute ``units``.
 
         Raises
         ------
         BdamperError
-            If xarray is not installed, or a sweep contains the same value of a setting twice, which is not a valid
-            coordinate.
+            If xarray is not installed, or a sweep contains the same value of a setting twice, which
+            is not a valid coordinate.
 
         Notes
         -----
-        The harmonics are complex, and netCDF has no complex type.  ``data.to_netcdf(path, engine="h5netcdf",
-        invalid_netcdf=True)`` writes them as an HDF5 type that xarray and h5py read.
+        The harmonics are complex, and netCDF has no complex type.  ``data.to_netcdf(path,
+        engine="h5netcdf", invalid_netcdf=True)`` writes them as an HDF5 type that xarray and h5py
+        read.
         """
         xarray = import_extra("xarray", "to_xarray", "table")
-        own, grid = self._dimension(), self._grid()
-        shape, variables = tuple(len(values) for values in grid.values()), {}
+        row = self._dimension()
+        grid = self._grid()
+        grid_shape = tuple(len(values) for values in grid.values())
+        variables = {}
         for name, column in self.columns().items():
-            dims, values = column.dims or (own,), np.asarray(column.values)
+            dims = column.dims or (row,)
+            values = np.asarray(column.values)
             if name in grid:
-                dims, values = (name,), np.asarray(grid[name])
-            elif grid and dims[0] == own:
-                dims, values = (*grid, *dims[1:]), values.reshape(*shape, *values.shape[1:])
-            variables[name] = (dims, values, {"units": column.unit} if column.unit else {})
+                dims = (name,)
+                values = np.asarray(grid[name])
+            elif grid and dims[0] == row:
+                dims = (*grid, *dims[1:])
+                values = values.reshape(*grid_shape, *values.shape[1:])
+            attributes = {"units": column.unit} if column.unit else {}
+            variables[name] = (dims, values, attributes)
         data = xarray.Dataset(variables, attrs=self._attributes())
         return data.set_coords([name for name in data.variables if data[name].dims == (name,)])
 
@@ -420,33 +480,41 @@ class FrequencySeries:
 
     @property
     def amplitude(self) -> Amplitude:
-        """Amplitude (n,) of the first harmonic of the response, m; the excitation has its frequency."""
+        """Amplitude (n,) of the first harmonic of the response, m.
+
+        The excitation has its frequency.
+        """
         return np.abs(self.harmonics[:, 1])
 
 
 def concatenate(tables: Sequence[Tabular]) -> dict[str, Column]:
     """Return the columns common to all tables, with their rows concatenated."""
     flat = [table._flat() for table in tables]
-    return {
-        name: column._replace(values=np.concatenate([one[name].values for one in flat]))
-        for name, column in flat[0].items()
-        if all(name in one for one in flat)
-    }
+    joined: dict[str, Column] = {}
+    for name, column in flat[0].items():
+        if all(name in columns for columns in flat):
+            values = np.concatenate([columns[name].values for columns in flat])
+            joined[name] = column._replace(values=values)
+    return joined
 
 
 def columns_of_rows(rows: Sequence[Any]) -> dict[str, Column]:
-    """Return columns from dataclasses of one type, one for each row, by their fields of numbers or texts."""
-    out = {}
-    kind: Any = type(rows[0]) if rows else None
-    for name in (f.name for f in fields(kind)) if rows else ():
-        values = [getattr(row, name) for row in rows]
+    """Return a column for each field of numbers or texts of the dataclasses, which are the rows."""
+    if not rows:
+        return {}
+    kind: Any = type(rows[0])
+    marks = quantities(kind)
+    columns = {}
+    for item in fields(kind):
+        values = [getattr(row, item.name) for row in rows]
         if all(isinstance(value, str | float | int | np.generic) for value in values):
-            out[name] = Column(np.array(values), quantities(kind).get(name, Quantity()).unit)
-    return out
+            columns[item.name] = Column(np.array(values), marks.get(item.name, Quantity()).unit)
+    return columns
 
 
 def axis_label(of: Any, name: str, unit: str = "") -> str:
     """Return the axis label of a field or property of a type: its label or name, and its unit."""
     mark = quantities(of).get(name, Quantity())
-    text, unit = mark.label or spaced(mark.name or name).capitalize(), unit or mark.unit
-    return f"{text} ({unit})" if unit else text
+    text = mark.label or spaced(mark.name or name).capitalize()
+    shown_unit = unit or mark.unit
+    return f"{text} ({shown_unit})" if shown_unit else text

@@ -1,8 +1,8 @@
 """Checks of arguments.
 
-Each check takes the name of the argument first.  It returns the value in the form used by the package, or raises a
-:class:`~bdamper.util.errors.SettingError` "name: expected ..., found ...".  Texts and booleans are not accepted as numbers,
-nor numbers as booleans.
+Each check takes the name of the argument first.  It returns the value in the form used by the
+package, or raises a :class:`~bdamper.util.errors.SettingError` "name: expected ..., found ...".
+Texts and booleans are not accepted as numbers, nor numbers as booleans.
 
 Dataclasses declare the checks of their fields in the annotated types (:class:`Checked`)::
 
@@ -23,9 +23,8 @@ import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, is_dataclass
 from difflib import get_close_matches
-from functools import cache, partial, reduce, wraps
+from functools import cache, partial, wraps
 from numbers import Real
-from operator import and_, ge, gt, le, lt
 from types import NoneType, UnionType
 from typing import (
     TYPE_CHECKING,
@@ -77,27 +76,34 @@ class Declared(NamedTuple):
 
     def mark(self, kind: type[T]) -> T | None:
         """Return the outermost mark of a class, or None."""
-        return next((mark for mark in reversed(self.marks) if isinstance(mark, kind)), None)
+        for mark in reversed(self.marks):
+            if isinstance(mark, kind):
+                return mark
+        return None
 
 
 def declared(hint: object) -> Declared:
     """Separate a type hint into type, marks and optionality."""
     if get_origin(hint) is Annotated:
         inner, *marks = get_args(hint)
-        return declared(inner)._replace(marks=(*declared(inner).marks, *marks))
+        annotated = declared(inner)
+        return annotated._replace(marks=(*annotated.marks, *marks))
+    is_union = get_origin(hint) in (Union, UnionType)
     kinds = [kind for kind in get_args(hint) if kind is not NoneType]
-    if get_origin(hint) not in (Union, UnionType) or len(kinds) == len(get_args(hint)):
+    optional = is_union and len(kinds) < len(get_args(hint))
+    if not optional:
         return Declared(hint)
-    return declared(kinds[0])._replace(optional=True) if len(kinds) == 1 else Declared(hint, True)
+    if len(kinds) == 1:
+        return declared(kinds[0])._replace(optional=True)
+    # a union of several types keeps its None
+    return Declared(hint, optional=True)
 
 
 @cache
 def declarations(of: object) -> dict[str, Declared]:
-    """Return type, marks and optionality of each field of a class or parameter of a function, from its type hints."""
-    return {
-        name: declared(hint)
-        for name, hint in get_type_hints(cast(Any, of), include_extras=True).items()
-    }
+    """Return what the type hints declare of each field of a class or parameter of a function."""
+    hints = get_type_hints(cast(Any, of), include_extras=True)
+    return {name: declared(hint) for name, hint in hints.items()}
 
 
 # ---- Checks of arguments ----
@@ -124,6 +130,7 @@ def check(good: object, name: str, expected: str, found: object) -> None:
 
 
 def _shown(value: Any) -> str:
+    """Return the text of a value for errors."""
     if isinstance(value, np.generic):
         value = value.item()
     # the text of a result is long
@@ -133,16 +140,15 @@ def _shown(value: Any) -> str:
         return repr(value)
     if isinstance(value, np.ndarray):
         return f"an array of shape {value.shape}" if value.size > 6 else repr(value.tolist())
-    return (
-        f"the class {value.__name__}"
-        if isinstance(value, type)
-        else with_article(type(value).__name__)
-    )
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    return with_article(type(value).__name__)
 
 
 def with_article(name: str) -> str:
     """Return the name of a type with its article."""
-    return f"{'an' if name[0] in 'aeioAEIOU' else 'a'} {name}"
+    article = "an" if name[0] in "aeioAEIOU" else "a"
+    return f"{article} {name}"
 
 
 def _plain_number(value: Any) -> float | None:
@@ -152,10 +158,10 @@ def _plain_number(value: Any) -> float | None:
     if not isinstance(value, Real) or isinstance(value, bool | np.bool_):
         return None
     try:
-        out = float(value)
+        converted = float(value)
     except (OverflowError, ValueError):
         return None
-    return out if np.isfinite(out) else None
+    return converted if np.isfinite(converted) else None
 
 
 @dataclass(frozen=True)
@@ -173,21 +179,29 @@ class Limits:
 
     def hold(self, values: float | NDArray) -> Any:
         """Return whether a number, or each number of an array, is within the bounds."""
-        limits = ((gt, self.above), (ge, self.least), (lt, self.below), (le, self.most))
-        return reduce(
-            and_, (holds(values, limit) for holds, limit in limits if limit is not None), True
-        )
+        within: Any = True
+        if self.above is not None:
+            within = within & (values > self.above)
+        if self.least is not None:
+            within = within & (values >= self.least)
+        if self.below is not None:
+            within = within & (values < self.below)
+        if self.most is not None:
+            within = within & (values <= self.most)
+        return within
 
     def __call__(self, name: str, value: object) -> float:
         """Check and return a finite number within the bounds."""
         return number(name, value, **asdict(self))
 
     def __str__(self) -> str:
-        given = [(">", self.above), (">=", self.least), ("<", self.below), ("<=", self.most)]
-        text = " and ".join(f"{sign} {limit:g}" for sign, limit in given if limit is not None)
+        bounds = [(">", self.above), (">=", self.least), ("<", self.below), ("<=", self.most)]
+        text = " and ".join(f"{sign} {bound:g}" for sign, bound in bounds if bound is not None)
         if self.above is not None and self.below is not None:
             text = f"between {self.above:g} and {self.below:g}"
-        return f"{text} {self.unit}".strip() if text or not self.unit else f"in {self.unit}"
+        if not text and self.unit:
+            text = "in"
+        return f"{text} {self.unit}".strip()
 
 
 def number(name: str, value: Any, **limits: Any) -> float:
@@ -195,27 +209,24 @@ def number(name: str, value: Any, **limits: Any) -> float:
     within = Limits(**limits)
     if quantities.is_quantity(value):
         value = quantities.in_unit(name, value, within.unit)
-    out = _plain_number(value)
-    if out is None or not within.hold(out):
-        kind = (
-            "a number"
-            if within.above is not None and within.below is not None
-            else "a finite number"
-        )
+    converted = _plain_number(value)
+    if converted is None or not within.hold(converted):
+        is_bounded = within.above is not None and within.below is not None
+        kind = "a number" if is_bounded else "a finite number"
         raise invalid(name, f"{kind} {within}".strip(), value)
-    return out
+    return converted
 
 
 def integer(name: str, value: Any, least: int = 0, most: int | None = None) -> int:
     """Check and return an integer from ``least`` to ``most``."""
-    out = _plain_number(value)
-    if out is None or out != int(out) or out < least or (most is not None and out > most):
-        raise invalid(
-            name,
-            f"a whole number {f'>= {least}' if most is None else f'from {least} to {most}'}",
-            value,
-        )
-    return int(out)
+    converted = _plain_number(value)
+    whole = None
+    if converted is not None and converted == int(converted):
+        whole = int(converted)
+    if whole is None or whole < least or (most is not None and whole > most):
+        bounds = f">= {least}" if most is None else f"from {least} to {most}"
+        raise invalid(name, f"a whole number {bounds}", value)
+    return whole
 
 
 def flag(name: str, value: Any) -> bool:
@@ -227,25 +238,32 @@ def flag(name: str, value: Any) -> bool:
 def suggest_name(found: object, choices: Iterable[str]) -> str:
     """Return "; did you mean ...?" for a misspelt or shortened name.
 
-    It proposes up to three choices that contain the name, or the most similar one; the text is empty if there is none.
+    It proposes up to three choices that contain the name, or the most similar one; the text is
+    empty if there is none.
     """
     if not isinstance(found, str):
         return ""
-    known = [c for c in choices if not c.startswith("_")]
-    near = [c for c in known if len(found) > 2 and found in c] or get_close_matches(found, known, 1)
-    return f"; did you mean {' or '.join(near[:3])}?" if near else ""
+    public = [choice for choice in choices if not choice.startswith("_")]
+    similar: list[str] = []
+    if len(found) > 2:
+        similar = [choice for choice in public if found in choice]
+    if not similar:
+        similar = get_close_matches(found, public, 1)
+    if not similar:
+        return ""
+    return f"; did you mean {' or '.join(similar[:3])}?"
 
 
 def choice(name: str, value: Any, choices: Iterable[str]) -> str:
     """Check and return one of several names."""
     choices = tuple(choices)
-    if not isinstance(value, str) or value not in choices:
-        near = suggest_name(value, choices)
-        expected = (
-            f"one of {len(choices)} names" if near and len(choices) > 8 else f"one of {choices}"
-        )
-        raise SettingError(f"{invalid(name, expected, value)}{near}")
-    return value
+    if isinstance(value, str) and value in choices:
+        return value
+    similar = suggest_name(value, choices)
+    expected = f"one of {choices}"
+    if similar and len(choices) > 8:
+        expected = f"one of {len(choices)} names"
+    raise SettingError(f"{invalid(name, expected, value)}{similar}")
 
 
 OWNERS = ("self", "cls", "problem", "disk")
@@ -255,8 +273,8 @@ OWNERS = ("self", "cls", "problem", "disk")
 def check_arguments(called: T, also: Iterable[str] = (), name: str = "", warns: bool = True) -> T:
     """Decorate a function or class so that it checks its keywords and warns of implausible values.
 
-    An unknown keyword raises an error that proposes a similar one.  Only the outermost of nested calls warns, which is the
-    user's; see :mod:`bdamper.util.plausible_ranges` for the ranges.
+    An unknown keyword raises an error that proposes a similar one.  Only the outermost of nested
+    calls warns, which is the user's; see :mod:`bdamper.util.plausible_ranges` for the ranges.
 
     Parameters
     ----------
@@ -273,37 +291,36 @@ def check_arguments(called: T, also: Iterable[str] = (), name: str = "", warns: 
         return called
     function: Callable[..., Any] = called  # type: ignore[assignment]
     signature = inspect.signature(function)
-    takes_any = not also and any(p.kind is p.VAR_KEYWORD for p in signature.parameters.values())
-    name, known = (
-        name or function.__qualname__.removesuffix(".__init__"),
-        [*signature.parameters, *also],
-    )
-    needed = [
-        n
-        for n, p in signature.parameters.items()
-        if n not in OWNERS and p.default is p.empty and p.kind != p.VAR_KEYWORD
+    parameters = signature.parameters
+    name = name or function.__qualname__.removesuffix(".__init__")
+    accepted = [*parameters, *also]
+    takes_any = not also and any(p.kind is p.VAR_KEYWORD for p in parameters.values())
+    required = [
+        word
+        for word, p in parameters.items()
+        if word not in OWNERS and p.default is p.empty and p.kind != p.VAR_KEYWORD
     ]
 
     @wraps(function)
-    def checked(*given: Any, **keywords: Any) -> Any:
-        for word in () if takes_any else keywords.keys() - set(known):
-            shown = ", ".join(k for k in known if k not in OWNERS and k[0] != "_")
-            near = suggest_name(word, known) or f"; the arguments are {shown}"
-            raise SettingError(f"{name}: there is no argument '{word}'{near}")
+    def checked(*arguments: Any, **keywords: Any) -> Any:
+        if not takes_any:
+            _check_keywords(name, keywords, accepted)
         try:
-            bound = signature.bind(*given, **keywords)
+            bound = signature.bind(*arguments, **keywords)
         except TypeError as error:
             raise SettingError(
-                f"{name}: {error}; the required arguments are {', '.join(needed)}"
+                f"{name}: {error}; the required arguments are {', '.join(required)}"
             ) from None
         _convert(name, bound)
-        given, keywords = bound.args, bound.kwargs
+        # the warnings fill in defaults, which the function has itself
+        arguments = bound.args
+        keywords = bound.kwargs
         with inside_package() as enclosing:
             # the outermost call is the user's, and the others repeat its arguments
             if warns and enclosing == 0:
                 _doubt(name, bound)
             try:
-                return function(*given, **keywords)
+                return function(*arguments, **keywords)
             except MemoryError as error:
                 if enclosing or isinstance(error, BdamperError):
                     raise
@@ -313,73 +330,88 @@ def check_arguments(called: T, also: Iterable[str] = (), name: str = "", warns: 
     return checked  # type: ignore[return-value]
 
 
+def _check_keywords(name: str, keywords: Mapping[str, Any], accepted: Sequence[str]) -> None:
+    """Raise SettingError for a keyword that a function does not accept."""
+    for word in keywords.keys() - set(accepted):
+        hint = suggest_name(word, accepted)
+        if not hint:
+            shown = [word for word in accepted if word not in OWNERS and word[0] != "_"]
+            hint = f"; the arguments are {', '.join(shown)}"
+        raise SettingError(f"{name}: there is no argument '{word}'{hint}")
+
+
 def _convert(name: str, bound: inspect.BoundArguments) -> None:
     """Replace arguments that are quantities by numbers in the expected unit."""
     for word, value in bound.arguments.items():
         if bound.signature.parameters[word].kind is inspect.Parameter.VAR_KEYWORD:
-            bound.arguments[word] = {k: quantities.plain(name, k, v) for k, v in value.items()}
+            converted: Any = {
+                keyword: quantities.plain(name, keyword, argument)
+                for keyword, argument in value.items()
+            }
         elif quantities.is_quantity(value) and quantities.unit_of(name, word) is None:
-            bound.arguments[word] = quantities.in_unit(word, value, "")
+            converted = quantities.in_unit(word, value, "")
         else:
-            bound.arguments[word] = quantities.plain(name, word, value)
+            converted = quantities.plain(name, word, value)
+        bound.arguments[word] = converted
 
 
 def _doubt(name: str, bound: inspect.BoundArguments) -> None:
     """Warn of implausible arguments.
 
-    A first argument that is a study or problem provides the sizes.  If it is a function in place of a study, names in
-    mappings are parameters of that function.
+    A first argument that is a study or problem provides the sizes.  If it is a function in place of
+    a study, names in mappings are parameters of that function.
     """
     bound.apply_defaults()
     first = next(iter(bound.args), None)
-    function = (
-        getattr(first, "doubts", "") if callable(first) and not isinstance(first, type) else None
-    )
-    sizes = getattr(getattr(first, "problem", first), "sizes", None)
+    function = None
+    if callable(first) and not isinstance(first, type):
+        # a function of the user has no ranges, and an empty name
+        function = getattr(first, "doubts", "")
+    problem = getattr(first, "problem", first)
+    sizes = getattr(problem, "sizes", None)
     for parameter, value in bound.arguments.items():
-        further = bound.signature.parameters[parameter].kind is inspect.Parameter.VAR_KEYWORD
-        for keyword, argument in value.items() if further else [(parameter, value)]:
+        kind = bound.signature.parameters[parameter].kind
+        named = value if kind is inspect.Parameter.VAR_KEYWORD else {parameter: value}
+        for keyword, argument in named.items():
             plausible_ranges.check(name, keyword, argument, sizes, function=function)
 
 
 def names(name: str, value: Any, choices: Iterable[str], least: int = 0) -> tuple[str, ...]:
     """Check a sequence of different names, and return it as a tuple."""
     choices = tuple(choices)
-    several = isinstance(value, Iterable) and not isinstance(value, str | bytes)
-    given = tuple(choice(name, item, choices) for item in value) if several else ()
-    good = several and least <= len(given) == len(set(given))
-    check_value(
-        good,
-        name,
-        f"{f'at least {least}' if least else 'a sequence'} of {choices}, each at most once",
-        value,
-    )
-    return given
+    is_sequence = isinstance(value, Iterable) and not isinstance(value, str | bytes)
+    chosen = tuple(choice(name, item, choices) for item in value) if is_sequence else ()
+    are_different = len(chosen) == len(set(chosen))
+    amount = f"at least {least}" if least else "a sequence"
+    expected = f"{amount} of {choices}, each at most once"
+    check_value(is_sequence and are_different and len(chosen) >= least, name, expected, value)
+    return chosen
 
 
 def instance(name: str, value: T, kind: type | tuple[type, ...], words: str = "") -> T:
-    """Check and return an object of one of the given classes; ``words`` describes the classes in the error."""
-    if not isinstance(value, kind):
-        kinds = kind if isinstance(kind, tuple) else (kind,)
-        named = [with_article(k.__name__) for k in kinds]
-        raise invalid(name, words or " or ".join(named), value)
-    return value
+    """Check and return an object of one of the given classes.
+
+    ``words`` describes the classes in the error.
+    """
+    if isinstance(value, kind):
+        return value
+    kinds = kind if isinstance(kind, tuple) else (kind,)
+    class_names = [with_article(k.__name__) for k in kinds]
+    raise invalid(name, words or " or ".join(class_names), value)
 
 
 def mapping(name: str, value: Any, keys: Iterable[str], words: str) -> Mapping[str, Any]:
-    """Check and return a mapping whose keys are among ``keys``; ``words`` describes the keys in the error."""
+    """Check and return a mapping whose keys are among ``keys``.
+
+    ``words`` describes the keys in the error.
+    """
     keys = tuple(keys)
-    check_value(
-        isinstance(value, Mapping),
-        name,
-        f"a mapping of {words} out of {list(keys)} to values",
-        value,
-    )
+    accepted = f"{words} out of {list(keys)}"
+    check_value(isinstance(value, Mapping), name, f"a mapping of {accepted} to values", value)
     unknown = [key for key in value if key not in keys]
     if unknown:
-        raise SettingError(
-            f"{invalid(name, f'{words} out of {list(keys)}', unknown)}{suggest_name(unknown[0], keys)}"
-        )
+        error = invalid(name, accepted, unknown)
+        raise SettingError(f"{error}{suggest_name(unknown[0], keys)}")
     return value
 
 
@@ -395,39 +427,46 @@ def each(check: Callable[[str, Any], Any]) -> Callable[[str, Any], Any]:
 
 
 def numbers(name: str, value: Any, n: int | None = None, **limits: Any) -> NDArray:
-    """Check and return finite numbers (n,) within :class:`Limits`; at least one number if ``n`` is None."""
-    out, within = None, Limits(**limits)
+    """Check and return finite numbers (n,) within :class:`Limits`.
+
+    At least one number if ``n`` is None.
+    """
+    within = Limits(**limits)
     value = quantities.in_lists(name, value, within.unit)
-    if isinstance(value, Sequence | np.ndarray) and not isinstance(value, str | bytes):
-        given = [_plain_number(v) for v in value] if np.ndim(value) != 0 else [None]
-        good = [g for g in given if g is not None and within.hold(g)]
-        if len(good) == len(given) and (len(good) == n if n is not None else good):
-            out = np.array(good)
-    if out is None:
-        count = "a sequence of one or more" if n is None else str(n)
-        raise invalid(name, f"{count} finite numbers {within}".strip(), value)
-    return out
+    converted = _plain_numbers(value)
+    is_counted = len(converted) == n if n is not None else len(converted) > 0
+    if is_counted and all(item is not None and within.hold(item) for item in converted):
+        return np.array(converted)
+    count = "a sequence of one or more" if n is None else str(n)
+    raise invalid(name, f"{count} finite numbers {within}".strip(), value)
+
+
+def _plain_numbers(value: Any) -> list[float | None]:
+    """Return the items of a sequence as finite numbers, None for others; [None] for no sequence."""
+    is_sequence = isinstance(value, Sequence | np.ndarray) and not isinstance(value, str | bytes)
+    if not is_sequence or np.ndim(value) == 0:
+        return [None]
+    return [_plain_number(item) for item in value]
 
 
 def integers(name: str, value: Any, least: int = 0, most: int | None = None) -> tuple[int, ...]:
-    """Check a sequence of different integers from ``least`` to ``most``, and return it as a tuple."""
-    sequence = isinstance(value, Iterable) and not isinstance(value, str | bytes)
-    check_value(sequence, name, "a sequence of whole numbers", value)
-    given = tuple(integer(name, item, least, most) for item in value)
-    check_value(len(set(given)) == len(given), name, "whole numbers, each at most once", value)
-    return given
+    """Check different integers from ``least`` to ``most``, and return them as a tuple."""
+    is_sequence = isinstance(value, Iterable) and not isinstance(value, str | bytes)
+    check_value(is_sequence, name, "a sequence of whole numbers", value)
+    converted = tuple(integer(name, item, least, most) for item in value)
+    are_different = len(set(converted)) == len(converted)
+    check_value(are_different, name, "whole numbers, each at most once", value)
+    return converted
 
 
 def interval(name: str, value: Any, unit: str = "Hz") -> tuple[float, float]:
     """Check an interval with 0 < low < high, and return its ends."""
     value = quantities.in_lists(name, value, unit)
-    given = value.tolist() if isinstance(value, np.ndarray) else value
-    ends = (
-        [_plain_number(end) for end in given]
-        if isinstance(given, Sequence) and len(given) == 2
-        else [None, None]
-    )
-    low, high = ends
+    ends = value.tolist() if isinstance(value, np.ndarray) else value
+    low = high = None
+    if isinstance(ends, Sequence) and len(ends) == 2:
+        low = _plain_number(ends[0])
+        high = _plain_number(ends[1])
     if low is None or high is None or not 0.0 < low < high:
         raise invalid(name, f"(low, high) in {unit} with 0 < low < high", value)
     return low, high
@@ -438,7 +477,8 @@ def check_attributes(
 ) -> None:
     """Check attributes of a frozen dataclass and store the converted values."""
     for name in attributes:
-        object.__setattr__(record, name, check(f"{prefix}{name}", getattr(record, name), **limits))
+        converted = check(f"{prefix}{name}", getattr(record, name), **limits)
+        object.__setattr__(record, name, converted)
 
 
 def check_fields(record: object, prefix: str = "") -> None:
@@ -454,7 +494,8 @@ def check_fields(record: object, prefix: str = "") -> None:
 class UnknownAttribute(AttributeError):
     """Error of an attribute that an object lacks.
 
-    Its text names similar attributes.  It is composed when it is printed, because ``hasattr`` drops the error.
+    Its text names similar attributes.  It is composed when it is printed, because ``hasattr`` drops
+    the error.
 
     Parameters
     ----------
@@ -473,11 +514,11 @@ class UnknownAttribute(AttributeError):
 
     def __str__(self) -> str:
         kind = type(self.obj)
-        near = ""
+        hint = ""
         if not self.attribute.startswith("_"):
-            own = [*dir(kind), *getattr(kind, "__dataclass_fields__", ())]
-            near = suggest_name(self.attribute, own) or self.elsewhere(self.attribute)
-        return f"{kind.__name__} has no attribute '{self.attribute}'{near}"
+            attributes = [*dir(kind), *getattr(kind, "__dataclass_fields__", ())]
+            hint = suggest_name(self.attribute, attributes) or self.elsewhere(self.attribute)
+        return f"{kind.__name__} has no attribute '{self.attribute}'{hint}"
 
 
 class Answering:
@@ -490,11 +531,11 @@ class Answering:
 
 
 class Checked(Answering):
-    """Mixin of frozen dataclasses that checks the fields by their annotated types when an object is made.
+    """Mixin of frozen dataclasses that checks the fields by their annotated types.
 
-    A mark that is a function of name and value checks a field and returns the converted value.  Without such a mark,
-    ``bool`` accepts True and False, and ``Literal`` one of its values.  Other fields, and None in an optional field, are
-    not checked.
+    A mark that is a function of name and value checks a field of a new object and returns the
+    converted value.  Without such a mark, ``bool`` accepts True and False, and ``Literal`` one of
+    its values.  Other fields, and None in an optional field, are not checked.
     """
 
     def __post_init__(self) -> None:
@@ -504,23 +545,28 @@ class Checked(Answering):
 @cache
 def _checks(cls: Callable[..., Any]) -> dict[str, Callable[[str, Any], Any]]:
     """Return the check of each field of a class, by name."""
-    found = {name: (_check_of(field), field.optional) for name, field in declarations(cls).items()}
-    return {
-        name: partial(_given, check, optional)
-        for name, (check, optional) in found.items()
-        if check is not None
-    }
+    checks: dict[str, Callable[[str, Any], Any]] = {}
+    for name, field in declarations(cls).items():
+        check = _check_of(field)
+        if check is not None:
+            checks[name] = partial(_check_unless_none, check) if field.optional else check
+    return checks
 
 
 def _check_of(field: Declared) -> Callable[[str, Any], Any] | None:
-    plain: Callable[[str, Any], Any] | None = flag if field.kind is bool else None
+    """Return the check of a field, or None: its outermost mark that is a function, or its type."""
+    for mark in reversed(field.marks):
+        if callable(mark):
+            return cast(Callable[[str, Any], Any], mark)
+    if field.kind is bool:
+        return flag
     if get_origin(field.kind) is Literal:
-        plain = partial(choice, choices=get_args(field.kind))
-    return next((mark for mark in reversed(field.marks) if callable(mark)), plain)
+        return partial(choice, choices=get_args(field.kind))
+    return None
 
 
-def _given(check: Callable[[str, Any], Any], optional: bool, name: str, value: Any) -> Any:
-    return None if optional and value is None else check(name, value)
+def _check_unless_none(check: Callable[[str, Any], Any], name: str, value: Any) -> Any:
+    return None if value is None else check(name, value)
 
 
 Positive = Annotated[float, Limits(above=0.0)]
