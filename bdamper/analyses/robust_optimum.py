@@ -1,17 +1,20 @@
-"""Optimal curves under uncertainty, and preloads that are optimal by other measures than the amplitude of one study.
+"""Optimal curves under uncertainty, and preloads that are optimal by other measures.
 
 Uncertainty
-    Settings are drawn from distributions of :mod:`scipy.stats` (any object with a ``ppf``) by a scrambled Sobol sequence,
-    whose averages converge faster than those of independent draws. The optimal curve of every draw is one point of a
-    :func:`bdamper.sweep`, with its executors and results files. Percentiles over the sample give bands, and the preload at
-    which a percentile of the amplitude is least. Percentiles are values of draws, without interpolation between draws. A
-    draw without a peak counts as infinite, because its amplitude is unknown. Draws with invalid settings do not count.
+    Settings are drawn from distributions of :mod:`scipy.stats` (any object with a ``ppf``) by a
+    scrambled Sobol sequence, whose averages converge faster than those of independent draws. The
+    optimal curve of every draw is one point of a :func:`bdamper.sweep`, with its executors and
+    results files. Percentiles over the sample give bands, and the preload at which a percentile of
+    the amplitude is least. Percentiles are values of draws, without interpolation between draws. A
+    draw without a peak counts as infinite, because its amplitude is unknown. Draws with invalid
+    settings do not count.
 
 Largest fatigue margin
-    A higher preload changes position and shape of the bending and increases the mean stress. The preload with the largest
-    margin may therefore differ from the preload with the least amplitude. The margin at a preload is the margin of the
-    highest point of the complete response curve. Its maximum between the preloads of an optimal curve is refined in the
-    same way as the least amplitude (:mod:`bdamper.response.scalar_search`). The derivatives are finite differences of
+    A higher preload changes position and shape of the bending and increases the mean stress. The
+    preload with the largest margin may therefore differ from the preload with the least amplitude.
+    The margin at a preload is the margin of the highest point of the complete response curve. Its
+    maximum between the preloads of an optimal curve is refined in the same way as the least
+    amplitude (:mod:`bdamper.response.scalar_search`). The derivatives are finite differences of
     peaks at neighbouring preloads.
 """
 
@@ -74,8 +77,9 @@ def sample(distributions: Mapping[str, Any], n: int, *, seed: int = 0) -> dict[s
     Parameters
     ----------
     distributions : mapping of setting to distribution
-        Frozen distributions of scipy.stats, for example ``scipy.stats.norm(0.3, 0.03)``. For "residual_slip_std" a number,
-        the standard deviation in m; every draw has other offsets at the contact points.
+        Frozen distributions of scipy.stats, for example ``scipy.stats.norm(0.3, 0.03)``. For
+        "residual_slip_std" a number, the standard deviation in m; every draw has other offsets at
+        the contact points.
     n : int
         Number of draws, a power of two.
     seed : int
@@ -89,40 +93,46 @@ def sample(distributions: Mapping[str, Any], n: int, *, seed: int = 0) -> dict[s
         raise SettingError(
             f"distributions: expected a mapping of setting to distribution, found {distributions!r}"
         )
-    all_distributions, distributions = (
-        distributions,
-        {k: d for k, d in distributions.items() if k != "residual_slip_std"},
-    )
-    for name, distribution in distributions.items():
+    # the standard deviation of residual slip is a number, all others are distributions
+    drawn_settings = {
+        name: distribution
+        for name, distribution in distributions.items()
+        if name != "residual_slip_std"
+    }
+    for name, distribution in drawn_settings.items():
         if not callable(getattr(distribution, "ppf", None)):
             raise SettingError(
                 f"distribution of '{name}': expected one of scipy.stats, found {distribution!r}"
             )
-    n, seed = validation.integer("n", n, least=2), validation.integer("seed", seed)
-    validation.check(n & (n - 1) == 0, "n", "a power of two for a Sobol sequence", n)
-    drawn = {}
-    if "residual_slip_std" in all_distributions:
-        spread = validation.number(
-            "residual_slip_std", all_distributions["residual_slip_std"], least=0.0, unit="m"
-        )
-        drawn = {
-            "residual_slip_std": np.full(n, spread),
+    n = validation.integer("n", n, least=2)
+    seed = validation.integer("seed", seed)
+    is_power_of_two = n & (n - 1) == 0
+    validation.check(is_power_of_two, "n", "a power of two for a Sobol sequence", n)
+    residual_slip = {}
+    if "residual_slip_std" in distributions:
+        std = distributions["residual_slip_std"]
+        std = validation.number("residual_slip_std", std, least=0.0, unit="m")
+        residual_slip = {
+            "residual_slip_std": np.full(n, std),
             "residual_slip_seed": np.arange(n) + float(n * seed),
         }
-    unit = scipy.stats.qmc.Sobol(max(len(distributions), 1), scramble=True, seed=seed).random(n)
+    n_dimensions = max(len(drawn_settings), 1)
+    unit = scipy.stats.qmc.Sobol(n_dimensions, scramble=True, seed=seed).random(n)
     # a ppf may be infinite at 0 and 1
     unit = np.clip(unit, 1e-12, 1.0 - 1e-12)
-    return {
-        name: np.asarray(dist.ppf(unit[:, i]), float)
-        for i, (name, dist) in enumerate(distributions.items())
-    } | drawn
+    values = {
+        name: np.asarray(distribution.ppf(unit[:, i]), float)
+        for i, (name, distribution) in enumerate(drawn_settings.items())
+    }
+    return values | residual_slip
 
 
 def _upper_percentile(values: NDArray, q: float | Sequence[float]) -> NDArray:
     """Return percentiles of draws (n, m) at each of m preloads, (m,) or (len(q), m).
 
-    A percentile between two draws is the higher one, so that at least its share of the draws is not above it.  A draw
-    without a value (NaN) counts as infinite.  Without draws the percentiles are NaN.
+    A percentile between two draws is the higher one, so that at least its share of the draws is not
+    above it.  A draw without a value (NaN) counts as infinite.  Without draws the percentiles are
+    NaN.
     """
     if not len(values):
         return np.full((*np.shape(q), values.shape[1]), np.nan)
@@ -135,55 +145,71 @@ def _upper_percentile(values: NDArray, q: float | Sequence[float]) -> NDArray:
 def _draws_text(percentile: float, n: int) -> str:
     """Return "95 % of 32 draws", or "all 8 draws" if the percentile is the highest of them."""
     draws = counted(n, "draw")
-    return (
-        f"{percentile:g} % of {draws}"
-        if n >= _draws_needed(percentile) < np.inf
-        else f"all {draws}"
-    )
+    needed = _draws_needed(percentile)
+    if np.isfinite(needed) and n >= needed:
+        return f"{percentile:g} % of {draws}"
+    return f"all {draws}"
 
 
 def _too_few_text(percentile: float, n: int) -> str:
     """Return a remark if there are too few draws for a percentile, or ""."""
     needed = _draws_needed(percentile)
-    return f" ({percentile:g} % needs {needed:g} draws)" if n < needed < np.inf else ""
+    if np.isfinite(needed) and n < needed:
+        return f" ({percentile:g} % needs {needed:g} draws)"
+    return ""
 
 
 def _draws_needed(percentile: float) -> float:
-    """Return the smallest number of draws with a percentile below the highest draw; infinite for 100 %."""
+    """Return the smallest number of draws with a percentile below the highest draw.
+
+    It is infinite for 100 %.
+    """
     share_above = 1.0 - percentile / 100.0
+    if not share_above > 0.0:
+        return np.inf
     rounding = 1e-9
-    return float(np.ceil(1.0 / share_above + 1.0 - rounding)) if share_above > 0.0 else np.inf
+    return float(np.ceil(1.0 / share_above + 1.0 - rounding))
 
 
 def _failed_text(failed: Mapping[int, str], n: int) -> str:
-    """Return a sentence that names the draws that do not count, by index and reason; empty without such draws."""
+    """Return a sentence that names the draws that do not count, by index and reason.
+
+    It is empty without such draws.
+    """
     if not failed:
         return ""
-    count = f"{len(failed)} of {counted(n, 'draw')} failed and {'does' if len(failed) == 1 else 'do'} not count"
-    return f"{count}, first draw {min(failed)}: {failed[min(failed)]}. "
+    verb = "does" if len(failed) == 1 else "do"
+    first = min(failed)
+    return (
+        f"{len(failed)} of {counted(n, 'draw')} failed and {verb} not count, first draw {first}: "
+        f"{failed[first]}. "
+    )
 
 
 def _invalid_draws(
     study: Asking | Problem, samples: Mapping[str, Sequence[float] | NDArray]
 ) -> dict[int, str]:
-    """Return the reason for each draw with invalid settings, for example a negative friction coefficient.
+    """Return the reason for each draw with invalid settings, such as negative friction.
 
     Raises
     ------
     BdamperError
         If no draw is valid.
     """
-    out, first, n = dict[int, str](), None, len(next(iter(samples.values())))
+    reasons: dict[int, str] = {}
+    first_error: BdamperError | None = None
+    n = len(next(iter(samples.values())))
     for i in range(n):
         draw = {name: np.asarray(values)[i].item() for name, values in samples.items()}
         try:
             vary(study, draw)
         except BdamperError as error:
-            first = first or error
-            out[i] = one_line(error)
-    if first is not None and len(out) == n:
-        raise first
-    return out
+            if first_error is None:
+                first_error = error
+            reasons[i] = one_line(error)
+    if first_error is not None and len(reasons) == n:
+        raise first_error
+    return reasons
 
 
 @short_repr
@@ -195,8 +221,8 @@ class RobustOptimum(Summarised):
     ----------
     preload : float, N
     amplitude : float, m
-        Percentile of the amplitude at this preload: that of a draw, and of the next higher one.  Draws without a peak count
-        as infinite.
+        Percentile of the amplitude at this preload: that of a draw, and of the next higher one.
+        Draws without a peak count as infinite.
     percentile : float
     uncertainty : float
         Relative half-width of the last bracket of the preload.
@@ -205,8 +231,8 @@ class RobustOptimum(Summarised):
     warnings : int
         Number of peaks in the last grid that are lower bounds.
     status : str
-        "complete"; "incomplete" if a preload without a peak in every draw could have a lower percentile; "interrupted",
-        with the reason if the executor ended.
+        "complete"; "incomplete" if a preload without a peak in every draw could have a lower
+        percentile; "interrupted", with the reason if the executor ended.
     draws : int
         Number of draws, without those that failed.
     failed : mapping of int to str
@@ -224,18 +250,20 @@ class RobustOptimum(Summarised):
     failed: Mapping[int, str] = field(default_factory=dict)
 
     def __str__(self) -> str:
+        failed = _failed_text(self.failed, self.draws + len(self.failed))
         edge = ", an end of the range," if self.kind == "end" else ""
-        doubts = "" if self.status == COMPLETE else f" The search is {self.status}."
-        doubts += f" {self.warnings} of the last peaks are lower bounds." if self.warnings else ""
-        draws, few = (
-            _draws_text(self.percentile, self.draws),
-            _too_few_text(self.percentile, self.draws),
+        draws = _draws_text(self.percentile, self.draws)
+        too_few = _too_few_text(self.percentile, self.draws)
+        text = (
+            f"{failed}At a preload of {amount(self.preload, 'N')}{edge} {draws} reach at most "
+            f"{amount(self.amplitude, 'm')}{too_few}: least of all preloads, known to "
+            f"{percent(self.uncertainty)}."
         )
-        return (
-            f"{_failed_text(self.failed, self.draws + len(self.failed))}At a preload of {amount(self.preload, 'N')}{edge} "
-            f"{draws} reach at most {amount(self.amplitude, 'm')}{few}: least of all preloads, known to "
-            f"{percent(self.uncertainty)}.{doubts}"
-        )
+        if self.status != COMPLETE:
+            text += f" The search is {self.status}."
+        if self.warnings:
+            text += f" {self.warnings} of the last peaks are lower bounds."
+        return text
 
 
 @short_repr
@@ -254,8 +282,9 @@ class OptimalCurveUncertainty(
         Values of each draw in m and Hz; NaN without a peak or for draws that were not run.
     samples : mapping of setting to (n,) float
     status : tuple of str
-        Status of each draw, as in :class:`bdamper.analyses.sweep.SweepResult`: "failed" if its settings are invalid,
-        "not found" if it has no peak at any preload.  Draws that failed or were not run do not count in percentiles.
+        Status of each draw, as in :class:`bdamper.analyses.sweep.SweepResult`: "failed" if its
+        settings are invalid, "not found" if it has no peak at any preload.  Draws that failed or
+        were not run do not count in percentiles.
     settings : mapping
         Settings of the varied problem.
     model_hash : str
@@ -282,8 +311,9 @@ class OptimalCurveUncertainty(
     def percentile(self, q: float | Sequence[float], quantity: str = "amplitude") -> NDArray:
         """Return percentiles over the sample at every preload, (m,) or (len(q), m).
 
-        A percentile is the value of a draw: of the two draws next to it, the higher one.  A draw without a peak counts as
-        an infinite amplitude.  Frequencies are NaN at preloads at which a draw has no peak.
+        A percentile is the value of a draw: of the two draws next to it, the higher one.  A draw
+        without a peak counts as an infinite amplitude.  Frequencies are NaN at preloads at which a
+        draw has no peak.
 
         Parameters
         ----------
@@ -293,11 +323,13 @@ class OptimalCurveUncertainty(
         """
         validation.choice("quantity", quantity, ("amplitude", "frequency"))
         validation.numbers("percentile", np.atleast_1d(q), least=0.0, most=100.0)
-        out = _upper_percentile(np.asarray(getattr(self, quantity))[self._counted], q)
+        values = np.asarray(getattr(self, quantity))
+        percentiles = _upper_percentile(values[self._counted], q)
         if quantity == "frequency":
             # an unknown frequency has no place among the others, high or low
-            out[..., ~self._known_draws.all(axis=0)] = np.nan
-        return out
+            all_known = self._has_peak.all(axis=0)
+            percentiles[..., ~all_known] = np.nan
+        return percentiles
 
     @property
     def _counted(self) -> NDArray:
@@ -307,7 +339,7 @@ class OptimalCurveUncertainty(
         )
 
     @property
-    def _known_draws(self) -> NDArray:
+    def _has_peak(self) -> NDArray:
         """Whether each draw that counts has a peak at each preload."""
         return np.isfinite(self.amplitude[self._counted])
 
@@ -330,28 +362,30 @@ class OptimalCurveUncertainty(
 
     def _headline(self) -> str:
         failed = {
-            i: s.removeprefix(f"{FAILED}: ")
-            for i, s in enumerate(self.status)
-            if status_word(s) == FAILED
+            i: status.removeprefix(f"{FAILED}: ")
+            for i, status in enumerate(self.status)
+            if status_word(status) == FAILED
         }
-        named, n = _failed_text(failed, len(self)), int(self._counted.sum())
+        failed_text = _failed_text(failed, len(self))
+        n_counted = int(self._counted.sum())
         if not np.isfinite(self.amplitude).any():
-            return f"{named}No peak at any preload of {counted(n, 'draw')}."
-        settings, draws = ", ".join(map(spaced, self.samples)), _draws_text(95.0, n)
-        without = int((~self._known_draws).any(axis=1).sum())
-        infinite = (
-            f" Infinite where they have no peak: {without} of {counted(n, 'draw')}."
-            if without
-            else ""
-        )
-        mid, high = self.percentile([50.0, 95.0])
+            return f"{failed_text}No peak at any preload of {counted(n_counted, 'draw')}."
+        settings = ", ".join(map(spaced, self.samples))
+        draws = _draws_text(95.0, n_counted)
+        n_without_peak = int((~self._has_peak).any(axis=1).sum())
+        infinite = ""
+        if n_without_peak:
+            draws_without = f"{n_without_peak} of {counted(n_counted, 'draw')}"
+            infinite = f" Infinite where they have no peak: {draws_without}."
+        median, high = self.percentile([50.0, 95.0])
         if not np.isfinite(high).any():
-            return f"{named}At no preload do {draws} of {settings} have a peak.{infinite}"
-        k = int(np.argmin(high))
+            return f"{failed_text}At no preload do {draws} of {settings} have a peak.{infinite}"
+        best = int(np.argmin(high))
+        too_few = _too_few_text(95.0, n_counted)
         return (
-            f"{named}At a preload of {amount(self.preload[k], 'N')} {draws} of {settings} reach at most "
-            f"{amount(high[k], 'm')}{_too_few_text(95.0, n)}, half at most {amount(mid[k], 'm')}: least of the preloads "
-            f"tried.{infinite}"
+            f"{failed_text}At a preload of {amount(self.preload[best], 'N')} {draws} of {settings} "
+            f"reach at most {amount(high[best], 'm')}{too_few}, half at most "
+            f"{amount(median[best], 'm')}: least of the preloads tried.{infinite}"
         )
 
 
@@ -387,7 +421,7 @@ def optimal_curve_uncertainty(
     _check_samples(samples)
     values = preload_values(preload, n)
     task = OptimalTask(tuple(float(p) for p in values), len(values), frequency, mode)
-    done = sweep(
+    curves = sweep(
         study,
         dict(samples),
         task,
@@ -396,27 +430,35 @@ def optimal_curve_uncertainty(
         resume=resume,
         progress=progress,
     )
+    if curves.quantities:
+        amplitude = curves.array("curve_amplitude")
+        curve_frequency = curves.array("curve_frequency")
+    else:
+        # no draw has a curve
+        amplitude = np.full((len(curves), len(values)), np.nan)
+        curve_frequency = amplitude
     invalid = _invalid_draws(study, samples)
-    nothing = np.full((len(done), len(values)), np.nan)
+    status = [one if i in invalid else _without_peak(one) for i, one in enumerate(curves.status)]
     return OptimalCurveUncertainty(
         preload=values,
-        amplitude=done.array("curve_amplitude") if done.quantities else nothing,
-        frequency=done.array("curve_frequency") if done.quantities else nothing,
+        amplitude=amplitude,
+        frequency=curve_frequency,
         samples={name: np.asarray(column, float) for name, column in samples.items()},
-        status=tuple(s if i in invalid else _without_peak(s) for i, s in enumerate(done.status)),
-        settings=done.settings,
-        model_hash=done.model_hash,
-        warnings=done.warnings,
+        status=tuple(status),
+        settings=curves.settings,
+        model_hash=curves.model_hash,
+        warnings=curves.warnings,
     )
 
 
 def _without_peak(status: str) -> str:
-    """Return the status of a draw with valid settings: "not found" if its search for an optimal curve ended in an error."""
-    return (
-        with_reason(NOT_FOUND, status.removeprefix(f"{FAILED}: "))
-        if status_word(status) == FAILED
-        else status
-    )
+    """Return the status of a draw with valid settings.
+
+    It is "not found" if its search for an optimal curve ended in an error.
+    """
+    if status_word(status) != FAILED:
+        return status
+    return with_reason(NOT_FOUND, status.removeprefix(f"{FAILED}: "))
 
 
 def _check_samples(samples: Any) -> None:
@@ -436,42 +478,54 @@ def _check_samples(samples: Any) -> None:
 class SteadyPeak(PeakTask):
     """Evaluation of the highest peak at a preload, as the search for an optimum counts it.
 
-    The amplitude is a lower bound if it is not known, zero if nothing was found, and infinite if the damper rattles.
+    The amplitude is a lower bound if it is not known, zero if nothing was found, and infinite if
+    the damper rattles.
     """
 
     def __call__(self, study: Asking | Problem, preload: float | None) -> Values:
-        problem, load = problem_of(study), float(preload or 0.0)
-        there = at_preload(
-            problem, load, peak_interval(problem.at(load), self.frequency, self.mode)
-        )
-        height = np.inf if there.rattles else float(np.nan_to_num(there.height, posinf=np.inf))
-        status = (
-            with_reason(NOT_FOUND, f"{NO_STEADY}: {there.rattles}")
-            if there.rattles
-            else there.status
-        )
+        problem = problem_of(study)
+        load = float(preload or 0.0)
+        interval = peak_interval(problem.at(load), self.frequency, self.mode)
+        search = at_preload(problem, load, interval)
+        if search.rattles:
+            height = np.inf
+            status = with_reason(NOT_FOUND, f"{NO_STEADY}: {search.rattles}")
+        else:
+            # zero if nothing was found
+            height = float(np.nan_to_num(search.height, posinf=np.inf))
+            status = search.status
         return {
-            "amplitude": height, "known": there.known, "search": status, "cost": there.cost, "height": there.height
-        }  # fmt: skip
+            "amplitude": height,
+            "known": search.known,
+            "search": status,
+            "cost": search.cost,
+            "height": search.height,
+        }
 
 
 OTHER_FRICTION = (1.0, 0.7, 1.3)
-"""Factors on the friction coefficients in the check of an optimum; typical ones, 0.2 to 0.6, differ more."""
+"""Factors on the friction coefficients in the check of an optimum; typical ones, 0.2 to 0.6, differ
+more.
+"""
 MOST_REMEDIES = 8
-"""Largest number of preloads that are tried if the amplitude doubles within the spread of friction coefficients."""
+"""Largest number of preloads that are tried if the amplitude doubles within the spread of friction
+coefficients.
+"""
 
 
 @one_thread
 def with_other_friction(
     problem: Problem, curve: OptimalCurve, progress: bool = False
 ) -> OptimalCurve:
-    """Return the optimal curve with the peaks at its recommended preload with lower and higher friction coefficients.
+    """Return the optimal curve with the peaks at its recommended preload with other friction.
 
-    ``friction_range`` has the factors on the friction coefficients at which the amplitude doubles. If it doubles within a
-    factor of 1.5, ``friction_range.remedy`` is the nearest preload of the curve at which it does not.
+    The friction coefficients are lower and higher by :data:`OTHER_FRICTION`. ``friction_range`` has
+    the factors on the friction coefficients at which the amplitude doubles. If it doubles within a
+    factor of 1.5, ``friction_range.remedy`` is the nearest preload of the curve at which it does
+    not.
 
-    Without an optimum or without friction the curve is returned as it is.  After Ctrl-C the peaks that are missing have the
-    status "interrupted".
+    Without an optimum or without friction the curve is returned as it is.  After Ctrl-C the peaks
+    that are missing have the status "interrupted".
     """
     preload = curve.recommended_preload
     if not np.isfinite(preload) or not problem.settings.friction_values():
@@ -479,24 +533,31 @@ def with_other_friction(
     start = time.perf_counter()
     low, high = curve.settings["frequency"]
     peaks = _FrictionPeaks(problem, (low, high))
-    out = {k: FrictionPeak(k, preload, np.nan, INTERRUPTED) for k in OTHER_FRICTION}
-    found = FrictionRange((FrictionPeak(1.0, preload, np.nan, INTERRUPTED),))
+    by_factor = {
+        factor: FrictionPeak(factor, preload, np.nan, INTERRUPTED) for factor in OTHER_FRICTION
+    }
+    friction_range = FrictionRange((FrictionPeak(1.0, preload, np.nan, INTERRUPTED),))
     with (
         LongWork(),
         progress_stages(progress, "other friction coefficients", "peak") as peaks.report,
     ):
         for factor in OTHER_FRICTION:
-            out[factor] = peaks.at(preload)(factor)
-        found = find_range(peaks.at(preload))
-        if found.limits is not None and any(limit.near for limit in found.limits):
-            near = (p for p in _by_distance(curve, preload) if tolerates_friction(peaks.at(p)))
-            found = replace(found, remedy=next(near, np.nan))
+            by_factor[factor] = peaks.at(preload)(factor)
+        friction_range = find_range(peaks.at(preload))
+        limits = friction_range.limits
+        if limits is not None and any(limit.near for limit in limits):
+            remedy = np.nan
+            for other in _by_distance(curve, preload):
+                if tolerates_friction(peaks.at(other)):
+                    remedy = other
+                    break
+            friction_range = replace(friction_range, remedy=remedy)
     seconds = time.perf_counter() - start
     cost = replace(curve.cost + peaks.cost, seconds=curve.cost.seconds + seconds)
     return replace(
         curve,
-        other_friction=tuple(out.values()),
-        friction_range=replace(found, seconds=seconds),
+        other_friction=tuple(by_factor.values()),
+        friction_range=replace(friction_range, seconds=seconds),
         cost=cost,
     )
 
@@ -513,7 +574,7 @@ class _FrictionPeaks:
 
     problem: Problem
     frequency: tuple[float, float]
-    known: dict[tuple[float, float], FrictionPeak] = field(default_factory=dict)
+    computed: dict[tuple[float, float], FrictionPeak] = field(default_factory=dict)
     cost: Cost = field(default_factory=Cost)
     report: Any = None
 
@@ -523,51 +584,50 @@ class _FrictionPeaks:
 
     def _peak(self, preload: float, factor: float) -> FrictionPeak:
         key = preload, factor
-        if key not in self.known:
-            self.report(
-                f"{factor:.3g} times, {preload:.4g} N", len(self.known), len(self.known) + 1
-            )
-            evaluate = SteadyPeak(frequency=self.frequency)
-            try:
-                found = evaluate(vary(self.problem, {"friction_factor": factor}), preload)
-            except BdamperError as error:
-                self.known[key] = FrictionPeak(
-                    factor, preload, np.nan, with_reason(NOT_FOUND, error)
-                )
-                return self.known[key]
-            size, known = found["amplitude"], found["known"]
-            amplitude, bound = (
-                (size, np.nan)
-                if known or size == np.inf
-                else (np.nan, size if size > 0.0 else np.nan)
-            )
-            self.known[key] = FrictionPeak(factor, preload, amplitude, found["search"], bound)
-            self.cost += found["cost"]
-        return self.known[key]
+        if key not in self.computed:
+            n = len(self.computed)
+            self.report(f"{factor:.3g} times, {preload:.4g} N", n, n + 1)
+            self.computed[key] = self._compute(preload, factor)
+        return self.computed[key]
+
+    def _compute(self, preload: float, factor: float) -> FrictionPeak:
+        evaluate = SteadyPeak(frequency=self.frequency)
+        try:
+            values = evaluate(vary(self.problem, {"friction_factor": factor}), preload)
+        except BdamperError as error:
+            return FrictionPeak(factor, preload, np.nan, with_reason(NOT_FOUND, error))
+        self.cost += values["cost"]
+        amplitude = values["amplitude"]
+        lower_bound = np.nan
+        if not values["known"] and amplitude != np.inf:
+            # zero says that nothing was found
+            lower_bound = amplitude if amplitude > 0.0 else np.nan
+            amplitude = np.nan
+        return FrictionPeak(factor, preload, amplitude, values["search"], lower_bound)
 
 
 def _by_distance(curve: OptimalCurve, preload: float) -> list[float]:
-    """Return the preloads (N) of an optimal curve that may tolerate other friction, the nearest to a preload first.
+    """Return the preloads (N) of an optimal curve that may tolerate other friction.
 
-    Friction and preload act nearly as a product: preloads are left out if their amplitude doubles at 1/1.5 or 1.5 times the
-    preload.
+    The nearest to a preload comes first.  Friction and preload act nearly as a product: preloads
+    are left out if their amplitude doubles at 1/1.5 or 1.5 times the preload.
     """
-    known = {
-        p: a for p, a in zip(curve.preload.tolist(), curve.amplitude.tolist()) if np.isfinite(a)
+    amplitudes = {
+        p: amplitude
+        for p, amplitude in zip(curve.preload.tolist(), curve.amplitude.tolist())
+        if np.isfinite(amplitude)
     }
-    places = np.log(sorted(known))
-    heights = np.log([known[p] for p in sorted(known)])
+    log_preloads = np.log(sorted(amplitudes))
+    log_amplitudes = np.log([amplitudes[p] for p in sorted(amplitudes)])
 
     def tolerant(p: float) -> bool:
-        ends = np.interp(
-            np.log(p) + np.log(FRICTION_SPREAD) * np.array([-1.0, 1.0]), places, heights
-        )
-        return bool((ends <= np.log(MUCH * known[p])).all())
+        spread = np.log(p) + np.log(FRICTION_SPREAD) * np.array([-1.0, 1.0])
+        log_at_spread = np.interp(spread, log_preloads, log_amplitudes)
+        return bool((log_at_spread <= np.log(MUCH * amplitudes[p])).all())
 
-    away = sorted(
-        (p for p in known if not np.isclose(p, preload)), key=lambda p: abs(np.log(p / preload))
-    )
-    return [p for p in away if tolerant(p)][:MOST_REMEDIES]
+    others = [p for p in amplitudes if not np.isclose(p, preload)]
+    others.sort(key=lambda p: abs(np.log(p / preload)))
+    return [p for p in others if tolerant(p)][:MOST_REMEDIES]
 
 
 class _Draws:
@@ -588,60 +648,78 @@ class _Draws:
         frequency: tuple[float, float] | None,
         mode: int,
     ) -> None:
-        self.problem, self.samples, self.frequency, self.mode = (
-            problem_of(study),
-            samples,
-            frequency,
-            mode,
-        )
+        self.problem = problem_of(study)
+        self.samples = samples
+        self.frequency = frequency
+        self.mode = mode
         self.n = len(next(iter(samples.values())))
-        # for each draw: amplitude as SteadyPeak counts it, amplitude of the highest point, and whether it is known
-        self.size, self.height, self.known = (dict[float, NDArray]() for _ in range(3))
+        # by preload, an entry per draw: amplitude as SteadyPeak counts it, amplitude of the highest
+        # point, and 1 if the amplitude is known
+        self.size: dict[float, NDArray] = {}
+        self.height: dict[float, NDArray] = {}
+        self.known: dict[float, NDArray] = {}
         self.followed: list[dict[float, Followed]] = [{} for _ in range(self.n)]
 
-    def add(self, grid: Sequence[float], done: SweepResult) -> None:
-        """Add the results of a sweep over all draws and a grid of preloads (N).  Failed evaluations give NaN."""
-        for name in ("size", "height", "known"):
-            quantity = "amplitude" if name == "size" else name
-            column = done.array(quantity) if done.quantities else np.full(len(done), np.nan)
-            getattr(self, name).update(zip(grid, column.astype(float).reshape(-1, len(grid)).T))
+    def add(self, grid: Sequence[float], results: SweepResult) -> None:
+        """Add the results of a sweep over all draws and a grid of preloads (N).
+
+        Failed evaluations give NaN.
+        """
+
+        def by_preload(quantity: str) -> dict[float, NDArray]:
+            if results.quantities:
+                column = results.array(quantity).astype(float)
+            else:
+                column = np.full(len(results), np.nan)
+            # the preload varies fastest
+            return dict(zip(grid, column.reshape(-1, len(grid)).T))
+
+        self.size |= by_preload("amplitude")
+        self.height |= by_preload("height")
+        self.known |= by_preload("known")
 
     def follow_drops(self) -> None:
-        """Follow the peaks of lower preloads where the amplitude of a draw decreases by more than a third."""
+        """Follow the peaks of lower preloads where the amplitude of a draw falls by a third."""
         for i in range(self.n):
             heights = {p: float(height[i]) for p, height in self.height.items()}
-            places = sorted(heights)
-            if not self.followed[i] and not any(
-                drops(heights[a], heights[b]) for a, b in pairwise(places)
-            ):
-                continue
-            problem = vary(self.problem, {name: values[i] for name, values in self.samples.items()})
+            falls = any(drops(heights[a], heights[b]) for a, b in pairwise(sorted(heights)))
+            # a peak that was followed is followed to the preloads of the new grid
+            if falls or self.followed[i]:
+                self._follow(i, heights)
 
-            def peak_at(preload: float, problem: Problem = problem) -> Peak | None:
-                interval = peak_interval(problem.at(preload), self.frequency, self.mode)
-                top = at_preload(problem, preload, interval).top
-                return top.peak if top is not None and top.kind == "peak" else None
+    def _follow(self, i: int, heights: Mapping[float, float]) -> None:
+        """Follow the peaks of a draw and take their amplitudes, which are lower bounds."""
+        settings = {name: values[i] for name, values in self.samples.items()}
+        problem = vary(self.problem, settings)
 
-            def steady(preload: float, i: int = i) -> bool:
-                return bool(self.known[preload][i] == 1.0 and self.size[preload][i] < np.inf)
+        def peak_at(preload: float) -> Peak | None:
+            interval = peak_interval(problem.at(preload), self.frequency, self.mode)
+            top = at_preload(problem, preload, interval).top
+            if top is None or top.kind != "peak":
+                return None
+            return top.peak
 
-            self.followed[i] = followed_peaks(problem, heights, steady, peak_at, self.followed[i])
-            for p, followed in self.followed[i].items():
-                self.size[p][i], self.known[p][i] = followed.peak.amplitude, 0.0
+        def steady(preload: float) -> bool:
+            return bool(self.known[preload][i] == 1.0 and self.size[preload][i] < np.inf)
+
+        self.followed[i] = followed_peaks(problem, heights, steady, peak_at, self.followed[i])
+        for preload, followed in self.followed[i].items():
+            self.size[preload][i] = followed.peak.amplitude
+            self.known[preload][i] = 0.0
 
     def percentiles(self, percentile: float) -> dict[float, tuple[float, float]]:
         """Return the percentile of the amplitude at each preload, and a lower bound of it.
 
-        Both are equal if every draw has a peak or rattles.  In the percentile a draw without a peak counts as infinite; in
-        the lower bound it has the highest amplitude that was found, or zero.
+        Both are equal if every draw has a peak or rattles.  In the percentile a draw without a peak
+        counts as infinite; in the lower bound it has the highest amplitude that was found, or zero.
         """
-        out = {}
-        for p, size in self.size.items():
-            upper = np.where(self.known[p] == 1.0, size, np.inf)
-            ends = np.column_stack([upper, np.nan_to_num(size, posinf=np.inf)])
-            high, low = _upper_percentile(ends, percentile).tolist()
-            out[p] = high, low
-        return out
+        bounds = {}
+        for preload, size in self.size.items():
+            upper = np.where(self.known[preload] == 1.0, size, np.inf)
+            lower = np.nan_to_num(size, posinf=np.inf)
+            high, low = _upper_percentile(np.column_stack([upper, lower]), percentile).tolist()
+            bounds[preload] = high, low
+        return bounds
 
     def unknown(self, preload: float) -> int:
         """Return the number of draws whose amplitude at a preload is not known."""
@@ -664,9 +742,10 @@ def robust_optimum(
 ) -> RobustOptimum:
     """Find the preload that minimises a percentile of the resonance amplitude over a sample.
 
-    Percentiles are computed from the highest peaks at each preload of a grid, without interpolation in the preload or
-    between draws. The grid is refined around its least value down to the tolerance. A draw without a peak, or whose damper
-    rattles, counts as infinite. Draws with invalid settings do not count, and the result names them.
+    Percentiles are computed from the highest peaks at each preload of a grid, without interpolation
+    in the preload or between draws. The grid is refined around its least value down to the
+    tolerance. A draw without a peak, or whose damper rattles, counts as infinite. Draws with
+    invalid settings do not count, and the result names them.
 
     Parameters
     ----------
@@ -690,8 +769,8 @@ def robust_optimum(
     Raises
     ------
     BdamperError
-        If the settings of all draws are invalid, the percentile is finite at no preload of the first grid, or the executor
-        ended within it.
+        If the settings of all draws are invalid, the percentile is finite at no preload of the
+        first grid, or the executor ended within it.
     KeyboardInterrupt
         If the first grid was interrupted.
     """
@@ -708,40 +787,59 @@ def robust_optimum(
     }
     n_draws = len(next(iter(valid.values())))
     optimum: RobustOptimum | None = None
-    known = dict[float, tuple[float, float]]()  # percentile and its lower bound at each preload
+    # percentile of the amplitude and its lower bound at each preload
+    bounds: dict[float, tuple[float, float]] = {}
     draws = _Draws(study, valid, frequency, mode)
     while optimum is None or optimum.uncertainty > tolerance:
-        grid = [float(p) for p in preload_values((low, high), n) if float(p) not in known]
+        grid = [float(p) for p in preload_values((low, high), n) if float(p) not in bounds]
         points: dict[str, Any] = {
             name: [value for value in values for _ in grid] for name, values in valid.items()
         }
         points["preload"] = grid * n_draws
         task = SteadyPeak(frequency=frequency, mode=mode)
-        done = sweep(study, points, task, combine="zip", executor=executor, progress=progress)
-        left = [s.removeprefix(NOT_RUN) for s in done.status if status_word(s) == NOT_RUN]
-        if left:
-            if optimum is None:
-                raise BdamperError(f"robust optimum{left[0]}") if left[0] else KeyboardInterrupt
-            return replace(optimum, status=f"{INTERRUPTED}{left[0]}")
-        draws.add(grid, done)
+        results = sweep(study, points, task, combine="zip", executor=executor, progress=progress)
+        not_run = [s.removeprefix(NOT_RUN) for s in results.status if status_word(s) == NOT_RUN]
+        if not_run:
+            reason = not_run[0]
+            if optimum is not None:
+                return replace(optimum, status=f"{INTERRUPTED}{reason}")
+            if reason:
+                raise BdamperError(f"robust optimum{reason}")
+            raise KeyboardInterrupt
+        draws.add(grid, results)
         draws.follow_drops()
-        known |= draws.percentiles(percentile)
-        places = sorted(known)
-        k = min(range(len(places)), key=lambda i: known[places[i]][0])
-        best, amplitude = places[k], known[places[k]][0]
+        bounds |= draws.percentiles(percentile)
+
+        preloads = sorted(bounds)
+        best = min(preloads, key=lambda p: bounds[p][0])
+        amplitude = bounds[best][0]
         if amplitude == np.inf:
             raise BdamperError(
                 f"robust optimum: no preload from {low:g} to {high:g} N has a steady peak in "
                 f"{_draws_text(percentile, n_draws)}"
             )
-        lower = sum(bound < min(amplitude, value) for value, bound in known.values())
-        low, high = places[max(k - 1, 0)], places[min(k + 1, len(places) - 1)]
-        width = float(np.log(high / low)) / 2.0
-        why = f"{counted(lower, 'preload')} without a peak in every draw could be lower"
-        status = with_reason(INCOMPLETE, why) if lower else COMPLETE
-        kind, unsure = "end" if best in limits else "interior", sum(draws.unknown(p) for p in grid)
+        # the next grid lies between the neighbours of the best preload
+        i = preloads.index(best)
+        low = preloads[max(i - 1, 0)]
+        high = preloads[min(i + 1, len(preloads) - 1)]
+        # preloads whose percentile is not known and may be the least
+        n_lower = sum(bound < min(amplitude, upper) for upper, bound in bounds.values())
+        status = COMPLETE
+        if n_lower:
+            preloads_text = counted(n_lower, "preload")
+            status = with_reason(
+                INCOMPLETE, f"{preloads_text} without a peak in every draw could be lower"
+            )
         optimum = RobustOptimum(
-            best, amplitude, float(percentile), width, kind, unsure, status, n_draws, failed
+            preload=best,
+            amplitude=amplitude,
+            percentile=float(percentile),
+            uncertainty=float(np.log(high / low)) / 2.0,
+            kind="end" if best in limits else "interior",
+            warnings=sum(draws.unknown(p) for p in grid),
+            status=status,
+            draws=n_draws,
+            failed=failed,
         )
     return optimum
 
@@ -750,9 +848,13 @@ def robust_optimum(
 
 
 PRELOAD_STEP = 1e-3
-"""Relative distance of the preloads for the derivative of a margin; peaks accurate to 1e-8 give an error of 1e-5."""
+"""Relative distance of the preloads for the derivative of a margin; peaks accurate to 1e-8 give an
+error of 1e-5.
+"""
 AGREES = 0.02
-"""Relative difference by which the least margin of a response curve may be below the margin of the highest peak."""
+"""Relative difference by which the least margin of a response curve may be below the margin of the
+highest peak.
+"""
 WHERE = {
     "end": "at the end of the preloads with a value",
     "unknown": "next to preloads without a value",
@@ -771,51 +873,38 @@ def best_margin(
     validation.instance("curve", curve, OptimalCurve)
     result = judge.along(problem, curve)
     low, high = curve.settings["frequency"]
-
-    def place(peak: Peak, p: float) -> Sample:
-        """Return ln(preload), -ln(margin) and its derivative, which is NaN if a neighbouring peak was not found."""
-        system, neighbours = problem.system, (p * (1.0 - PRELOAD_STEP), p * (1.0 + PRELOAD_STEP))
-        along: dict[str, Any] = (
-            {} if peak.corner else {"tangent": peak.tangent, "scale": peak.scale}
-        )
-        near = [find_peak(system(q), peak.y, parameter=q, **along) for q in neighbours]
-        here = _height(judge, problem, peak, p)
-        ends = [_height(judge, problem, q, q.parameter) if q.converged else np.nan for q in near]
-        return Sample(
-            float(np.log(p)),
-            here,
-            (ends[1] - ends[0]) / float(np.log(neighbours[1] / neighbours[0])),
-        )
+    search = _MarginSearch(problem, judge)
 
     def ask(places: Sequence[float]) -> list[Sample]:
-        followed = curves.follow([float(np.exp(x)) for x in places])
+        tops = curves.follow([float(np.exp(x)) for x in places])
         return [
-            place(t.top.peak, t.preload) if t.known and t.top else Sample(x, np.inf)
-            for x, t in zip(places, followed)
+            search.sample(top.top.peak, top.preload) if top.known and top.top else Sample(x, np.inf)
+            for x, top in zip(places, tops)
         ]
 
     with Curves(problem, (low, high)) as curves:
-        rows = [
-            (k, float(p), np.isfinite(a))
-            for k, (p, a) in enumerate(zip(curve.preload, curve.amplitude))
-        ]
-        places = [
-            place(_peak(problem, curve, k), p) if is_known else Sample(np.log(p), np.inf)
-            for k, p, is_known in rows
-        ]
-        places, best = find_minimum(places, ask, lambda a, b, x: x)
-        responses = {k.preload: k for k in curve.time_response if np.isfinite(k.mean)}
-        peaks = [
-            (p, peak.top.peak)
-            for p in responses
-            for peak in curves.follow([p])
-            if peak.known and peak.top
-        ]
-        tops = [
-            (p, top.y)
-            for p, top in peaks
-            if np.isclose(top.amplitude, responses[p].balance, rtol=1e-3, atol=0.0)
-        ]
+        samples = []
+        for i, preload in enumerate(curve.preload):
+            if np.isfinite(curve.amplitude[i]):
+                samples.append(search.sample(_peak(problem, curve, i), float(preload)))
+            else:
+                samples.append(Sample(np.log(float(preload)), np.inf))
+        samples, best = find_minimum(samples, ask, lambda a, b, x: x)
+
+        # a time response counts if it belongs to the highest peak
+        responses = {
+            response.preload: response
+            for response in curve.time_response
+            if np.isfinite(response.mean)
+        }
+        confirmed = []
+        for preload, response in responses.items():
+            for top in curves.follow([preload]):
+                if not (top.known and top.top):
+                    continue
+                peak = top.top.peak
+                if np.isclose(peak.amplitude, response.balance, rtol=1e-3, atol=0.0):
+                    confirmed.append((peak.y, preload))
     if curves.interrupted:
         i = result.greatest
         return replace(
@@ -824,27 +913,66 @@ def best_margin(
             best_margin=result.margin[i],
             best_status=INTERRUPTED,
         )
-    at = places[best.index]
-    preload, value = float(np.exp(at.x)), float(np.exp(-at.value))
+    least = samples[best.index]
+    best_preload = float(np.exp(least.x))
+    margin = float(np.exp(-least.value))
     where = WHERE.get(best.kind, "refined between its neighbours")
-    doubt = _doubt(problem, curve, judge, preload, value)
-    status = with_reason(INCOMPLETE, f"{where}, {doubt}") if doubt else with_reason(COMPLETE, where)
-    in_time = tuple(judge.margins(problem, y, p, responses[p]) for p, y in tops)
+    doubt = _doubt(problem, curve, judge, best_preload, margin)
+    if doubt:
+        status = with_reason(INCOMPLETE, f"{where}, {doubt}")
+    else:
+        status = with_reason(COMPLETE, where)
+    in_time = tuple(judge.margins(problem, y, p, responses[p]) for y, p in confirmed)
     return replace(
-        result, best_value=preload, best_margin=value, best_status=status, in_time=in_time
+        result, best_value=best_preload, best_margin=margin, best_status=status, in_time=in_time
     )
 
 
-def _height(judge: LeastMargin, problem: Problem, peak: Peak, preload: float) -> float:
-    value = judge(problem, peak.y[:-1], float(peak.y[-1]), preload)
-    return float(-np.log(value)) if value > 0.0 else np.inf
+@dataclass(frozen=True)
+class _MarginSearch:
+    """Margins of peaks, as functions of the preload whose minimum is sought."""
+
+    problem: Problem
+    judge: LeastMargin
+
+    def sample(self, peak: Peak, preload: float) -> Sample:
+        """Return ln(preload), -ln(margin) and its derivative.
+
+        The derivative is NaN if a neighbouring peak was not found.
+        """
+        below = preload * (1.0 - PRELOAD_STEP)
+        above = preload * (1.0 + PRELOAD_STEP)
+        height_below = self._height_near(peak, below)
+        height_above = self._height_near(peak, above)
+        return Sample(
+            float(np.log(preload)),
+            self._height(peak, preload),
+            (height_above - height_below) / float(np.log(above / below)),
+        )
+
+    def _height_near(self, peak: Peak, preload: float) -> float:
+        """Return -ln(margin) of the same peak at another preload; NaN if it was not found."""
+        system = self.problem.system(preload)
+        if peak.corner:
+            neighbour = find_peak(system, peak.y, parameter=preload)
+        else:
+            neighbour = find_peak(
+                system, peak.y, parameter=preload, tangent=peak.tangent, scale=peak.scale
+            )
+        if not neighbour.converged:
+            return np.nan
+        return self._height(neighbour, preload)
+
+    def _height(self, peak: Peak, preload: float) -> float:
+        margin = self.judge(self.problem, peak.y[:-1], float(peak.y[-1]), preload)
+        return float(-np.log(margin)) if margin > 0.0 else np.inf
 
 
 def _peak(problem: Problem, curve: OptimalCurve, i: int) -> Peak:
     """Return a point of an optimal curve as a peak, with its tangent if it has one."""
-    p = float(curve.preload[i])
+    preload = float(curve.preload[i])
     y = np.append(curve.unknowns[i], 2.0 * np.pi * curve.frequency[i])
-    return find_peak(problem.system(p), y, parameter=p)
+    return find_peak(problem.system(preload), y, parameter=preload)
 
 
 def _doubt(
