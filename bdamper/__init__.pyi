@@ -66,6 +66,9 @@ from .mistuning.sample import mistuned_sample as mistuned_sample
 from .analyses.accuracy import accuracy_cost as accuracy_cost
 from .analyses.hysteresis import microslip as microslip
 
+# cores
+from .util.workers import set_workers as set_workers
+
 # files
 from .util.storage import load as load
 from .study import load_study as load_study

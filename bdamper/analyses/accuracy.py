@@ -49,7 +49,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from threading import Event
@@ -102,6 +101,7 @@ from bdamper.util.progress import (
 )
 from bdamper.util.storage import Storable
 from bdamper.util.tables import Column, Cycles, Metre, Second, Tabular, columns_of_rows
+from bdamper.util.workers import on_threads
 
 # ---- Harmonic convergence ----
 
@@ -221,28 +221,32 @@ def _peak_at_optimum(problem: Problem, curve: OptimalCurve) -> Peak:
 def with_convergence(
     problem: Problem, curve: OptimalCurve, work: Callable[[], OptimalCurve], progress: bool = False
 ) -> OptimalCurve:
-    """Run work on an optimal curve while a second thread computes the convergence at its optimum.
+    """Run work on an optimal curve and compute the convergence at its optimum at the same time.
 
     ``work`` returns the processed curve.  The result is this curve with ``convergence``; its cost
     includes both, with their common elapsed time.
     """
     start = time.perf_counter()
     stop = Event()
-    with ThreadPoolExecutor(1) as pool:
-        background = pool.submit(stopped_by(stop)(at_optimum), problem, curve, progress)
-        try:
-            processed = work()
-            if any(response.status == INTERRUPTED for response in processed.time_response):
-                stop.set()
-            convergence = background.result()
-            cost = processed.cost
-            if convergence is not None:
-                cost = cost + convergence.cost
-            # both ran at the same time
-            cost = replace(cost, seconds=curve.cost.seconds + time.perf_counter() - start)
-            return replace(processed, convergence=convergence, cost=cost)
-        finally:
+
+    def processed_curve() -> OptimalCurve:
+        processed = work()
+        if any(response.status == INTERRUPTED for response in processed.time_response):
             stop.set()
+        return processed
+
+    def convergence_at_optimum() -> Convergence | None:
+        with stopped_by(stop):
+            return at_optimum(problem, curve, progress)
+
+    parts: list[Callable[[], Any]] = [processed_curve, convergence_at_optimum]
+    processed, convergence = on_threads(parts)
+    cost = processed.cost
+    if convergence is not None:
+        cost = cost + convergence.cost
+    # both ran at the same time
+    cost = replace(cost, seconds=curve.cost.seconds + time.perf_counter() - start)
+    return replace(processed, convergence=convergence, cost=cost)
 
 
 def _converged(peaks: Sequence[HarmonicPeak], tolerance: float) -> bool:

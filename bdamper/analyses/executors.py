@@ -42,6 +42,7 @@ from bdamper.util.progress import (
 )
 from bdamper.util.records import named_fields
 from bdamper.util.storage import ResultsFile, from_line, json_line
+from bdamper.util.workers import set_workers
 
 Record = dict[str, Any]
 Keep = Callable[[Sequence[int], Sequence[Record]], None]
@@ -103,12 +104,14 @@ def _run(job: Job | _Packed, points: Sequence[Mapping[str, Any]]) -> list[Record
     except OSError:
         return None
     end = time.monotonic() + SECONDS
-    records = [recorded(job, points[0])]
-    with suppress(BaseException):
-        for settings in points[1:]:
-            if time.monotonic() > end:
-                break
-            records.append(recorded(job, settings))
+    # the other workers of the executor compute on the other cores
+    with set_workers(1):
+        records = [recorded(job, points[0])]
+        with suppress(BaseException):
+            for settings in points[1:]:
+                if time.monotonic() > end:
+                    break
+                records.append(recorded(job, settings))
     return records
 
 

@@ -24,6 +24,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -67,6 +68,7 @@ from bdamper.util.formatting import amount, counted, percent, short_repr, spaced
 from bdamper.util.progress import Cost, LongWork, one_thread, progress_stages
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, Column, Newtons, Quantity, Tabular
+from bdamper.util.workers import on_threads
 
 # ---- Uncertainty ----
 
@@ -541,9 +543,13 @@ def with_other_friction(
         LongWork(),
         progress_stages(progress, "other friction coefficients", "peak") as peaks.report,
     ):
-        for factor in OTHER_FRICTION:
-            by_factor[factor] = peaks.at(preload)(factor)
-        friction_range = find_range(peaks.at(preload))
+        at_recommended = peaks.at(preload)
+
+        def keep(factor: float) -> None:
+            by_factor[factor] = at_recommended(factor)
+
+        on_threads([partial(keep, factor) for factor in OTHER_FRICTION])
+        friction_range = find_range(at_recommended)
         limits = friction_range.limits
         if limits is not None and any(limit.near for limit in limits):
             remedy = np.nan
@@ -575,8 +581,13 @@ class _FrictionPeaks:
     problem: Problem
     frequency: tuple[float, float]
     computed: dict[tuple[float, float], FrictionPeak] = field(default_factory=dict)
-    cost: Cost = field(default_factory=Cost)
+    costs: dict[tuple[float, float], Cost] = field(default_factory=dict)
     report: Any = None
+
+    @property
+    def cost(self) -> Cost:
+        """Cost of all peaks so far."""
+        return sum(self.costs.values(), Cost())
 
     def at(self, preload: float) -> Callable[[float], FrictionPeak]:
         """Return the function of the factor at one preload (N)."""
@@ -596,7 +607,7 @@ class _FrictionPeaks:
             values = evaluate(vary(self.problem, {"friction_factor": factor}), preload)
         except BdamperError as error:
             return FrictionPeak(factor, preload, np.nan, with_reason(NOT_FOUND, error))
-        self.cost += values["cost"]
+        self.costs[preload, factor] = values["cost"]
         amplitude = values["amplitude"]
         lower_bound = np.nan
         if not values["known"] and amplitude != np.inf:

@@ -15,7 +15,6 @@ Every value, including the optimum, is the highest point of a complete curve at 
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
@@ -65,6 +64,7 @@ from bdamper.util.progress import (
     stopped_by,
 )
 from bdamper.util.storage import INSTALLED, ResultsFile, json_line
+from bdamper.util.workers import workers
 
 # ---- response at one preload ----
 
@@ -179,7 +179,7 @@ def optimal_curve(
     resume : path, optional
         File for all finished curves.  Interrupted work continues from it with the same result.
     executor : concurrent.futures.Executor, optional
-        Executor of the curves; by default one thread per core.
+        Executor of the curves; by default threads, see :func:`bdamper.set_workers`.
 
     Returns
     -------
@@ -305,7 +305,7 @@ class Curves:
             self.stack.enter_context(closing(self.file))
             self.stored = {record["index"]: record for record in self.file.finished()}
         if self.executor is None:
-            self.executor = self.stack.enter_context(ThreadPoolExecutor(os.cpu_count() or 1))
+            self.executor = self.stack.enter_context(ThreadPoolExecutor(workers()))
         self.report = self.stack.enter_context(
             progress_stages(self.progress, "optimal curve", "curve")
         )

@@ -23,6 +23,7 @@ gives the maximum.  The highest motion continues until the amplitudes of the bla
 from __future__ import annotations
 
 from collections.abc import Callable
+from threading import Lock
 from typing import NamedTuple
 
 import numpy as np
@@ -152,6 +153,7 @@ class SteadySearch:
         self.fell: list[float] = []
         self.below = float("nan")
         self.periods = 0
+        self._counting = Lock()
         self.failure = ""
         self.on_frequency: Callable[[float], None] = lambda frequency: None
         self.pace = balance.half_width / CRITERIA.pace  # Hz in a period
@@ -328,7 +330,9 @@ class SteadySearch:
         self.on_frequency(frequency)
         transient = Transient(ring, TWO_PI * frequency, motion, step_factor * self.steps)
         point = settle(transient, expected, parting)
-        self.periods += len(transient.harmonics)
+        # refinements settle on several threads
+        with self._counting:
+            self.periods += len(transient.harmonics)
         return point
 
     def at_end(self, point: SteadyPoint) -> bool:

@@ -19,8 +19,10 @@ all of these settings.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -78,6 +80,7 @@ from bdamper.util.progress import (
     progress_stages,
     shows_progress,
 )
+from bdamper.util.workers import on_threads
 
 NEIGHBOUR = 1.35
 """Ratio of the preloads at which an optimum is checked in time: the amplitude rises steeply below it and slowly above."""
@@ -285,21 +288,31 @@ def _integrate(
             search.run()
             if (best := search.best) is not None and not (error := step_error(best.transient)):
                 runs[f"{steps} steps"] = best
-                points = sorted(search.points, key=lambda p: -p.mean)[
-                    :3
-                ]  # refinements are tried from three motions
-                shorter = runs[f"{2 * steps} steps"] = _refine(search, points, ring, 2)
-                runs[f"{4 * steps} steps"] = _refine(search, [shorter, *points], ring, 4)
-                if (richer := richer_structure(structure)) is not None:
-                    whole = ring_of(richer[0], preload, blades)
-                    runs[richer[1]] = _refine(search, points, whole, 1)
-                    cost = whole.cost
-                others = _other_starts(search, best, starts)
+                # refinements are tried from three motions
+                points = sorted(search.points, key=lambda p: -p.mean)[:3]
+                richer = richer_structure(structure)
+                whole = None if richer is None else ring_of(richer[0], preload, blades)
+
+                def with_shorter_steps() -> None:
+                    shorter = runs[f"{2 * steps} steps"] = _refine(search, points, ring, 2)
+                    runs[f"{4 * steps} steps"] = _refine(search, [shorter, *points], ring, 4)
+                    others.update(_other_starts(search, best, starts))
+
+                def in_richer_structure() -> None:
+                    if richer is not None and whole is not None:
+                        runs[richer[1]] = _refine(search, points, whole, 1)
+
+                on_threads([with_shorter_steps, in_richer_structure])
+                cost = cost if whole is None else whole.cost
         except IntegrationFailed as failed:
             search.failure = str(failed)
             # motions from before the failure still count
             if isinstance(failed, EnergyGained) or search.best is None:
                 error = str(failed)
+    # the order in which they ended depends on the threads
+    names = [f"{factor * steps} steps" for factor in (1, 2, 4)]
+    names += [name for name in runs if name not in names]
+    runs = {name: runs[name] for name in names if name in runs}
     return _Integrations(search, runs, others, error, work.interrupted, cost)
 
 
@@ -485,18 +498,26 @@ def with_time_response(
         preloads = [p for p in (best, NEIGHBOUR * best) if np.isfinite(p)]
     else:
         preloads = [float(p) for p in validation.numbers("preload", preload, above=0.0, unit="N")]
-    none = {p: TimeResponse(*(np.nan,) * 4, p, np.nan, status=INTERRUPTED) for p in preloads}
-    responses, cost = none | {k.preload: k for k in curve.time_response}, curve.cost
+    missing = {p: TimeResponse(*(np.nan,) * 4, p, np.nan, status=INTERRUPTED) for p in preloads}
+    responses = missing | {response.preload: response for response in curve.time_response}
+    costs: dict[float, Cost] = {}
+
+    def integrate(p: float) -> None:
+        try:
+            tracked = uninterrupted(frequency_response(problem, p, curve.settings["frequency"]))
+            costs[p] = tracked.cost
+            responses[p] = time_response(problem, tracked, progress=progress)
+            costs[p] += responses[p].cost
+        except BdamperError as error:
+            responses[p] = replace(missing[p], status=with_reason(NOT_FOUND, error))
+
+    start = time.perf_counter()
     with LongWork():
-        for p in preloads:
-            try:
-                tracked = uninterrupted(frequency_response(problem, p, curve.settings["frequency"]))
-                cost += tracked.cost
-                responses[p] = time_response(problem, tracked, progress=progress)
-                cost += responses[p].cost
-            except BdamperError as error:
-                responses[p] = replace(none[p], status=with_reason(NOT_FOUND, error))
-    return replace(curve, time_response=tuple(responses[p] for p in sorted(responses)), cost=cost)
+        on_threads([partial(integrate, p) for p in preloads])
+    seconds = curve.cost.seconds + time.perf_counter() - start
+    cost = sum((costs[p] for p in sorted(costs)), curve.cost)
+    in_order = tuple(responses[p] for p in sorted(responses))
+    return replace(curve, time_response=in_order, cost=replace(cost, seconds=seconds))
 
 
 # ---- one motion ----

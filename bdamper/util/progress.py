@@ -9,6 +9,7 @@ all threads of the process.  It ends when the thread that set it first has finis
 from __future__ import annotations
 
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError
@@ -301,13 +302,32 @@ class Cost:
         )
 
 
+class _OtherThreads(threading.local):
+    """Processor time (s) of other threads that have worked for this thread."""
+
+    seconds: float = 0.0
+
+
+_other_threads = _OtherThreads()
+
+
+def processor_time() -> float:
+    """Return the processor time (s) of this thread, with the time of the threads that have worked for it."""
+    return time.thread_time() + _other_threads.seconds
+
+
+def add_processor_time(seconds: float) -> None:
+    """Count the processor time (s) of another thread that has worked for this one."""
+    _other_threads.seconds += seconds
+
+
 WEIGHED = ("evaluations", "jacobians", "factorisations", "least_norm")
 """Counters in the order of the weights :attr:`Counted.work`."""
 
 
 @dataclass
 class CostMeter:
-    """Meter for the cost of a result on the thread that created the meter.
+    """Meter for the cost of a result on the thread that created the meter, and on the threads that work for it.
 
     It sums time, the counters of several systems, and the cost of parts measured separately.
     """
@@ -317,7 +337,7 @@ class CostMeter:
     iterations: int = 0
     failed_steps: int = 0
     parts: list[Cost] = field(default_factory=list)
-    processor_start: float = field(default_factory=time.thread_time)
+    processor_start: float = field(default_factory=processor_time)
 
     def add(self, cost: Cost) -> None:
         """Add the cost of a part that was measured separately while this meter ran."""
@@ -364,7 +384,7 @@ class CostMeter:
         return replace(
             total,
             seconds=time.perf_counter() - self.start,
-            processor=time.thread_time() - self.processor_start,
+            processor=processor_time() - self.processor_start,
             work=self.work + sum(part.work for part in parts),
         )
 

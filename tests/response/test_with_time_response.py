@@ -80,6 +80,22 @@ def test_an_interruption_keeps_the_curve_and_says_so(found, monkeypatch):
         study.with_time_response(curve, 60.0)
 
 
+def test_the_number_of_threads_changes_no_digit(found):
+    study, curve = found
+    results = []
+    for number in (1, 3):
+        with bd.set_workers(number):
+            results.append(study.with_time_response(curve, [60.0, 90.0]))
+    alone, together = results
+    for response, other in zip(alone.time_response, together.time_response):
+        # not a number where the motion does not fall
+        own = {"cost": None, "fall": 0.0}
+        assert replace(response, **own) == replace(other, **own)
+        assert list(response.answers) == list(other.answers)
+        assert response.cost.evaluations == other.cost.evaluations
+    assert alone.cost.evaluations == together.cost.evaluations
+
+
 def test_a_peak_of_another_study_is_refused(found):
     study, _ = found
     peak = study.peak(60.0, frequency=(300.0, 380.0))

@@ -1,0 +1,151 @@
+"""Threads for independent parts of one result.
+
+The C core computes without the interpreter, so that threads use all cores.  :func:`on_threads` is
+the only place that starts threads for parts of a result: preloads in time, shorter time steps
+and a richer structure, other friction coefficients.  All of them share the threads of the
+outermost call, whose number :func:`set_workers` sets.
+
+The calling thread computes one part after the other, and each thread that has nothing to do takes
+the next part that has not begun.  Nobody waits for a thread to become free, so that parts within
+parts cannot block each other, and there are never more busy threads than workers.  A part gives the
+same digits on any thread.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import contextmanager
+from contextvars import ContextVar, copy_context
+from dataclasses import dataclass, replace
+from typing import Generic, TypeVar, cast
+
+from bdamper.util import validation
+from bdamper.util.progress import add_processor_time, processor_time, stopped_by
+
+T = TypeVar("T")
+
+_number: ContextVar[int | None] = ContextVar("_number", default=None)
+_threads: ContextVar[ThreadPoolExecutor | None] = ContextVar("_threads", default=None)
+
+
+def workers() -> int:
+    """Return the number of threads for one result, by default the cores that this process may use."""
+    number = _number.get()
+    if number is not None:
+        return number
+    # a container or a batch system may allow fewer cores than the machine has
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+@contextmanager
+def set_workers(number: int) -> Iterator[None]:
+    """Set the number of threads for each result that is computed in this context.
+
+    Without it, a result uses all cores that the process may use, and each point of a sweep on an
+    executor one core.  The digits of the results do not depend on the number.
+
+    Parameters
+    ----------
+    number : int
+        Number of threads, at least 1.
+
+    Examples
+    --------
+    >>> import bdamper as bd
+    >>> with bd.set_workers(1):
+    ...     pass  # calls here compute on one core
+    """
+    before = _number.set(validation.integer("number", number, least=1))
+    try:
+        yield
+    finally:
+        _number.reset(before)
+
+
+@contextmanager
+def _shared_threads() -> Iterator[ThreadPoolExecutor | None]:
+    """Yield the other threads of the outermost call; None with one worker."""
+    threads, others = _threads.get(), workers() - 1
+    if threads is not None or others == 0:
+        yield threads
+        return
+    with ThreadPoolExecutor(others) as threads:
+        before = _threads.set(threads)
+        try:
+            yield threads
+        finally:
+            _threads.reset(before)
+
+
+@dataclass(frozen=True)
+class _Outcome(Generic[T]):
+    """Result of a part or its error, and the processor time (s) that it took on another thread."""
+
+    result: T | None = None
+    error: Exception | None = None
+    seconds: float = 0.0
+
+
+def _computed(part: Callable[[], T]) -> _Outcome[T]:
+    try:
+        return _Outcome(part())
+    except Exception as error:
+        return _Outcome(error=error)
+
+
+def _computed_elsewhere(part: Callable[[], T], stop: threading.Event) -> _Outcome[T]:
+    """Compute a part on a thread of the pool, which ``stop`` interrupts."""
+    start = processor_time()
+    with stopped_by(stop):
+        outcome = _computed(part)
+    return replace(outcome, seconds=processor_time() - start)
+
+
+def on_threads(parts: Sequence[Callable[[], T]]) -> list[T]:
+    """Compute independent parts of a result on the threads of this process; return their results in order.
+
+    Raises
+    ------
+    Exception
+        The error of the first part with one, after all parts have ended.
+    KeyboardInterrupt
+        After Ctrl-C, once the parts that were running have ended early.  A part whose result is to
+        survive stores it itself.
+    """
+    if len(parts) < 2:
+        return [part() for part in parts]
+    with _shared_threads() as threads:
+        if threads is None:
+            return [part() for part in parts]
+        outcomes = _outcomes(parts, threads)
+    for outcome in outcomes:
+        if outcome.error is not None:
+            raise outcome.error
+    return [cast(T, outcome.result) for outcome in outcomes]
+
+
+def _outcomes(parts: Sequence[Callable[[], T]], threads: ThreadPoolExecutor) -> list[_Outcome[T]]:
+    stop = threading.Event()
+    # the threads take the parts in order, and the calling thread has the first one
+    futures = [
+        threads.submit(copy_context().run, _computed_elsewhere, part, stop) for part in parts[1:]
+    ]
+    try:
+        outcomes = [_computed(parts[0])]
+        for part, future in zip(parts[1:], futures):
+            has_not_begun = future.cancel()
+            outcome = _computed(part) if has_not_begun else future.result()
+            add_processor_time(outcome.seconds)
+            outcomes.append(outcome)
+    except BaseException:
+        stop.set()
+        for future in futures:
+            future.cancel()
+        wait(futures)
+        raise
+    return outcomes
