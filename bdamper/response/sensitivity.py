@@ -24,7 +24,7 @@ would cross contact events, such as slip-to-stick, only because modes change.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -112,37 +112,44 @@ class Sensitivities(Plottable, dict[str, PeakSensitivity]):
         self, found: Mapping[str, PeakSensitivity], amplitude: float, frequency: float
     ) -> None:
         super().__init__(found)
-        self.amplitude, self.frequency = amplitude, frequency
+        self.amplitude = amplitude
+        self.frequency = frequency
 
     def changes(self) -> dict[str, tuple[float, float]]:
         """Return the relative change of amplitude and frequency for one per cent of each parameter.
 
         NaN if unknown.
         """
-        a, f = 0.01 / self.amplitude, 0.01 / self.frequency
-        return {
-            name: (a * s.value * s.amplitude, f * s.value * s.frequency) for name, s in self.items()
-        }
+        per_cent_of_amplitude = 0.01 / self.amplitude
+        per_cent_of_frequency = 0.01 / self.frequency
+        changes = {}
+        for name, derivative in self.items():
+            amplitude = per_cent_of_amplitude * derivative.value * derivative.amplitude
+            frequency = per_cent_of_frequency * derivative.value * derivative.frequency
+            changes[name] = amplitude, frequency
+        return changes
 
     def _headline(self) -> str:
-        known = {name: a for name, (a, _) in self.changes().items() if np.isfinite(a)}
-        order = sorted(known, key=lambda name: -abs(known[name]))
-        most = (
-            ", ".join(f"{spaced(name)} {percent(known[name], True)}" for name in order[:3])
-            or "none is known"
-        )
-        lost = "; ".join(f"{spaced(name)}: {s.reason}" for name, s in self.items() if s.reason)
-        unknown = f" Unknown: {lost}." if lost else ""
-        top = peak_text(self.amplitude, self.frequency)
-        return f"Change of the peak of {top} for +1 % of a parameter: {most}.{unknown}"
+        """Return the three largest changes of the amplitude, and the unknown derivatives."""
+        changes = {name: amplitude for name, (amplitude, _) in self.changes().items()}
+        known = [name for name, change in changes.items() if np.isfinite(change)]
+        largest = sorted(known, key=lambda name: -abs(changes[name]))[:3]
+        named = [f"{spaced(name)} {percent(changes[name], True)}" for name in largest]
+        most = ", ".join(named) if named else "none is known"
+        peak = peak_text(self.amplitude, self.frequency)
+        text = f"Change of the peak of {peak} for +1 % of a parameter: {most}."
+        unknown = [f"{spaced(name)}: {item.reason}" for name, item in self.items() if item.reason]
+        if unknown:
+            text += f" Unknown: {'; '.join(unknown)}."
+        return text
 
     def _rows(self) -> list[tuple[str, ...]]:
-        changes = self.changes().items()
-        rows = [
-            (spaced(n), f"{self[n].value:.6g}", percent(a, True), percent(f, True))
-            for n, (a, f) in changes
-        ]
-        return [("parameter", "value", "amplitude for +1 %", "frequency for +1 %"), *rows]
+        rows: list[tuple[str, ...]] = []
+        rows.append(("parameter", "value", "amplitude for +1 %", "frequency for +1 %"))
+        for name, (amplitude, frequency) in self.changes().items():
+            value = f"{self[name].value:.6g}"
+            rows.append((spaced(name), value, percent(amplitude, True), percent(frequency, True)))
+        return rows
 
     def summary(self) -> str:
         """Return the headline and a table of all parameters."""
@@ -211,38 +218,41 @@ def across(
     SettingError
         If a family has no equations next to its value, or its unknowns change.
     """
-    sides = [_neighbours(family, value, system) for family, value in families.values()]
-    moves = np.empty((len(sides), len(points), 2), complex)
-    tangent = np.empty((len(points), 2), complex)
-    loads = [tuple(side.load for side in ends) for ends in sides]
+    neighbours = [_neighbours(family, value, system) for family, value in families.values()]
+    loads = [(pair.high.load, pair.low.load) for pair in neighbours]
     excess = np.broadcast_to(factors, len(points)) - 1.0
+    # frequency (Hz) and response (m), per unit of each parameter and along the curve
+    moves = np.empty((len(neighbours), len(points), 2), complex)
+    tangent = np.empty((len(points), 2), complex)
     for i, (point, unit) in enumerate(zip(points, scale)):
-        y, first = point.y, system.rows.value(point.y)
-        dy = np.zeros((len(sides), len(y)))
-        for _ in range(
-            2
-        ):  # the second pass at the ends of the first: changing modes do not cross a contact event
-            ends = [
-                (y + high.step * d * unit, y + low.step * d * unit)
-                for (high, low), d in zip(sides, dy)
-            ]
-            right = [
-                _rate(h, l, h.residual(a) - excess[i] * up, l.residual(b) - excess[i] * down)
-                for (h, l), (a, b), (up, down) in zip(sides, ends, loads)
-            ]
-            dy = dy + system.solve_linear(
-                y, point.tangent, unit, np.pad(-np.array(right), ((0, 0), (0, 1)))
-            )
-        for j, ((high, low), d) in enumerate(zip(sides, dy * unit)):
-            explicit = _rate(high, low, high.first(y), low.first(y))
-            moves[j, i] = d[-1] / (2.0 * np.pi), explicit + system.rows.value(y + d) - first
+        y = point.y
+        response = system.rows.value(y)
+        dy = np.zeros((len(neighbours), len(y)))
+        # the second pass is at the ends of the first, so that changing modes do not cross a
+        # contact event
+        for _ in range(2):
+            rates = []
+            for pair, (high_load, low_load), direction in zip(neighbours, loads, dy):
+                y_high = y + pair.high.step * direction * unit
+                y_low = y + pair.low.step * direction * unit
+                above = pair.high.residual(y_high) - excess[i] * high_load
+                below = pair.low.residual(y_low) - excess[i] * low_load
+                rates.append(pair.rate(above, below))
+            # the last row of the bordered matrix keeps the point in the plane normal to the curve
+            right = np.pad(-np.array(rates), ((0, 0), (0, 1)))
+            dy = dy + system.solve_linear(y, point.tangent, unit, right)
+        for j, (pair, change) in enumerate(zip(neighbours, dy * unit)):
+            explicit = pair.rate(pair.high.first(y), pair.low.first(y))
+            moves[j, i, 0] = change[-1] / (2.0 * np.pi)
+            moves[j, i, 1] = explicit + system.rows.value(y + change) - response
         along = point.tangent * unit
-        tangent[i] = along[-1] / (2.0 * np.pi), system.rows.value(y + along) - first
-    values = [value for _, value in families.values()]
-    return {
-        name: CurveSensitivity(name, value, move[:, 0].real, move[:, 1], tangent)
-        for name, value, move in zip(families, values, moves)
-    }
+        tangent[i, 0] = along[-1] / (2.0 * np.pi)
+        tangent[i, 1] = system.rows.value(y + along) - response
+    derivatives = {}
+    for (name, (_, value)), move in zip(families.items(), moves):
+        frequency, response_change = move[:, 0].real, move[:, 1]
+        derivatives[name] = CurveSensitivity(name, value, frequency, response_change, tangent)
+    return derivatives
 
 
 def sensitivities(
@@ -272,30 +282,43 @@ def sensitivities(
     """
     _check(peak)
     linear: _Linear | None = None
-    out: dict[str, PeakSensitivity] = {}
+    by_name: dict[str, PeakSensitivity] = {}
     for name, (family, value) in families.items():
+        reason = ""
         try:
-            linear = linear or _Linear(family(value), peak)
-            y, reason = linear.derivatives(family, value), ""
+            # the equations at the peak are the same for all parameters
+            if linear is None:
+                linear = _Linear(family(value), peak)
+            derivatives = linear.derivatives(family, value)
         except (SettingError, ArithmeticError, np.linalg.LinAlgError) as error:
-            y, reason = np.full(len(peak.y) + 1, np.nan), str(error)
-        out[name] = PeakSensitivity(
-            name, value, float(y[-1]), float(y[-2]) / (2.0 * np.pi), y[:-1], reason
+            derivatives = np.full(len(peak.y) + 1, np.nan)
+            reason = str(error)
+        *_, speed, amplitude = derivatives
+        by_name[name] = PeakSensitivity(
+            name,
+            value,
+            amplitude=float(amplitude),
+            frequency=float(speed) / (2.0 * np.pi),
+            y=derivatives[:-1],
+            reason=reason,
         )
-    return out
+    return by_name
 
 
 class _Linear:
     """Linearised equations at a peak, with the derivatives of its position and amplitude."""
 
     def __init__(self, system: Equations, peak: Peak) -> None:
-        self.system, self.peak = system, peak
+        self.system = system
+        self.peak = peak
         self.adjoint = _adjoint(system, peak)
+        # gradient of the slope: a row in scaled unknowns, and the adjoint of the equations
         self.row, self.nu = system.slope_gradient(peak.y, peak.tangent, peak.scale, DIFFERENCE)
         self.curvature = float(self.row @ peak.tangent)
         if self.curvature == 0.0:
             raise NoDerivative(
-                f"sensitivities: expected a curved peak, found a flat one at {peak.frequency:.6g} Hz"
+                "sensitivities: expected a curved peak, found a flat one at "
+                f"{peak.frequency:.6g} Hz"
             )
 
     def move(self, r_p: NDArray) -> NDArray:
@@ -305,9 +328,8 @@ class _Linear:
         ``r_p`` (n_unknowns,) is the derivative of the residual with respect to the parameter.
         """
         peak = self.peak
-        return self.system.solve_linear(
-            peak.y, peak.tangent, peak.scale, np.append(-r_p, 0.0)[None]
-        )[0]
+        right = np.append(-r_p, 0.0)
+        return self.system.solve_linear(peak.y, peak.tangent, peak.scale, right[None])[0]
 
     def derivatives(self, family: Family, value: float) -> NDArray:
         """Return the derivatives (n_unknowns + 2,) of position and amplitude of the peak.
@@ -317,44 +339,64 @@ class _Linear:
         NoDerivative
             If they are not finite, or the one-sided derivatives differ.
         """
-        high, low = _neighbours(family, value, self.system)
+        pair = _neighbours(family, value, self.system)
         y = self.peak.y
-        move = self.move(_rate(high, low, high.residual(y), low.residual(y)))
-        whole = self.along(move, high, low)
-        _finite(float(whole.sum()), self.peak)
-        if low.step < 0.0:
-            here = _Neighbour(self.system, 0.0, np.ones_like(y))
-            sizes = np.array([self.peak.frequency * 2.0 * np.pi, self.peak.amplitude]) / max(
-                abs(value), high.step
-            )
-            sides = [self.along(move, *ends)[-2:] for ends in ((high, here), (here, low))]
-            if (np.abs(sides[0] - sides[1]) > SIDES * np.abs(whole[-2:]) + NOISE * sizes).any():
-                found = " and ".join(f"{a:.3g} m, {w / (2.0 * np.pi):.3g} Hz" for w, a in sides)
-                raise NoDerivative(
-                    f"sensitivities: expected the same from above and below, found {found} per unit"
-                )
-        return whole
+        move = self.move(pair.rate(pair.high.residual(y), pair.low.residual(y)))
+        derivatives = self.along(move, pair)
+        _finite(float(derivatives.sum()), self.peak)
+        # at the lower end of a range there is nothing below
+        if pair.low.step < 0.0:
+            size = max(abs(value), pair.high.step)
+            self._check_one_sided(move, pair, derivatives, size)
+        return derivatives
 
-    def along(self, move: NDArray, high: _Neighbour, low: _Neighbour) -> NDArray:
+    def _check_one_sided(
+        self, move: NDArray, pair: _Pair, derivatives: NDArray, size: float
+    ) -> None:
+        """Raise NoDerivative if the derivatives from above and below differ.
+
+        ``size`` is the size of the parameter, to which NOISE refers.
+        """
+        at_value = _Neighbour(self.system, 0.0, np.ones_like(self.peak.y))
+        # the last two entries: frequency (rad/s) and amplitude
+        above = self.along(move, _Pair(pair.high, at_value))[-2:]
+        below = self.along(move, _Pair(at_value, pair.low))[-2:]
+        relative = np.array([self.peak.frequency * 2.0 * np.pi, self.peak.amplitude]) / size
+        tolerance = SIDES * np.abs(derivatives[-2:]) + NOISE * relative
+        if not (np.abs(above - below) > tolerance).any():
+            return
+        found = " and ".join(
+            f"{amplitude:.3g} m, {speed / (2.0 * np.pi):.3g} Hz"
+            for speed, amplitude in (above, below)
+        )
+        raise NoDerivative(
+            f"sensitivities: expected the same from above and below, found {found} per unit"
+        )
+
+    def along(self, move: NDArray, pair: _Pair) -> NDArray:
         """Return the derivatives from differences along the derivative of the solution.
 
         The two points move with the parameter, so the contact states of both are nearly the states
         at the peak.
         """
-        peak, t = self.peak, self.peak.tangent * self.peak.scale
-        ends = [peak.y + side.step * move * peak.scale for side in (high, low)]
-
-        def rate(of: Callable[[_Neighbour, NDArray], NDArray | float]) -> Any:
-            return _rate(high, low, *(of(side, end) for side, end in zip((high, low), ends)))
-
-        r_p = rate(_Neighbour.residual)
+        peak = self.peak
+        high, low = pair.high, pair.low
+        y_high = peak.y + high.step * move * peak.scale
+        y_low = peak.y + low.step * move * peak.scale
+        # what the first derivative of the solution leaves in the equations
+        r_p = pair.rate(high.residual(y_high), low.residual(y_low))
         rest = self.move(r_p)
-        turn = rate(lambda side, end: side.turn(end, t))
-        slope = rate(lambda side, end: side.slope(end, peak))
-        across = slope - float(self.nu @ turn) + float(self.row @ rest)
-        dy = (move + rest - across / self.curvature * peak.tangent) * peak.scale
-        dy += peak.y * rate(lambda side, end: side.factors)
-        return np.append(dy, rate(_Neighbour.amplitude) - float(self.adjoint @ r_p))
+        # change of the slope of ln(amplitude) along the curve, which vanishes at the peak
+        tangent = peak.tangent * peak.scale
+        turn = pair.rate(high.turn(y_high, tangent), low.turn(y_low, tangent))
+        slope = pair.rate(high.slope(y_high, peak), low.slope(y_low, peak))
+        slope_change = slope - float(self.nu @ turn) + float(self.row @ rest)
+        # the peak shifts along the curve until the slope vanishes again
+        shift = slope_change / self.curvature
+        dy = (move + rest - shift * peak.tangent) * peak.scale
+        dy += peak.y * pair.rate(high.factors, low.factors)
+        explicit = pair.rate(high.amplitude(y_high), low.amplitude(y_low))
+        return np.append(dy, explicit - float(self.adjoint @ r_p))
 
 
 @dataclass(frozen=True)
@@ -389,31 +431,38 @@ class _Neighbour:
 
     def turn(self, y: NDArray, direction: NDArray) -> NDArray:
         """Return the derivative of the residual along a direction (n_unknowns + 1,)."""
-        _, J, C = self.system.evaluate_at(self.factors * y)
-        out: NDArray = J @ (self.factors * direction)[:-1] + C * direction[-1]
-        return out
+        _, J, r_omega = self.system.evaluate_at(self.factors * y)
+        change: NDArray = J @ (self.factors * direction)[:-1] + r_omega * direction[-1]
+        return change
 
 
-def _neighbours(family: Family, value: float, system: Equations) -> tuple[_Neighbour, _Neighbour]:
+@dataclass(frozen=True)
+class _Pair:
+    """Equations above and below a parameter value."""
+
+    high: _Neighbour
+    low: _Neighbour
+
+    def rate(self, above: Any, below: Any) -> Any:
+        """Return the difference quotient of a quantity above and below."""
+        return (above - below) / (self.high.step - self.low.step)
+
+
+def _neighbours(family: Family, value: float, system: Equations) -> _Pair:
     """Return the equations above and below a value.
 
     At the lower end of its range those at the value replace those below.
     """
-    step = DIFFERENCE * (abs(value) if value != 0.0 else 1.0)
+    size = abs(value) if value != 0.0 else 1.0
+    step = DIFFERENCE * size
     above = family(value + step)
     high = _Neighbour(above, step, _factors(above, system))
     try:
         below = family(value - step)
-    except SettingError:  # end of the range, as for a friction coefficient of zero
-        return high, _Neighbour(system, 0.0, np.ones(system.n_unknowns + 1))
-    return high, _Neighbour(below, -step, _factors(below, system))
-
-
-def _rate(
-    high: _Neighbour, low: _Neighbour, above: NDArray | complex, below: NDArray | complex
-) -> Any:
-    """Return the difference quotient of two values."""
-    return (above - below) / (high.step - low.step)
+    # end of the range, as for a friction coefficient of zero
+    except SettingError:
+        return _Pair(high, _Neighbour(system, 0.0, np.ones(system.n_unknowns + 1)))
+    return _Pair(high, _Neighbour(below, -step, _factors(below, system)))
 
 
 def _factors(system: Equations, reference: Equations) -> NDArray:
@@ -426,25 +475,31 @@ def _factors(system: Equations, reference: Equations) -> NDArray:
     """
     if not np.array_equal(system.layout.n_mode, reference.layout.n_mode):
         raise NoDerivative(
-            "sensitivities: the residual modes change next to the peak, so its unknowns cannot be compared"
+            "sensitivities: the residual modes change next to the peak, so its unknowns cannot be "
+            "compared"
         )
-    out = np.ones(system.n_unknowns + 1)
-    parallel = (
-        1e-8  # largest 1 - cos^2 between the contact motions of two modes that count as the same
-    )
-    for l, (basis, other) in enumerate(zip(system.structure.bases, reference.structure.bases)):
+    factors = np.ones(system.n_unknowns + 1)
+    # largest 1 - cos^2 between the contact motions of two modes that count as the same
+    parallel = 1e-8
+    bases = zip(system.structure.bases, reference.structure.bases)
+    for harmonic, (basis, reference_basis) in enumerate(bases):
         if not basis.n_modes:
             continue
-        G, G_0 = (b.G.reshape(-1, b.n_modes) for b in (basis, other))
-        norm, shared, reference_norm = (
-            np.einsum("pm,pm->m", a.conj(), b) for a, b in ((G, G), (G, G_0), (G_0, G_0))
-        )
-        same = (np.abs(shared) ** 2 > (1.0 - parallel) * norm.real * reference_norm.real) & (
-            norm.real > 0.0
-        )
-        for places in system.layout.slices(l)[: 1 + (l > 0)]:
-            out[places] = np.where(same, shared.real / np.where(same, norm.real, 1.0), 1.0)
-    return out
+        # contact motion of each mode
+        G = basis.G.reshape(-1, basis.n_modes)
+        G_reference = reference_basis.G.reshape(-1, reference_basis.n_modes)
+        norm = np.einsum("pm,pm->m", G.conj(), G).real
+        reference_norm = np.einsum("pm,pm->m", G_reference.conj(), G_reference).real
+        product = np.einsum("pm,pm->m", G.conj(), G_reference)
+        moves = norm > 0.0
+        same = moves & (np.abs(product) ** 2 > (1.0 - parallel) * norm * reference_norm)
+        # modes that are not the same keep their unknowns
+        ratio = np.where(same, product.real / np.where(same, norm, 1.0), 1.0)
+        cosine, sine = system.layout.slices(harmonic)
+        factors[cosine] = ratio
+        if harmonic > 0:
+            factors[sine] = ratio
+    return factors
 
 
 def _adjoint(system: Equations, peak: Peak) -> NDArray:
@@ -452,11 +507,11 @@ def _adjoint(system: Equations, peak: Peak) -> NDArray:
 
     It is minus the derivative of the amplitude at the peak with respect to each residual.
     """
-    gradient, square = system.rows.squared_gradient(peak.y)
-    gradient /= np.sqrt(square)
-    return system.solve_linear(
-        peak.y, peak.tangent, peak.scale, (gradient * peak.scale)[None], transposed=True
-    )[0, :-1]
+    gradient, squared = system.rows.squared_gradient(peak.y)
+    gradient /= np.sqrt(squared)
+    right = (gradient * peak.scale)[None]
+    solution = system.solve_linear(peak.y, peak.tangent, peak.scale, right, transposed=True)
+    return solution[0, :-1]
 
 
 def amplitude_sensitivity(peak: Peak, family: Family, value: float) -> float:
@@ -476,10 +531,11 @@ def amplitude_sensitivity(peak: Peak, family: Family, value: float) -> float:
         See :func:`sensitivities`.
     """
     _check(peak)
-    system, y = family(value), peak.y
-    high, low = _neighbours(family, value, system)
-    r_p = _rate(high, low, high.residual(y), low.residual(y))
-    explicit = _rate(high, low, high.amplitude(y), low.amplitude(y))
+    system = family(value)
+    y = peak.y
+    pair = _neighbours(family, value, system)
+    r_p = pair.rate(pair.high.residual(y), pair.low.residual(y))
+    explicit = pair.rate(pair.high.amplitude(y), pair.low.amplitude(y))
     return _finite(explicit - float(_adjoint(system, peak) @ r_p), peak)
 
 
@@ -506,9 +562,13 @@ def _check(peak: Peak) -> None:
 
 
 PARAMETERS = (
-    "preload", "friction_coefficient", "contact_stiffness_factor", "excitation.amplitude", INERTIA,
+    "preload",
+    "friction_coefficient",
+    "contact_stiffness_factor",
+    "excitation.amplitude",
+    INERTIA,
     "damping_factor",
-)  # fmt: skip
+)
 
 
 @one_thread
@@ -517,8 +577,9 @@ def peak_sensitivities(
 ) -> Sensitivities:
     """See :meth:`bdamper.Study.peak_sensitivities`."""
     check_peak(problem, peak)
-    found = families(problem, parameters, peak.parameter)
-    derivatives = sensitivities(with_tangent(problem.system(peak.parameter), peak), found)
+    by_parameter = families(problem, parameters, peak.parameter)
+    whole_peak = with_tangent(problem.system(peak.parameter), peak)
+    derivatives = sensitivities(whole_peak, by_parameter)
     return Sensitivities(derivatives, peak.amplitude, peak.frequency)
 
 
@@ -528,30 +589,33 @@ def curve_sensitivities(
 ) -> dict[str, CurveSensitivity]:
     """See :meth:`bdamper.Study.curve_sensitivities`."""
     check_curve(problem, validation.instance("curve", curve, ResponseCurve))
-    system, n = problem.system(curve.preload), len(curve)
+    system = problem.system(curve.preload)
+    options = ContinuationOptions()
     y = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])
-    width = max(float(np.pi * np.ptp(curve.frequency)), 1e-300) if n else 1.0
-    scale = np.array([system.units(p, width) for p in y]).reshape(y.shape)
+    # unit of the frequency: half of the interval in rad/s
+    width = 1.0
+    if len(curve):
+        width = max(float(np.pi * np.ptp(curve.frequency)), 1e-300)
+    scale = np.array([system.units(point, width) for point in y]).reshape(y.shape)
     points = []
-    for i, (p, unit) in enumerate(zip(y, scale)):
-        adjacent = [k for k in (i - 1, i + 1) if 0 <= k < n and curve.branch[k] == curve.branch[i]]
-        chord = (
-            (y[adjacent[-1]] - y[adjacent[0] if len(adjacent) > 1 else i]) / unit
-            if adjacent
-            else np.zeros(len(p))
-        )
-        chord = chord * (-1.0 if adjacent == [i - 1] else 1.0)
-        border = Plane(chord / norm2(chord)) if chord.any() else Fixed()
-        points.append(
-            system.solve(
-                p,
-                border,
-                unit,
-                ContinuationOptions().tolerance,
-                ContinuationOptions().max_iterations,
-            )
-        )
+    # a stored curve has no tangents: Newton's method from each point gives them
+    for i, (guess, unit) in enumerate(zip(y, scale)):
+        border = _normal_plane(y, curve.branch, i, unit)
+        points.append(system.solve(guess, border, unit, options.tolerance, options.max_iterations))
     return across(system, points, scale, families(problem, parameters, curve.preload))
+
+
+def _normal_plane(y: NDArray, branch: NDArray, i: int, unit: NDArray) -> Plane | Fixed:
+    """Return the plane normal to the chord of the neighbours of point ``i`` on its branch.
+
+    The frequency is fixed if the branch has no other point.
+    """
+    before = i - 1 if i > 0 and branch[i - 1] == branch[i] else i
+    after = i + 1 if i + 1 < len(y) and branch[i + 1] == branch[i] else i
+    chord = (y[after] - y[before]) / unit
+    if not chord.any():
+        return Fixed()
+    return Plane(chord / norm2(chord))
 
 
 def band(
@@ -577,21 +641,31 @@ def band(
     """
     for name, value in validation.mapping("deviations", deviations, found, "parameters").items():
         validation.number(f"deviation of {name}", value, least=0.0)
-    f, response = curve.frequency, curve.harmonics[:, 1]
+    frequency = curve.frequency
+    response = curve.harmonics[:, 1]
     high = curve.amplitude >= 0.5 * curve.amplitude.max()
-    width = max(float(np.ptp(np.log(f[high]))), 1e-6)
-    sensitivities = [(found[name], value) for name, value in deviations.items()]
-    moves = [
-        d * np.array([s.frequency / f / width, (s.response / response).real])
-        for s, d in sensitivities
-    ]
-    along = next(iter(found.values())).tangent
-    normal = np.array([-(along[:, 1] / response).real, along[:, 0].real / f / width])
-    with np.errstate(invalid="ignore"):  # no normal direction exists where only the mean drifts
+    width = max(float(np.ptp(np.log(frequency[high]))), 1e-6)
+    # coordinates of the plane: ln(frequency) over the width, and ln(amplitude)
+    moves = []
+    for name, deviation_of_parameter in deviations.items():
+        derivative = found[name]
+        by_frequency = derivative.frequency / frequency / width
+        by_amplitude = (derivative.response / response).real
+        moves.append(deviation_of_parameter * np.array([by_frequency, by_amplitude]))
+    # all parameters have the tangent of the curve
+    tangent = next(iter(found.values())).tangent
+    along_frequency = tangent[:, 0].real / frequency / width
+    along_amplitude = (tangent[:, 1] / response).real
+    normal = np.array([-along_amplitude, along_frequency])
+    # there is no normal direction at points at which only the mean drifts
+    with np.errstate(invalid="ignore"):
         normal /= np.hypot(*normal)
     deviation = np.sqrt(sum((normal * move).sum(axis=0) ** 2 for move in moves))
-    way = 2.0 * np.array([-1.0, 1.0]) * (deviation * normal)[..., None]
-    return deviation, f[:, None] * np.exp(width * way[0]), curve.amplitude[:, None] * np.exp(way[1])
+    both_sides = 2.0 * np.array([-1.0, 1.0])
+    log_frequency, log_amplitude = both_sides * (deviation * normal)[..., None]
+    frequency_edges = frequency[:, None] * np.exp(width * log_frequency)
+    amplitude_edges = curve.amplitude[:, None] * np.exp(log_amplitude)
+    return deviation, frequency_edges, amplitude_edges
 
 
 def families(
@@ -601,24 +675,25 @@ def families(
 
     Parameters without effect are omitted.
     """
-    if (given := problem.settings.contact_forces) != "event_driven":
+    contact_forces = problem.settings.contact_forces
+    if contact_forces != "event_driven":
         raise SettingError(
-            f'sensitivities: expected contact_forces="event_driven", found {given}: the peak has ripples'
+            'sensitivities: expected contact_forces="event_driven", found '
+            f"{contact_forces}: the peak has ripples"
         )
-    out: dict[str, tuple[Family, float]] = {}
+    any_free_body = any(body.kind == "free" for body in problem.model.bodies.values())
+    by_name: dict[str, tuple[Family, float]] = {}
     for name in validation.names("parameters", parameters, ("preload", *setting_names(problem))):
         if name == "preload":
             if preload > 0.0:
-                out[name] = (problem.system, preload)
+                by_name[name] = (problem.system, preload)
             continue
         if name == "contact_stiffness_factor" and problem.settings.holds_preload:
             continue
-        if name.partition(".")[0] in OF_MASS and not any(
-            b.kind == "free" for b in problem.model.bodies.values()
-        ):
+        if name.partition(".")[0] in OF_MASS and not any_free_body:
             continue
-        out[name] = (setting_family(problem, name, preload), setting_value(problem, name))
-    return out
+        by_name[name] = (setting_family(problem, name, preload), setting_value(problem, name))
+    return by_name
 
 
 def setting_value(problem: Problem, name: str) -> float:
@@ -626,37 +701,53 @@ def setting_value(problem: Problem, name: str) -> float:
     head, _, part = name.partition(".")
     if head in FACTORS:
         return 1.0
-    value: Any = problem.settings
-    if name == "friction_coefficient":  # a stored study has it by interface
-        interfaces = problem.model.interfaces
-        own = {
-            str(mu): mu
-            for face, mu in value.friction_by_interface().items()
-            if interfaces[face].kind == "friction"
-        }
-        if len(own) == 1 and np.ndim(mu := own.popitem()[1]) == 0:
-            return float(mu)
-    if of_part := part and head in ("friction_coefficient", *OF_LOAD):
-        of_face = head == "friction_coefficient"
-        value = (value.friction_by_interface() if of_face else value.given_loads(head)).get(
-            part, 0.0
-        )
-    for part in () if of_part else name.split("."):
-        value = getattr(value, part if part != "response" else "response_location")
+    settings = problem.settings
+    if name == "friction_coefficient":
+        common_friction = _common_friction(problem)
+        if common_friction is not None:
+            return common_friction
+    value: Any
+    if part and head == "friction_coefficient":
+        value = settings.friction_by_interface().get(part, 0.0)
+    elif part and head in OF_LOAD:
+        value = settings.given_loads(head).get(part, 0.0)
+    else:
+        value = settings
+        for attribute in name.split("."):
+            value = getattr(value, "response_location" if attribute == "response" else attribute)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise SettingError(f"{name}: expected a setting that is one number, found {value!r}")
     return float(value)
 
 
+def _common_friction(problem: Problem) -> float | None:
+    """Return the friction coefficient if all interfaces have the same; a stored study has each."""
+    interfaces = problem.model.interfaces
+    coefficients: dict[str, Any] = {}
+    for name, coefficient in problem.settings.friction_by_interface().items():
+        if interfaces[name].kind == "friction":
+            # coefficients of single points are arrays, which only their texts compare
+            coefficients[str(coefficient)] = coefficient
+    if len(coefficients) != 1:
+        return None
+    (coefficient,) = coefficients.values()
+    return float(coefficient) if np.ndim(coefficient) == 0 else None
+
+
 def setting_family(problem: Problem, name: str, preload: float) -> Family:
     """Return the equations at one preload as a function of one numeric setting."""
 
+    masses_of_load = [MASS]
     # at a rotor speed the preload is the load of the first body
-    turning = problem.settings.speed is not None
-    on_first = (MASS, *(f"{MASS}.{body}" for body in list(problem.body_loads or ())[:1] if turning))
+    if problem.settings.speed is not None and problem.body_loads:
+        first_body = next(iter(problem.body_loads))
+        masses_of_load.append(f"{MASS}.{first_body}")
 
     def family(value: float) -> Equations:
         varied = like(vary(problem, {name: value}), problem)
-        return varied.system(value * preload if name in on_first else preload)
+        # the centrifugal load is proportional to the mass
+        if name in masses_of_load:
+            return varied.system(value * preload)
+        return varied.system(preload)
 
     return family
