@@ -24,7 +24,8 @@
 PYTHON ?= python3
 VENV := .venv
 PEERS := pyHarm-os==1.2.2
-OTHERS := ansys-mapdl-reader==0.56.0
+OTHERS := ansys-mapdl-reader==0.56.0 mapdl-archive==0.4.2
+OTHERS_ARCHIVES := https://github.com/ansys/example-data https://github.com/ansys/pymapdl-reader
 MPI := "mpi4py>=4.1" "mpich>=5"
 PY := $(VENV)/bin/python
 # curves are computed in parallel, not the small linear systems of one curve
@@ -109,12 +110,14 @@ nastran: | prerequisites
 	$(call step,Nastran readers in an environment of their own,PYTHON=$(PYTHON) sh tools/test_nastran.sh)
 
 others: $(VENV)/dev.stamp $(VENV)-others/files.stamp
+	@for url in $(OTHERS_ARCHIVES); do folder=$(VENV)-others/$${url##*/}; \
+	  [ -d $$folder ] || timeout 900 git clone -q --depth 1 $$url $$folder 2>/dev/null || echo "make: others without the archives of $$url: no network?"; done
 	$(call step,MPI,$(PY) -m pip install -qq $(MPI))
 	$(call step,models by others and sweeps on MPI,$(PY) -m pytest tests/others)
 
-# their files alone: nothing of these packages is imported
-$(VENV)-others/files.stamp: | $(VENV)/bin/python
-	$(call step,files of ansys-mapdl-reader,$(PY) -m pip install -qq --no-deps --target $(VENV)-others $(OTHERS))
+# their files, and mapdl-archive as a second reader of archives, in a process of its own
+$(VENV)-others/files.stamp: Makefile | $(VENV)/bin/python
+	$(call step,files of $(OTHERS),$(PY) -m pip install -qq --no-deps --upgrade --target $(VENV)-others $(OTHERS))
 	@touch $@
 
 oldest: | prerequisites

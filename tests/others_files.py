@@ -1,7 +1,8 @@
 """Models that other programs wrote and other packages carry: where they are, and how CalculiX runs its own decks.
 
 Nothing of them is copied here.  The decks of CalculiX come with the Debian package ``calculix-ccx-test``; those of Ansys
-with the wheel of ``ansys-mapdl-reader``, which ``make others`` unpacks into ``.venv-others`` (or ``BDAMPER_OTHERS``).
+with the wheels of ``ansys-mapdl-reader`` and ``mapdl-archive``, which ``make others`` unpacks into ``.venv-others`` (or
+``BDAMPER_OTHERS``), and with two public repositories, which it copies there if a network reaches them.
 """
 
 import gzip
@@ -20,6 +21,8 @@ from tests.imports import build
 DECKS = Path("/usr/share/doc/calculix-ccx-test/examples/test")
 UNPACKED = Path(os.environ.get("BDAMPER_OTHERS") or Path(__file__).parents[1] / ".venv-others")
 ANSYS = UNPACKED / "ansys" / "mapdl" / "reader" / "examples"
+READER = UNPACKED / "mapdl_archive"
+REPOSITORIES = (UNPACKED / "example-data", UNPACKED / "pymapdl-reader")
 AXES = {
     "axis": (1, 0, 0),
     "radial": (0, np.cos(np.pi / 12), np.sin(np.pi / 12)),
@@ -27,6 +30,11 @@ AXES = {
     "check_units": False,
 }
 """Of the sector of 12 in all these decks, a disk of a millimetre."""
+
+
+def archives() -> list[Path]:
+    """Archives of Ansys in the wheels and repositories."""
+    return sorted(path for path in UNPACKED.rglob("*.cdb") if path.is_file())
 
 
 def has_decks() -> bool:

@@ -92,7 +92,7 @@ def read_inp(path: Path, instance: str | None = None) -> FEBody:
     return Deck(path).body(instance)
 
 
-@reader("an input file of Abaqus")
+@reader("an input file of CalculiX or Abaqus")
 def _deck(path: Path) -> Deck:
     return Deck(path)
 
@@ -185,8 +185,11 @@ def read_calculix(
         results = base.with_name(base.name + ".frd")
         if results.is_file() and not mesh.is_file():
             mesh = results
-    body = read_inp(mesh) if Path(mesh).suffix == "" else read_body(mesh)
+    deck = _deck(mesh) if Path(mesh).suffix.lower() in ("", ".inp") else None
+    body = deck.body() if deck else read_body(mesh)
     dofs = read_dofs(base.with_name(base.name + ".dof"))
+    if deck:
+        deck.check_transforms(dofs)
     stiffness = _triplets(base.with_name(base.name + ".sti"), len(dofs))
     mass = _triplets(base.with_name(base.name + ".mas"), len(dofs))
     internal = ~np.isin(dofs[:, 0], body.numbers)
@@ -308,6 +311,9 @@ def read_abaqus(job: FilePath, instance: str | None = None) -> FEBody:
     else:
         path = Path(f"{job}.inp")
     deck = _deck(path)
+    for transform in deck.model.transforms:
+        expected = "a job without *TRANSFORM, which turns the axes of the rows of its matrices"
+        raise mismatch(transform.item, expected, f"one for {transform.node_set}")
     body = deck.body(instance)
     number_of_code = deck.numbers(instance.upper() if instance else None)
     stiffness_file = _only_matrix_file(path, "STIF")

@@ -437,11 +437,12 @@ class _Archive:
         self.passed_over: Counter[str] = Counter()
 
     def _integers(self, what: str, fields: list[tuple[bool, slice]]) -> list[int]:
-        """Return the whole numbers of the next line; blank fields are left out."""
-        text = self.lines.take(what)
+        """Return the whole numbers of the next line; a blank field before a number is 0."""
+        text = self.lines.take(what).rstrip()
+        filled = [text[columns] for _, columns in fields if columns.start < len(text)]
         expected = "whole numbers in the columns of the format of the block"
         with parsing(self.lines.item, expected, text):
-            return [int(text[columns]) for _, columns in fields if text[columns].strip()]
+            return [int(word) if word.strip() else 0 for word in filled]
 
     def _fields(self, block: str) -> list[tuple[bool, slice]]:
         """Parse a Fortran format such as (1i7,2i9,6e21.13e3).
@@ -449,25 +450,33 @@ class _Archive:
         Returns
         -------
         list of (bool, slice)
-            Whether a field contains an integer, and its columns.
+            Whether a field contains an integer, and its columns.  Columns of text and skipped
+            columns are not returned.
         """
-        text = self.lines.take(f"the format of {block}")
+        text = _without_card_number(self.lines.take(f"the format of {block}"))
         item = self.lines.item
+        expected = "a format like (3i9,6e21.13e3)"
+        found = f"'{text[:40]}'"
         fields: list[tuple[bool, slice]] = []
         start = 0
-        for count, letter, width in re.findall(r"(\d*)([iedfg])(\d+)", text.lower()):
+        for word in text.strip().strip("()").split(","):
+            parts = _FORMAT.fullmatch("".join(word.lower().split()))
+            if parts is None:
+                raise mismatch(item, expected, found)
+            count, letter, width = parts.groups("1")
             size = check_count(int(width), item, "a width of fields", 1, 100)
-            repetitions = check_count(int(count or 1), item, "a repetition of fields", 1, 100)
+            repetitions = check_count(int(count), item, "a repetition of fields", 1, 100)
             for _ in range(repetitions):
-                fields.append((letter == "i", slice(start, start + size)))
+                if letter not in ("a", "x"):
+                    fields.append((letter == "i", slice(start, start + size)))
                 start += size
-        self.lines.require(bool(fields), "a format like (3i9,6e21.13e3)", f"'{text[:40]}'")
+        self.lines.require(bool(fields), expected, found)
         return fields
 
     def body(self) -> FEBody:
         self._leave_out_iges()
         for line in self.lines:
-            for command in _commands(line):
+            for command in _commands(_without_card_number(line)):
                 self._read(command)
         node_axes = {}
         for number, angles in zip(self.numbers, self.angles):
@@ -507,7 +516,10 @@ class _Archive:
         if key == "NBLOCK":
             self._nodes()
         elif key == "EBLOCK":
-            self._elements("SOLID" in (word.upper() for word in words))
+            # Workbench writes surface elements in a shorter form without element types
+            is_solid_form = len(words) >= 3 and words[2].upper() == "SOLID"
+            self.lines.require(is_solid_form, "EBLOCK with the key SOLID", f"'{command.strip()}'")
+            self._elements()
         elif key == "CMBLOCK" and len(words) >= 4:
             self._component(words)
         elif key == "ET" and len(words) >= 3 and words[1].isdigit():
@@ -572,13 +584,16 @@ class _Archive:
         real_columns = [columns for is_integer, columns in fields if not is_integer]
         while True:
             line = self.lines.take("the end of NBLOCK (-1)")
-            words = [word.strip() for word in line.split(",")]
+            words = [word.strip() for word in _without_card_number(line).split(",")]
             if line.startswith("-1") or not line.strip() or _ends_block(words):
                 break
             with parsing(self.lines.item, "a node", line):
                 number = int(line[number_columns])
-                texts = [line[columns] for columns in real_columns if line[columns].strip()]
-                values = [float(text.replace("D", "E")) for text in texts]
+                values = []
+                for columns in real_columns:
+                    if line[columns].strip():
+                        self._check_whole(line, columns)
+                        values.append(_real(line[columns]))
             if number < 0:
                 break
             good = len(values) <= 6 and np.isfinite(values).all()
@@ -589,14 +604,24 @@ class _Archive:
             self.positions.append(values[:3])
             self.angles.append(values[3:])
 
-    def _elements(self, solid: bool) -> None:
+    def _check_whole(self, line: str, columns: slice) -> None:
+        """Raise ModelError if a line of a block ends within a field.
+
+        A number ends in the last column of its field.  A shorter field is a card number in columns
+        73 to 80, or the rest of a damaged line.
+        """
+        whole = len(line.rstrip()) >= columns.stop
+        expected = f"a number that ends in column {columns.stop}, or a line without card numbers"
+        self.lines.require(whole, expected, f"'{line[columns].strip()}' at the end of the line")
+
+    def _elements(self) -> None:
         """Read a block of elements; elements other than solids are counted and skipped."""
         fields = self._fields("EBLOCK")
         while True:
             words = self._integers("the end of EBLOCK (-1)", fields)
             if words[:1] == [-1]:
                 return
-            complete = solid and len(words) >= 12
+            complete = len(words) >= 12
             self.lines.require(complete, "an element of a block of SOLID form", words)
             material, kind, n_nodes = words[0], words[1], words[8]
             nodes = words[11:]
@@ -605,9 +630,12 @@ class _Archive:
             name = self.types.get(kind, "")
             # without a name of the type the number of nodes decides
             n_of_type = _SOLIDS.get(name, 0) if name else n_nodes
-            if n_of_type not in (4, 8, 10, 20) or len(nodes) != n_nodes:
+            if n_of_type not in (4, 8, 10, 20):
                 self.skipped[name or f"{n_nodes} nodes"] += 1
                 continue
+            expected = f"{n_nodes} nodes of an element"
+            self.lines.require(not any(nodes[n_nodes:]), expected, f"{len(nodes)} numbers")
+            nodes = nodes[:n_nodes]
             without_some_mid_side_nodes = 0 in nodes or n_nodes != n_of_type
             if without_some_mid_side_nodes:
                 nodes = nodes[: N_CORNER[n_of_type]]
@@ -621,6 +649,8 @@ class _Archive:
         with parsing(item, "a number of items in CMBLOCK", words[3]):
             count = int(re.findall(r"^\d+", words[3].strip())[0])
         n_items = check_count(count, item, "a number of items", 0, 50_000_000)
+        if not n_items and not self.lines.follows("("):
+            return
         fields = self._fields("CMBLOCK")
         items: list[int] = []
         expected = f"{n_items} items of component '{name}'"
@@ -644,9 +674,28 @@ class _Archive:
 
 # the letter of the section and a number in columns 73 to 80
 _IGES_START = re.compile(r".{72}S {0,6}\d+\s*$")
+# repetition, letter and width of an edit descriptor; Fortran ignores the scale 1p if it reads
+# numbers with an exponent
+_FORMAT = re.compile(r"(?:1p)?(\d+)?(x(?!\d)|(?:i|e[sn]?|d|f|g|a)(?=\d))(\d+)?(?:\.\d+(?:e\d+)?)?")
+_EXPONENT_ALONE = re.compile(r"([\d.])([+-]\d+)$")
 _TEXT = re.compile(r"\s*(/COM|/TIT|/STI|C\*\*\*)", re.IGNORECASE)
 _QUOTED_OR_COMMENT = re.compile(r"'[^']*'|!.*")
 _ASSIGNMENT = re.compile(r"\s*\w+(\([^)]*\))?\s*=")
+
+
+def _without_card_number(line: str) -> str:
+    """Return a command or format without the number of a card in columns 73 to 80."""
+    card = line.rstrip()
+    is_numbered = len(card) == 80 and card[72:].strip().isdigit() and card[71] == " "
+    return card[:72] if is_numbered else line
+
+
+def _real(text: str) -> float:
+    """Return a number in a form of Fortran: with E or D, or without letter before an exponent of
+    three digits.
+    """
+    plain = text.strip().upper().replace("D", "E")
+    return float(_EXPONENT_ALONE.sub(r"\1E\2", plain))
 
 
 def _commands(line: str) -> list[str]:

@@ -68,6 +68,7 @@ INP_READ: Mapping[str, frozenset[str]] = {
     "*NSET": _table("NSET ELSET INSTANCE GENERATE UNSORTED INTERNAL"),
     "*ELSET": _table("ELSET INSTANCE GENERATE UNSORTED INTERNAL"),
     "*SURFACE": _table("NAME TYPE INTERNAL"),
+    "*TRANSFORM": _table("NSET TYPE"),
 }
 """Keywords that define the mesh, with their permitted parameters."""
 

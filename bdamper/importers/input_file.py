@@ -56,6 +56,14 @@ Rows = list[tuple[int, list[str]]]
 """Numbers of data lines, and their words between commas."""
 
 
+@dataclass(frozen=True)
+class _Transform:
+    """Set of nodes with rotated axes (``*TRANSFORM``), and file and line for messages."""
+
+    node_set: str
+    item: str
+
+
 @dataclass
 class _Scope:
     """Content of a flat file, an assembly, a part or an instance, in which names are unique."""
@@ -63,11 +71,14 @@ class _Scope:
     nodes: dict[int, NDArray] = field(default_factory=dict)
     element_of: dict[int, list[int]] = field(default_factory=dict)
     type_of: dict[int, str] = field(default_factory=dict)
+    # nodes of the elements that are not solids, which only sets and surfaces name
+    others: dict[int, list[int]] = field(default_factory=dict)
     sections: dict[str, str] = field(default_factory=dict)
     node_sets: dict[str, list[int]] = field(default_factory=dict)
     element_sets: dict[str, list[int]] = field(default_factory=dict)
     surfaces: dict[str, list[list[str]]] = field(default_factory=dict)
     node_surfaces: dict[str, list[str]] = field(default_factory=dict)
+    transforms: list[_Transform] = field(default_factory=list)
     origin: NDArray = field(default_factory=lambda: np.zeros(3))
     axes: NDArray = field(default_factory=lambda: np.eye(3))
 
@@ -161,6 +172,10 @@ class Deck:
             self._set(keyword, parameters, rows, item)
         elif keyword == "*SURFACE":
             self._surface(name, parameters, rows, item)
+        elif keyword == "*TRANSFORM":
+            node_set = parameters.get("NSET", "").upper()
+            check(node_set in self.scope.node_sets, item, "NSET= with a set of the deck", node_set)
+            self.scope.transforms.append(_Transform(node_set, item))
         elif keyword == "*PART":
             outside = bool(self.model.nodes) and not self.instances
             check(not outside, item, "all nodes in parts or none", "nodes before the first part")
@@ -371,6 +386,7 @@ class Deck:
             self.notes.append(
                 f"elements of type {type_name or '(none)'} are not read: solid elements only"
             )
+            self._other_elements(parameters.get("ELSET", ""), rows)
             return
         letter = ""
         for candidate in ("R", "I"):
@@ -383,8 +399,28 @@ class Deck:
             element, *nodes = numbers[start : start + n_nodes + 1]
             self.scope.element_of[element] = nodes
             self.scope.type_of[element] = plain + letter
+            self.scope.others.pop(element, None)
         added = numbers[:: n_nodes + 1]
         self._extend(self.scope.element_sets, parameters.get("ELSET", ""), added)
+
+    def _other_elements(self, element_set: str, rows: Rows) -> None:
+        """Keep the nodes of elements other than solids, for sets that name these elements."""
+        added: list[int] = []
+        # the numbers of an assembly are codes of its first instance
+        in_assembly = self.scope is self.model and bool(self.parts)
+        continued = False
+        for _, words in rows:
+            codes = [] if in_assembly else [self.code(word) for word in words if word]
+            known = [code for code in codes if code is not None]
+            if continued and added:
+                self.scope.others[added[-1]] += known
+            elif known:
+                added.append(known[0])
+                self.scope.others[known[0]] = known[1:]
+            # after a comma at its end a line is continued by the next line
+            continued = not words[-1]
+        if element_set:
+            self._extend(self.scope.element_sets, element_set, added)
 
     def _generate_elements(self, parameters: dict[str, str], rows: Rows) -> None:
         """Copy elements along rows and layers, with increments of node and element numbers."""
@@ -409,9 +445,12 @@ class Deck:
                 for index in np.ndindex(*counts):
                     number = first + int(np.dot(index, element_steps))
                     shift = int(np.dot(index, node_steps))
+                    added.append(number)
+                    if first in scope.others:
+                        scope.others[number] = [node + shift for node in scope.others[first]]
+                        continue
                     scope.element_of[number] = [node + shift for node in scope.element_of[first]]
                     scope.type_of[number] = scope.type_of[first]
-                    added.append(number)
         self._extend(scope.element_sets, parameters.get("ELSET", ""), added)
 
     # ---- Sets ----
@@ -433,7 +472,7 @@ class Deck:
         if keyword == "*NSET" and "ELSET" in parameters:
             of_elements = parameters["ELSET"]
             for element in self._members(of_elements, self.scope.element_sets, item, prefix):
-                members += self.scope.element_of.get(element, [])
+                members += self._nodes_of(element)
         for row in rows:
             if "GENERATE" in parameters:
                 members.extend(self._generated(row, shift))
@@ -442,6 +481,12 @@ class Deck:
             for word in row[1]:
                 if word:
                     members += self._members(word.lstrip("+"), sets, row_item, prefix)
+
+    def _nodes_of(self, element: int) -> list[int]:
+        """Return the codes of the nodes of an element, of none if it does not exist."""
+        if element in self.scope.element_of:
+            return self.scope.element_of[element]
+        return self.scope.others.get(element, [])
 
     def _generated(self, row: tuple[int, list[str]], shift: int) -> range:
         """Return the codes of a line of GENERATE: first, last and step, which is 1 by default."""
@@ -478,7 +523,7 @@ class Deck:
     def _place(self) -> None:
         """Add the instance to the model, with its name before the names of its sets."""
         name, instance, model = self.instance, self.scope, self.model
-        largest = max([*instance.nodes, *instance.element_of], default=0)
+        largest = max([*instance.nodes, *instance.element_of, *instance.others], default=0)
         item = f"{self.source}: instance {name}"
         check(largest < 1 << _BITS, item, f"labels below {1 << _BITS}", largest)
         self.instances[name] = len(self.instances)
@@ -490,6 +535,11 @@ class Deck:
             model.element_of[shift + label] = [shift + node for node in nodes]
         for label, type_name in instance.type_of.items():
             model.type_of[shift + label] = type_name
+        for label, nodes in instance.others.items():
+            model.others[shift + label] = [shift + node for node in nodes]
+        for transform in instance.transforms:
+            placed = replace(transform, node_set=f"{name}.{transform.node_set}")
+            model.transforms.append(placed)
         for key, material in instance.sections.items():
             model.sections[f"{name}.{key}"] = material
         for key, members in instance.node_sets.items():
@@ -546,6 +596,29 @@ class Deck:
         k = self.instances[instance]
         return {code: code - (k << _BITS) for code in self.model.nodes if code >> _BITS == k}
 
+    def check_transforms(self, dofs: NDArray) -> None:
+        """Raise ModelError if a node with rotated axes (``*TRANSFORM``) is held in some
+        components.
+
+        Parameters
+        ----------
+        dofs : (n, 2) int
+            Node number and component of each row of the matrices.
+        """
+        number_of_code = self.numbers()
+        for transform in self.model.transforms:
+            codes = self.model.node_sets[transform.node_set]
+            of_set = np.unique([number_of_code[code] for code in codes if code in number_of_code])
+            rows = dofs[np.isin(dofs[:, 0], of_set)]
+            free, n_components = np.unique(rows[:, 0], return_counts=True)
+            partly = free[n_components < 3]
+            expected = (
+                f"nodes of {transform.node_set} held in all three components or in none, "
+                "since the axes are not read"
+            )
+            found = f"node {partly[:1]} held in some components"
+            check(not len(partly), transform.item, expected, found)
+
     def body(self, instance: str | None = None) -> FEBody:
         """Return the body of the deck, or of one of its instances, without matrices."""
         if instance is not None:
@@ -555,6 +628,11 @@ class Deck:
         elif len(self.instances) == 1:
             (instance,) = self.instances
         model = self.model
+        for transform in model.transforms:
+            self.notes.append(
+                f"*TRANSFORM of {transform.node_set}: only supports of all three components "
+                "are known without its axes, which are not read"
+            )
         number_of_code = self.numbers(instance)
         if instance is None:
             self._note_instances(number_of_code)
@@ -584,9 +662,9 @@ class Deck:
             elements,
             kinds,
             node_sets=node_sets,
-            notes=tuple(dict.fromkeys(self.notes)),
         )
-        return replace(body, face_sets=self._face_sets(body.nodes, number_of_code))
+        face_sets = self._face_sets(body.nodes, number_of_code)
+        return replace(body, face_sets=face_sets, notes=tuple(dict.fromkeys(self.notes)))
 
     def _note_instances(self, number_of_code: dict[int, int]) -> None:
         """Add a note with the node numbers of each instance."""
@@ -644,10 +722,18 @@ class Deck:
         for name, pairs in self.model.surfaces.items():
             item = f"{self.source}: *SURFACE, NAME={name}"
             facets: dict[int, list[NDArray]] = {}
+            n_left_out = 0
             for who, face in pairs:
                 for element in self._members(who, self.model.element_sets, item, what="an element"):
+                    if element in self.model.others:
+                        n_left_out += 1
+                        continue
                     facet = self._facet(element, face, row_of_code, nodes, item)
                     facets.setdefault(len(facet), []).append(numbers[facet])
+            if n_left_out:
+                self.notes.append(
+                    f"*SURFACE {name}: {n_left_out} faces of elements that are not read left out"
+                )
             if facets:
                 face_sets[name] = tuple(np.array(group) for group in facets.values())
         return face_sets
