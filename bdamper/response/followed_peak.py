@@ -11,8 +11,9 @@ Therefore :func:`without_lost_peaks` follows the peak of the next lower preload 
 accepts such a drop. If the peak still exists at the higher preload, the amplitude there is not
 known, and the followed peak is its lower bound.
 
-A single preload has no neighbour.  If its curve has folds, :func:`single_peak` computes the
-response at lower preloads as well: a branch detaches at folds, and they remain on both parts.
+A single preload and the lowest one of a range have no lower neighbour.  If its curve has folds,
+:func:`with_lower_preloads` computes the response at lower preloads as well: a branch detaches at
+folds, and they remain on both parts.
 """
 
 from __future__ import annotations
@@ -248,19 +249,26 @@ def single_peak(
     frequency = peak_interval(problem.at(preload), frequency, mode)
     check_options(options)
     response = found_at(problem, preload, frequency, options=options, progress=progress)
-    folded = response.known and len(response.curve.folds) > 0
-    if folded and not rattles(response.curve, open_at_rest(problem.at(preload))):
-        response = _with_lower_preloads(problem, response, frequency, options)
+    if response.known:
+        rattling = rattles(response.curve, open_at_rest(problem.at(preload)))
+        response = replace(response, rattles=rattling)
+    response = with_lower_preloads(problem, response, frequency, options)
     return as_peak(problem, response, frequency)
 
 
-def _with_lower_preloads(
+def with_lower_preloads(
     problem: Problem,
     response: AtPreload,
     frequency: tuple[float, float],
-    options: PeakOptions | None,
+    options: PeakOptions | None = None,
 ) -> AtPreload:
-    """Return the response with a peak followed from a lower preload if this is higher."""
+    """Return the response with a peak followed from a lower preload if this is higher.
+
+    Nothing is computed if the highest point is not known, the curve has no folds, or the damper
+    rattles.
+    """
+    if not response.known or not len(response.curve.folds) or response.rattles:
+        return response
     for share in LOWER:
         lower = _coarse_at(problem, share * response.preload, frequency, options)
         response = replace(response, cost=response.cost + lower.cost)

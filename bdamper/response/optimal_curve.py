@@ -33,7 +33,7 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.rolling import rolling_dampers
 from bdamper.model.kinematics import centrifugal_load
 from bdamper.response.events import ContinuationOptions
-from bdamper.response.followed_peak import without_lost_peaks
+from bdamper.response.followed_peak import with_lower_preloads, without_lost_peaks
 from bdamper.response.headline import NEAR_BEST
 from bdamper.response.highest_peak import REACH, AtPreload, check_options, found_at
 from bdamper.response.linear_limits import linear_peak, peak_interval
@@ -279,6 +279,8 @@ class Curves:
         Further data that identify the search in the file.
     known : dict of float to AtPreload
         Finished curves by preload.
+    checked_below : set of float
+        Preloads (N) whose peaks were followed from preloads below the range.
     """
 
     problem: Problem
@@ -289,6 +291,7 @@ class Curves:
     progress: bool = False
     asked: dict[str, Any] = field(default_factory=dict)
     known: dict[float, AtPreload] = field(default_factory=dict)
+    checked_below: set[float] = field(default_factory=set)
     interrupted: bool = False
 
     def __enter__(self) -> Curves:
@@ -375,6 +378,12 @@ class Curves:
 
         The file keeps what each curve gave, because the neighbours of a preload may change.
         """
+        lowest = min(self.known)
+        if lowest not in self.checked_below:
+            self.checked_below.add(lowest)
+            self.known[lowest] = with_lower_preloads(
+                self.problem, self.known[lowest], self.frequency, self.options
+            )
         self.known |= without_lost_peaks(self.problem, self.known, self.options)
 
     def _store(self, there: AtPreload) -> None:
