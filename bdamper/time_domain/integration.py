@@ -1,21 +1,25 @@
-"""Time integration of the equations of motion (paper, Eq. (12)), as a check that is independent of the harmonic balance.
+"""Time integration of the equations of motion (paper, Eq. (12)), as a check that is independent of
+the harmonic balance.
 
-All sectors of the disk are included, each with its contacts and sliders.  Their motion is a superposition of nodal
-diameters ``d`` with complex coordinates ``eta_d(t)``:
+All sectors of the disk are included, each with its contacts and sliders.  Their motion is a
+superposition of nodal diameters ``d`` with complex coordinates ``eta_d(t)``:
 
     x_k(t) = shift + sum_d Re[G_d eta_d(t) exp(i k d 2 pi/N)],
-    eta_d'' + 2 zeta Omega eta_d' + Omega^2 eta_d + (c_d/N) sum_k G_d^H exp(-i k d 2 pi/N) F_k(t) = E_d(t),
+    eta_d'' + 2 zeta Omega eta_d' + Omega^2 eta_d
+        + (c_d/N) sum_k G_d^H exp(-i k d 2 pi/N) F_k(t) = E_d(t),
 
-``c_d = 2``, or 1 with real coordinates for ``d = 0`` and ``d = N/2``.  There is no assumption of a travelling wave and no
-truncated Fourier series.  The contact law is applied from one instant to the next: ``N = max(n0 + kn v, 0)``; the slider is
-clipped to ``u -+ mu N/kt`` and moves with ``u`` in separation.  Coupled laws project the friction force radially onto the
-disk of radius ``mu N``.  Laws of constant load replace ``N`` by a given load, with a two-sided normal spring.  Bonded
-points have a fixed slider.
+``c_d = 2``, or 1 with real coordinates for ``d = 0`` and ``d = N/2``.  There is no assumption of a
+travelling wave and no truncated Fourier series.  The contact law is applied from one instant to the
+next: ``N = max(n0 + kn v, 0)``; the slider is clipped to ``u -+ mu N/kt`` and moves with ``u`` in
+separation.  Coupled laws project the friction force radially onto the disk of radius ``mu N``.
+Laws of constant load replace ``N`` by a given load, with a two-sided normal spring.  Bonded points
+have a fixed slider.
 
-The time step is implicit (generalised alpha), with the contact forces of all sectors at its end from one Newton iteration
-(``csrc/time/generalised_alpha.c``).  Its length is set by the motion, not by the stiffest contact: :data:`STEPS` per
-period.  The error is of second order.  The integration starts at a harmonic-balance solution.  The nodal diameters are
-the nodal diameters of the study's harmonics, or all that the model contains (:func:`every_diameter`).
+The time step is implicit (generalised alpha), with the contact forces of all sectors at its end
+from one Newton iteration (``csrc/time/generalised_alpha.c``).  Its length is set by the motion, not
+by the stiffest contact: :data:`STEPS` per period.  The error is of second order.  The integration
+starts at a harmonic-balance solution.  The nodal diameters are the nodal diameters of the study's
+harmonics, or all that the model contains (:func:`every_diameter`).
 """
 
 from __future__ import annotations
@@ -44,42 +48,48 @@ from bdamper.util.progress import Cost
 STEPS = 256
 """Default time steps per period.
 
-With shorter steps the mean amplitude of motions that beat rises by up to 2 % with 512, and by 3 % with 1,024 steps.  Some
-beats that 1,024 steps show are damped with 512.
+With shorter steps the mean amplitude of motions that beat rises by up to 2 % with 512, and by 3 %
+with 1,024 steps.  Some beats that 1,024 steps show are damped with 512.
 """
 TOLERANCE = 1e-3
 """Relative residual of the contact forces.
 
-With 1e-4 the default search of an amplitude takes 1.2 to 1.35 times as long; its ranges differ by less than 0.1 um on the
-turbine blade at and above its optimum.
+With 1e-4 the default search of an amplitude takes 1.2 to 1.35 times as long; its ranges differ by
+less than 0.1 um on the turbine blade at and above its optimum.
 """
 RADIUS = 0.3
 """Spectral radius of a time step at infinite frequency.
 
-A step averages the contact forces of its two ends.  Modes that the steps do not resolve then gain energy at stiff contacts
-with gaps and friction: with 0.7, and with 0.5, up to 4e7 times the work of the excitation on sectors of other meshes.
-With 0.3 the energy of such a sector balances to 0.05 %, and the steps lose 0.2 % of it on the turbine blade.
+A step averages the contact forces of its two ends.  Modes that the steps do not resolve then gain
+energy at stiff contacts with gaps and friction: with 0.7, and with 0.5, up to 4e7 times the work of
+the excitation on sectors of other meshes.  With 0.3 the energy of such a sector balances to 0.05 %,
+and the steps lose 0.2 % of it on the turbine blade.
 """
 RADIUS_WITHOUT_MASS = 0.3
 """Spectral radius with massless coordinates."""
 QUASISTATIC = 10.0
-"""Natural frequency over that of the excitation from which a mode follows the forces on it without resonance."""
+"""Natural frequency over that of the excitation from which a mode follows the forces on it without
+resonance.
+"""
 MOST_SECTORS = 33
 """Largest number of sectors for which all nodal diameters are integrated by default.
 
-With more sectors they are the nodal diameters of the harmonics up to :data:`MOST_HARMONIC` and of the study's harmonics.
+With more sectors they are the nodal diameters of the harmonics up to :data:`MOST_HARMONIC` and of
+the study's harmonics.
 """
 MOST_HARMONIC = 6
 MOST_PERIODS = 100
-"""Largest number of periods of a given motion until sliders are periodic: two, but many under the coupled laws."""
+"""Largest number of periods of a given motion until sliders are periodic: two, but many under the
+coupled laws.
+"""
 
 
 class IntegrationFailed(BdamperError):
-    """The contact forces of a time step were not found, even in short parts of it, or the energy does not balance."""
+    """A time step has no contact forces, even in parts of it, or the energy does not balance."""
 
 
 class EnergyGained(IntegrationFailed):
-    """The energy of the motion does not balance, because the time steps are too long for the contacts."""
+    """The energy does not balance, because the time steps are too long for the contacts."""
 
 
 class Motion(NamedTuple):
@@ -92,8 +102,8 @@ class Motion(NamedTuple):
     w : (n_sectors, n_points, 2) float, m
         Sliders, followed by the state variables of user-defined laws.
     a : (2 n_coordinates,) float, optional
-        Accelerations of the integration method.  Without them they, and massless coordinates, follow from the other
-        variables.
+        Accelerations of the integration method.  Without them they, and massless coordinates,
+        follow from the other variables.
     """
 
     q: NDArray
@@ -112,10 +122,12 @@ class Trajectory(NamedTuple):
     harmonics : (n_periods, n_blades, n_harmonics + 1) complex, m
         Response amplitudes of all blades in each complete period; the first column is the mean.
     energy : (n_periods, 4) float, J
-        Energies of all sectors in each complete period: work of the excitation, loss in damping, work on the contacts, and
-        rise of kinetic and strain energy.  The remainder of their balance is the numerical loss.
+        Energies of all sectors in each complete period: work of the excitation, loss in damping,
+        work on the contacts, and rise of kinetic and strain energy.  The remainder of their balance
+        is the numerical loss.
     trace : (n_steps, 2 n_coordinates) float
-        Coordinates at the start of each time step, if requested; ``Ring.rows`` gives their responses.
+        Coordinates at the start of each time step, if requested; ``Ring.rows`` gives their
+        responses.
     first : int
         Time step within the period at which the integration ended.
     """
@@ -125,6 +137,27 @@ class Trajectory(NamedTuple):
     energy: NDArray
     trace: NDArray
     first: int
+
+
+class Block(NamedTuple):
+    """Coordinates of one nodal diameter.
+
+    Parameters
+    ----------
+    harmonic : int
+        Harmonic whose modes describe the nodal diameter.
+    part : slice
+        Its coordinates within those of the ring.
+    phases : (n_sectors,) complex
+        Phases of its wave at the sectors.
+    factor : float
+        ``c_d``: 2, or 1 if the coordinates are real.
+    """
+
+    harmonic: int
+    part: slice
+    phases: NDArray
+    factor: float
 
 
 class Ring:
@@ -138,11 +171,11 @@ class Ring:
     wide : Equations[Sector], optional
         Equations with more harmonics, for all nodal diameters to integrate.
     radius : float, optional
-        Spectral radius of a time step at infinite frequency, 1 for no numerical damping.  Default: :data:`RADIUS`, or
-        :data:`RADIUS_WITHOUT_MASS` with massless coordinates.
+        Spectral radius of a time step at infinite frequency, 1 for no numerical damping.  Default:
+        :data:`RADIUS`, or :data:`RADIUS_WITHOUT_MASS` with massless coordinates.
     wide_order : int, optional
-        Engine order of ``wide``; the same by default.  A divisor of it gives a larger ring, whose sectors this order
-        distinguishes.
+        Engine order of ``wide``; the same by default.  A divisor of it gives a larger ring, whose
+        sectors this order distinguishes.
     rows : (n_blades, 2 n_coordinates) float, optional
         Rows that give the responses of all blades.
 
@@ -167,170 +200,232 @@ class Ring:
         wide_order: int | None = None,
         rows: NDArray | None = None,
     ) -> None:
+        self.system = system
+        self.wide = system if wide is None else wide
         bonded = np.asarray(system.structure.points.law)[:, None] == LAW_BONDED
         self.held = np.broadcast_to(bonded, (system.n_points, 2))
-        self.system, self.wide = system, wide or system
         self.cost = Cost()
-        across = engine_order if wide_order is None else wide_order
-        self.n = n_blades // gcd(n_blades, across) if across else 1
-        self.step = (
-            n_blades // self.n
-        )  # ratio of nodal diameters of the disk to nodal diameters of self.n sectors
-        self.wave = (
-            engine_order // self.step if engine_order else 0
-        )  # nodal diameter on self.n sectors
-        self.families: dict[
-            int, int
-        ] = {}  # signed nodal diameter on self.n sectors -> harmonic that describes it
-        self._turns: dict[
-            int, NDArray
-        ] = {}  # harmonic -> matrix from its coordinates to the coordinates of its family
-        for l, basis in enumerate(self.wide.structure.bases):
-            if len(basis.omega2):
-                d = (l * (across // self.step if across else 0)) % self.n
-                if self.families.keys().isdisjoint((d, (self.n - d) % self.n)):
-                    self.families[d] = l
-        excited = self.wide if across == engine_order else system
-        for l, basis in enumerate(excited.structure.bases):
-            if len(basis.omega2):
-                same, reversed_ = self._family(l)
-                self._turns[l] = _turn(self.wide.structure.bases[same], basis, conjugate=reversed_)
-        used = {l: b.nodal_diameter for l, b in enumerate(system.structure.bases) if len(b.omega2)}
-        if self.n > 1 and len(set(used.values())) == 1 and system.n_harmonics > 0:
-            orders = [l * engine_order for l in used]
-            diameters = {min(order % n_blades, -order % n_blades) for order in orders}
-            if len(diameters) > 1:
-                raise SettingError(
-                    "time integration: expected fundamental_modes_only=False, found one basis for several nodal diameters"
-                )
-        k = np.arange(self.n)
-        self.blocks = []  # (harmonic, slice of coordinates, phases, factor)
-        start = 0
-        for d, l in self.families.items():
-            m = len(self.wide.structure.bases[l].omega2)
-            factor = 1.0 if d == 0 or 2 * d == self.n else 2.0
-            self.blocks.append(
-                (l, slice(start, start + m), np.exp(2j * np.pi * k * d / self.n), factor)
-            )
-            start += m
-        self.n_coordinates = start
+        # time steps with a solution for contact forces, and evaluations for them
+        self.effort = np.zeros(2, int)
+
+        order_of_wide = engine_order if wide_order is None else wide_order
+        # number of sectors after which the motion repeats
+        self.n = n_blades // gcd(n_blades, order_of_wide) if order_of_wide else 1
+        # ratio of nodal diameters of the disk to nodal diameters of self.n sectors
+        self.step = n_blades // self.n
+        # nodal diameter of the excited wave on self.n sectors
+        self.wave = engine_order // self.step if engine_order else 0
+
+        # signed nodal diameter on self.n sectors -> harmonic that describes it
+        self.families = self._find_families(order_of_wide // self.step if order_of_wide else 0)
+        excited = self.wide if order_of_wide == engine_order else system
+        # harmonic -> matrix from its coordinates to the coordinates of its family
+        self._turns = self._find_turns(excited)
+        self._check_diameters(n_blades, engine_order)
+
+        self.blocks = self._find_blocks()
+        self.n_coordinates = self.blocks[-1].part.stop
         self.real = np.concatenate(
-            [np.full(s.stop - s.start, factor == 1.0) for _, s, _, factor in self.blocks]
+            [np.full(part.stop - part.start, factor == 1.0) for _, part, _, factor in self.blocks]
         )
-        bases = [self.wide.structure.bases[l] for l, *_ in self.blocks]
-        self.stiffness, self.mass, damping = (
-            np.concatenate([np.asarray(getattr(b, name)) for b in bases])
-            for name in ("omega2", "mass", "damping")
-        )
+
+        bases = self._bases
+        self.stiffness = np.concatenate([np.asarray(basis.omega2) for basis in bases])
+        self.mass = np.concatenate([np.asarray(basis.mass) for basis in bases])
+        damping = np.concatenate([np.asarray(basis.damping) for basis in bases])
         heavy = self.mass > 0.0
-        weight = np.where(heavy, self.mass, 1.0)
-        self.omega2 = np.where(heavy, self.stiffness / weight, 0.0)
-        self.damping = np.where(heavy, damping / weight, 0.0)
+        mass_or_one = np.where(heavy, self.mass, 1.0)
+        self.omega2 = np.where(heavy, self.stiffness / mass_or_one, 0.0)
+        self.damping = np.where(heavy, damping / mass_or_one, 0.0)
+        # full bandwidth (rad/s) of the least damped mode; infinite if no mode has stiffness
         self.least_damping = float(self.damping[self.omega2 > 0.0].min(initial=np.inf))
-        """Full bandwidth (rad/s) of the least damped mode; infinite if no mode has stiffness."""
-        self.radius = (
-            radius if radius is not None else RADIUS if heavy.all() else RADIUS_WITHOUT_MASS
-        )
+
+        if radius is None:
+            radius = RADIUS if heavy.all() else RADIUS_WITHOUT_MASS
+        self.radius = radius
         self.rows = self._rows() if rows is None else rows
         self.core = self._core()
-        self.effort = np.zeros(2, int)
-        """Time steps with a solution for contact forces, and evaluations for them."""
+
+    def _find_families(self, wave_of_first: int) -> dict[int, int]:
+        """Return the harmonic that describes each nodal diameter.
+
+        ``wave_of_first`` is the nodal diameter of the first harmonic of ``wide``.
+        """
+        families: dict[int, int] = {}
+        for harmonic, basis in enumerate(self.wide.structure.bases):
+            if not len(basis.omega2):
+                continue
+            d = (harmonic * wave_of_first) % self.n
+            # the coordinates of a nodal diameter contain waves in both directions
+            backward = (self.n - d) % self.n
+            if d not in families and backward not in families:
+                families[d] = harmonic
+        return families
+
+    def _find_turns(self, excited: Equations[Sector]) -> dict[int, NDArray]:
+        turns = {}
+        for harmonic, basis in enumerate(excited.structure.bases):
+            if len(basis.omega2):
+                family, backward = self._family(harmonic)
+                of_family = self.wide.structure.bases[family]
+                turns[harmonic] = _turn(of_family, basis, conjugate=backward)
+        return turns
+
+    def _check_diameters(self, n_blades: int, engine_order: int) -> None:
+        """Refuse one basis for harmonics of several nodal diameters."""
+        bases = self.system.structure.bases
+        active = [harmonic for harmonic, basis in enumerate(bases) if len(basis.omega2)]
+        described = {bases[harmonic].nodal_diameter for harmonic in active}
+        if self.n == 1 or self.system.n_harmonics == 0 or len(described) != 1:
+            return
+        orders = [harmonic * engine_order for harmonic in active]
+        excited = {min(order % n_blades, -order % n_blades) for order in orders}
+        if len(excited) > 1:
+            raise SettingError(
+                "time integration: expected fundamental_modes_only=False, "
+                "found one basis for several nodal diameters"
+            )
+
+    def _find_blocks(self) -> list[Block]:
+        """Return the blocks of all nodal diameters in the order of their coordinates."""
+        sectors = np.arange(self.n)
+        blocks = []
+        start = 0
+        for d, harmonic in self.families.items():
+            end = start + len(self.wide.structure.bases[harmonic].omega2)
+            phases = np.exp(2j * np.pi * sectors * d / self.n)
+            # a wave that does not travel has real coordinates
+            factor = 1.0 if d == 0 or 2 * d == self.n else 2.0
+            blocks.append(Block(harmonic, slice(start, end), phases, factor))
+            start = end
+        return blocks
+
+    @property
+    def _bases(self) -> list[HarmonicBasis]:
+        """Modes of the nodal diameters, one basis for each block."""
+        return [self.wide.structure.bases[block.harmonic] for block in self.blocks]
 
     def _core(self) -> _core.Ring:
         """Return the core object with modes, points, excitation and response."""
-        bases = [self.wide.structure.bases[l] for l, *_ in self.blocks]
+        bases = self._bases
         orders, force = self.forcing()
-        points = {
-            name: self.wide.structure.arrays[name]
-            for name in ("kt", "kn", "mu", "n0", "load", "shift", "law")
-        }
+        arrays = self.wide.structure.arrays
         return _core.Ring(
             self.n,
-            np.array([len(b.omega2) for b in bases], np.intc),
+            np.array([len(basis.omega2) for basis in bases], np.intc),
             np.array(list(self.families), np.intc),
             self.stiffness,
             self.mass,
-            np.concatenate([b.damping for b in bases]),
-            np.concatenate([np.ascontiguousarray(b.G, complex).ravel() for b in bases]),
+            np.concatenate([basis.damping for basis in bases]),
+            np.concatenate([np.ascontiguousarray(basis.G, complex).ravel() for basis in bases]),
+            kt=arrays["kt"],
+            kn=arrays["kn"],
+            mu=arrays["mu"],
+            n0=arrays["n0"],
+            load=arrays["load"],
+            shift=arrays["shift"],
+            law=arrays["law"],
             held=np.ascontiguousarray(self.held, np.intc),
             order=orders,
             force=force,
             row=self.rows,
             own=self.system.structure.own,
-            **points,
         )
 
     def _harmonics(self, u: NDArray) -> Iterator[tuple[int, NDArray]]:
-        """Yield each harmonic, negative for a backward wave, and its amplitudes (n_coordinates,) complex."""
-        where = {l: s for l, s, *_ in self.blocks}
+        """Yield each harmonic and its amplitudes (n_coordinates,) complex.
+
+        The harmonic is negative for a backward wave.
+        """
+        part_of = {block.harmonic: block.part for block in self.blocks}
         for harmonic, basis in enumerate(self.system.structure.bases):
-            if len(basis.omega2):
-                l, reversed_ = self._family(harmonic)
-                out, a = (
-                    np.zeros(self.n_coordinates, complex),
-                    self.system.layout.amplitudes(np.asarray(u), harmonic),
-                )
-                out[where[l]] = self._turns[harmonic] @ (a.conj() if reversed_ else a)
-                yield -harmonic if reversed_ else harmonic, out
+            if not len(basis.omega2):
+                continue
+            family, backward = self._family(harmonic)
+            amplitudes = self.system.layout.amplitudes(np.asarray(u), harmonic)
+            if backward:
+                amplitudes = amplitudes.conj()
+            out = np.zeros(self.n_coordinates, complex)
+            out[part_of[family]] = self._turns[harmonic] @ amplitudes
+            yield -harmonic if backward else harmonic, out
 
     def forcing(self) -> tuple[NDArray, NDArray]:
-        """Return the harmonics (n,) of the excitation, and the factors (n, 2, 2 n_coordinates) of their cosines and
-        sines.
+        """Return the excitation as factors of cosines and sines.
+
+        Returns
+        -------
+        orders : (n,) int
+            Harmonics of the excitation.
+        factors : (n, 2, 2 n_coordinates) float
+            Factors of their cosines and sines.
         """
-        orders, factors = [], []
-        for harmonic, a in self._harmonics(self.system.structure.force):
-            e = np.array([a, -1j * a if harmonic < 0 else 1j * a])
-            e[:, self.real] = e[:, self.real].real
-            if e.any():
+        orders = []
+        factors = []
+        for harmonic, amplitudes in self._harmonics(self.system.structure.force):
+            # a exp(i l t) = a cos(l t) + i a sin(l t), with the opposite sine backward
+            sine = -1j * amplitudes if harmonic < 0 else 1j * amplitudes
+            pair = np.array([amplitudes, sine])
+            pair[:, self.real] = pair[:, self.real].real
+            if pair.any():
                 orders.append(abs(harmonic))
-                factors.append(np.concatenate([e.real, e.imag], axis=1))
-        return np.array(orders, np.intc), np.array(factors).reshape(
-            len(orders), 2, 2 * self.n_coordinates
-        )
+                factors.append(np.concatenate([pair.real, pair.imag], axis=1))
+        shape = len(orders), 2, 2 * self.n_coordinates
+        return np.array(orders, np.intc), np.array(factors).reshape(shape)
 
     def _family(self, harmonic: int) -> tuple[int, bool]:
-        """Return the harmonic whose modes describe this one, and whether it travels in the opposite direction."""
+        """Return the harmonic whose modes describe this one, and whether it travels backward."""
         d = (harmonic * self.wave) % self.n
         if d in self.families:
             return self.families[d], False
         return self.families[(self.n - d) % self.n], True
 
     def state(self, u: NDArray, omega: float, t: float) -> tuple[NDArray, NDArray]:
-        """Return coordinates and velocities (2 n_coordinates,) of a harmonic-balance solution at one instant."""
-        q, v = np.zeros((2, self.n_coordinates), complex)
-        for harmonic, a in self._harmonics(u):
-            turned = a * np.exp(1j * harmonic * omega * t)
+        """Return coordinates and velocities of a harmonic-balance solution at one instant.
+
+        Both have the shape (2 n_coordinates,).
+        """
+        q = np.zeros(self.n_coordinates, complex)
+        v = np.zeros(self.n_coordinates, complex)
+        for harmonic, amplitudes in self._harmonics(u):
+            turned = amplitudes * np.exp(1j * harmonic * omega * t)
             q += turned
             v += 1j * harmonic * omega * turned
-        q[self.real], v[self.real] = q[self.real].real, v[self.real].real
-        return np.concatenate([q.real, q.imag]), np.concatenate([v.real, v.imag])
+        q[self.real] = q[self.real].real
+        v[self.real] = v[self.real].real
+        return _as_real(q), _as_real(v)
 
     def start(self, u: NDArray, omega: float, n_steps: int) -> Motion:
         """Return the motion of a harmonic-balance solution at t = 0, with its sliders."""
-        return Motion(*self.state(u, omega, 0.0), self.initial_slider(u, omega, n_steps))
+        q, v = self.state(u, omega, 0.0)
+        return Motion(q, v, self.initial_slider(u, omega, n_steps))
 
     def initial_slider(self, u: NDArray, omega: float, n_steps: int) -> NDArray:
-        """Return the sliders of a solution at t = 0, from its motion over periods until they are periodic."""
+        """Return the sliders of a solution at t = 0.
+
+        They follow the motion of the solution over periods until they are periodic.
+        """
         points = self.system.structure.points
-        initial = (
-            points.slider if points.memory is None else np.hstack([points.slider, points.memory])
-        )
+        initial = points.slider
+        if points.memory is not None:
+            initial = np.hstack([points.slider, points.memory])
         w = np.tile(initial, (self.n, 1, 1)).astype(float)
+
         x, _, _ = self.system.contact(np.asarray(u))
-        size = max(2.0 * float(np.abs(x[:, :2, 1:]).sum(axis=2).max(initial=0.0)), 1e-300)
-        q = np.array(
-            [self.state(u, omega, k * TWO_PI / omega / n_steps)[0] for k in range(n_steps)]
-        )
+        amplitude = float(np.abs(x[:, :2, 1:]).sum(axis=2).max(initial=0.0))
+        peak_to_peak = max(2.0 * amplitude, 1e-300)
+        instants = [step * TWO_PI / omega / n_steps for step in range(n_steps)]
+        q = np.array([self.state(u, omega, t)[0] for t in instants])
         for _ in range(MOST_PERIODS):
             before = w.copy()
             self.core.follow(q, w)
-            scale = np.maximum(np.abs(w[..., 2:]).max(axis=(0, 1)), 1e-300)  # user-defined units
-            moved = np.abs(w - before)
-            if (
-                moved[..., :2].max(initial=0.0) <= 1e-9 * size
-                and (moved[..., 2:] <= 1e-9 * scale).all()
-            ):
+            change = np.abs(w - before)
+            sliders_repeat = change[..., :2].max(initial=0.0) <= 1e-9 * peak_to_peak
+            # each state variable of a user-defined law has its own unit
+            size = np.maximum(np.abs(w[..., 2:]).max(axis=(0, 1)), 1e-300)
+            variables_repeat = (change[..., 2:] <= 1e-9 * size).all()
+            if sliders_repeat and variables_repeat:
                 break
+        # from the end of the last period to the start of the next
         self.core.follow(q[:1], w)
         return w
 
@@ -347,9 +442,10 @@ class Ring:
         trace: bool = False,
         tolerance: float = TOLERANCE,
     ) -> Trajectory:
-        """Integrate a state over complete periods of the excitation, or over a number of time steps.
+        """Integrate a state over complete periods of the excitation, or a number of time steps.
 
-        The time steps are equal in the angle of the excitation; the first begins at ``2 pi first/n_steps``.
+        The time steps are equal in the angle of the excitation; the first begins at ``2 pi
+        first/n_steps``.
 
         Parameters
         ----------
@@ -379,160 +475,198 @@ class Ring:
             If the contact forces of a time step are not found, even after six bisections.
         """
         count = n_steps * periods if steps is None else steps
-        started = time.thread_time()
-        given = (*motion[:3], np.zeros_like(motion.q) if motion.a is None else motion.a)
-        q, v, w, a = (
-            np.array(x[None], float, order="C") for x in given
-        )  # the core takes several states
-        harmonics = np.zeros(
-            (1, count // n_steps, len(self.rows), self.system.n_harmonics + 1), complex
-        )
-        energy = np.zeros((1, count // n_steps, 4))
+        complete_periods = count // n_steps
+        # the core takes several states, and integrates copies in place
+        q = np.array(motion.q[None], float, order="C")
+        v = np.array(motion.v[None], float, order="C")
+        w = np.array(motion.w[None], float, order="C")
+        a = np.zeros_like(q) if motion.a is None else np.array(motion.a[None], float, order="C")
+        n_columns = self.system.n_harmonics + 1
+        harmonics = np.zeros((1, complete_periods, len(self.rows), n_columns), complex)
+        energy = np.zeros((1, complete_periods, 4))
         path = np.zeros((1, count, q.shape[1])) if trace else None
+
+        started = time.thread_time()
         status, *effort = self.core.integrate(
-            q, v, a, w, count, n_steps, omega, omega if omega_end is None else omega_end, self.radius, tolerance,
-            motion.a is None, harmonics, path, first, energy,
-        )  # fmt: skip
+            q,
+            v,
+            a,
+            w,
+            count,
+            n_steps,
+            omega,
+            omega if omega_end is None else omega_end,
+            self.radius,
+            tolerance,
+            motion.a is None,
+            harmonics,
+            path,
+            first,
+            energy,
+        )
         self.effort = self.effort + effort
-        cost = self.cost
         self.cost = replace(
-            cost,
-            time_integration=cost.time_integration + time.thread_time() - started,
-            evaluations=cost.evaluations + count + 1,
+            self.cost,
+            time_integration=self.cost.time_integration + time.thread_time() - started,
+            evaluations=self.cost.evaluations + count + 1,
         )
         if status:
             raise IntegrationFailed(
-                f"the time integration fails near {omega / TWO_PI:.6g} Hz: contact forces are not found in a time step of "
-                f"1/{n_steps} of a period, nor in parts of it; raise steps_per_period"
+                f"the time integration fails near {omega / TWO_PI:.6g} Hz: contact forces are not "
+                f"found in a time step of 1/{n_steps} of a period, nor in parts of it; "
+                "raise steps_per_period"
             )
-        trace_ = np.zeros((0, q.shape[1])) if path is None else path[0]
         return Trajectory(
-            Motion(q[0], v[0], w[0], a[0]),
-            harmonics[0],
-            energy[0],
-            trace_,
-            (first + count) % n_steps,
+            motion=Motion(q[0], v[0], w[0], a[0]),
+            harmonics=harmonics[0],
+            energy=energy[0],
+            trace=np.zeros((0, q.shape[1])) if path is None else path[0],
+            first=(first + count) % n_steps,
+        )
+
+    @property
+    def _energy_share(self) -> NDArray:
+        """Half the number of sectors over ``c_d``, for each complex coordinate.
+
+        Times mass and squared velocity it is the kinetic energy of all sectors.
+        """
+        return np.concatenate(
+            [
+                np.full(part.stop - part.start, 0.5 * self.n / factor)
+                for _, part, _, factor in self.blocks
+            ]
         )
 
     def energy(self, motion: Motion) -> float:
-        """Return kinetic and strain energy of a motion (J), with the energy stored in its contact springs.
+        """Return kinetic and strain energy of a motion (J), and the energy in its contact springs.
 
         It is infinite for user-defined contact laws, whose energy is unknown.
         """
-        share = np.concatenate(
-            [np.full(s.stop - s.start, 0.5 * self.n / factor) for _, s, _, factor in self.blocks]
-        )
-        modes = (
-            np.tile(k * share, 2) @ y**2
-            for k, y in ((self.mass, motion.v), (self.stiffness, motion.q))
-        )
-        return float(sum(modes) + self.contact_energy(motion))
+        share = self._energy_share
+        kinetic = np.tile(self.mass * share, 2) @ motion.v**2
+        strain = np.tile(self.stiffness * share, 2) @ motion.q**2
+        return float(kinetic + strain + self.contact_energy(motion))
 
     def contact_energy(self, motion: Motion) -> float:
-        """Return the energy (J) stored in the contact springs of all sectors; infinite for user-defined contact laws."""
-        points, n, a = self.system.structure.points, self.n_coordinates, self.wide.structure.arrays
-        if points.own is not None:
+        """Return the energy (J) stored in the contact springs of all sectors.
+
+        It is infinite for user-defined contact laws.
+        """
+        if self.system.structure.points.own is not None:
             return float("inf")
-        z, x = motion.q[:n] + 1j * motion.q[n:], np.tile(np.asarray(a["shift"]), (self.n, 1, 1))
-        for l, s, phases, _ in self.blocks:
-            x += np.tensordot(phases, np.asarray(self.wide.structure.bases[l].G) @ z[s], 0).real
-        force = a["n0"] + a["kn"] * x[..., 2]
-        # an open point of a law with separation carries no force and stores nothing; the other laws have a spring that
-        # carries tension as well
-        separates = np.isin(a["law"], (LAW_SEPARABLE, LAW_NORMAL, LAW_COUPLED))
+        arrays = self.wide.structure.arrays
+        kt = arrays["kt"]
+        kn = arrays["kn"]
+        law = arrays["law"]
+        z = _as_complex(motion.q)
+        x = np.tile(np.asarray(arrays["shift"]), (self.n, 1, 1))
+        for basis, block in zip(self._bases, self.blocks):
+            x += np.tensordot(block.phases, np.asarray(basis.G) @ z[block.part], 0).real
+
+        # an open point of a law with separation carries no force and stores nothing; the other laws
+        # have a spring that carries tension as well
+        force = arrays["n0"] + kn * x[..., 2]
+        separates = np.isin(law, (LAW_SEPARABLE, LAW_NORMAL, LAW_COUPLED))
         normal_force = np.where(separates, np.maximum(force, 0.0), force)
-        pressed = normal_force**2 / np.where(a["kn"] > 0.0, a["kn"], np.inf)
-        limit = a["mu"] * np.maximum(np.abs(normal_force), a["load"])
-        reach = np.where(
-            self.held, np.inf, limit[..., None] / np.where(a["kt"] > 0.0, a["kt"], np.inf)
-        )
-        stretched = np.minimum(np.abs(x[..., :2] - motion.w[..., :2]), reach)
-        stretched = np.where(
-            (a["law"] == LAW_CUBIC)[:, None], x[..., :2] ** 2 / np.sqrt(2.0), stretched
-        )
-        return float(0.5 * ((a["kt"] * stretched**2).sum() + pressed.sum()))
+        pressed = normal_force**2 / np.where(kn > 0.0, kn, np.inf)
+
+        # friction limits the stretch of the tangential springs, but not at bonded points
+        limit = arrays["mu"] * np.maximum(np.abs(normal_force), arrays["load"])
+        stretch_at_limit = limit[..., None] / np.where(kt > 0.0, kt, np.inf)
+        longest = np.where(self.held, np.inf, stretch_at_limit)
+        stretched = np.minimum(np.abs(x[..., :2] - motion.w[..., :2]), longest)
+        # a cubic spring k u^3 stores k u^4/4
+        cubic = (law == LAW_CUBIC)[:, None]
+        stretched = np.where(cubic, x[..., :2] ** 2 / np.sqrt(2.0), stretched)
+        return float(0.5 * ((kt * stretched**2).sum() + pressed.sum()))
 
     def vibration_energy(self, motion: Motion, omega: float) -> float:
-        """Return the energy (J) of the vibration at ``omega`` (rad/s), without the strain energy of the loads at rest.
+        """Return the energy (J) of the vibration at ``omega`` (rad/s).
 
-        In a harmonic motion velocities and accelerations give the same energy at every instant.
+        It lacks the strain energy of the loads at rest.  In a harmonic motion velocities and
+        accelerations give the same energy at every instant.
         """
-        share = np.concatenate(
-            [np.full(s.stop - s.start, 0.5 * self.n / factor) for _, s, _, factor in self.blocks]
-        )
         acceleration = np.zeros_like(motion.v) if motion.a is None else motion.a
-        return float(np.tile(self.mass * share, 2) @ (motion.v**2 + (acceleration / omega) ** 2))
+        squared_velocity = motion.v**2 + (acceleration / omega) ** 2
+        return float(np.tile(self.mass * self._energy_share, 2) @ squared_velocity)
 
     def amplitude_bound(self, omega: float) -> float:
-        """Return a bound (m) of the first harmonic of a steady response, the root mean square over the blades.
+        """Return a bound (m) of the first harmonic of a steady response.
 
-        Contacts take energy from a steady motion, so that damping takes at most the work of the excitation.  In
-        coordinates p scaled with the square roots of the damping constants, force f and response row r, damping takes
-        pi omega |p|^2 and the excitation gives at most pi |f| |p|; hence |p| <= |f|/omega and |r p| <= |r| |f|/omega.
-        For one mode at its resonance this is the response without contacts.  Modes above :data:`QUASISTATIC` times the
-        frequency follow the contact forces and add at most a few per cent, so they do not count.  The bound is infinite if
-        the response contains a mode without damping, under other orders of the excitation than the first, and for
-        user-defined laws.
+        The bound holds for its root mean square over the blades.
+        Contacts take energy from a steady motion, so that damping takes at most the work of the
+        excitation.  In coordinates p scaled with the square roots of the damping constants, force f
+        and response row r, damping takes pi omega |p|^2 and the excitation gives at most pi |f|
+        |p|; hence |p| <= |f|/omega and |r p| <= |r| |f|/omega.  For one mode at its resonance this
+        is the response without contacts.  Modes above :data:`QUASISTATIC` times the frequency
+        follow the contact forces and add at most a few per cent, so they do not count.  The bound
+        is infinite if the response contains a mode without damping, under other orders of the
+        excitation than the first, and for user-defined laws.
         """
         orders, factors = self.forcing()
         if self.system.structure.points.own is not None or set(orders) - {0} != {1}:
             return float("inf")
-        n, damping = self.n_coordinates, self.damping * np.where(self.mass > 0.0, self.mass, 1.0)
+        n = self.n_coordinates
+        damping = self.damping * np.where(self.mass > 0.0, self.mass, 1.0)
         vibrates = (self.mass > 0.0) & (self.omega2 <= (QUASISTATIC * omega) ** 2)
         cosine = factors[list(orders).index(1), 0]
-        force = vibrates * np.abs(cosine[:n] + 1j * cosine[n:])
+        force = vibrates * np.abs(_as_complex(cosine))
         response = vibrates * np.abs(self.rows[:, :n] - 1j * self.rows[:, n:])
 
-        def scaled(x: NDArray) -> NDArray:
-            undamped = np.where(x > 0.0, np.inf, 0.0)
-            return np.where(
-                damping > 0.0, x / np.sqrt(np.where(damping > 0.0, damping, 1.0)), undamped
-            )
-
-        # equal blades respond most to a force in one wave; the wave with the least damping bounds all of them
-        waves = [np.linalg.norm(scaled(response)[:, s], axis=1).max() for _, s, *_ in self.blocks]
-        return float(max(waves) * np.linalg.norm(scaled(force)) / omega)
+        # equal blades respond most to a force in one wave; the wave with the least damping bounds
+        # all of them
+        scaled_response = _over_root(response, damping)
+        waves = [
+            np.linalg.norm(scaled_response[:, block.part], axis=1).max() for block in self.blocks
+        ]
+        return float(max(waves) * np.linalg.norm(_over_root(force, damping)) / omega)
 
     @property
     def nodal_diameters(self) -> tuple[int, ...]:
         """Nodal diameters of the time integration."""
-        return tuple(
-            sorted({self.wide.structure.bases[l].nodal_diameter for l in self.families.values()})
-        )
+        return tuple(sorted({basis.nodal_diameter for basis in self._bases}))
 
     def _rows(self) -> NDArray:
-        out = np.zeros((self.n, 2 * self.n_coordinates))
-        for l, s, phases, _ in self.blocks:
-            r = phases[:, None] * np.asarray(self.wide.response_rows[l], complex)
-            out[:, s] = r.real
-            out[:, s.start + self.n_coordinates : s.stop + self.n_coordinates] = -r.imag
-        return out
+        n = self.n_coordinates
+        rows = np.zeros((self.n, 2 * n))
+        for harmonic, part, phases, _ in self.blocks:
+            response = phases[:, None] * np.asarray(self.wide.response_rows[harmonic], complex)
+            # Re[r z] = Re r Re z - Im r Im z
+            rows[:, part] = response.real
+            rows[:, n + part.start : n + part.stop] = -response.imag
+        return rows
 
     def departure(self, response: NDArray) -> NDArray:
-        """Return the fraction (n_periods,) of the responses (n_periods, n_blades) in other waves than the excited wave."""
-        size = np.abs(np.fft.fft(response, axis=1)) ** 2
-        away = 1.0 - size[:, self.wave % self.n] / np.maximum(size.sum(axis=1), 1e-300)
+        """Return the fraction (n_periods,) of responses in other waves than the excited wave.
+
+        ``response`` has the shape (n_periods, n_blades).
+        """
+        squared = np.abs(np.fft.fft(response, axis=1)) ** 2
+        excited = squared[:, self.wave % self.n]
+        away = 1.0 - excited / np.maximum(squared.sum(axis=1), 1e-300)
         return np.sqrt(np.maximum(away, 0.0))
 
     def tractions(self, motion: Motion) -> dict[str, NDArray]:
-        """Return sliders (n_sectors, n_points, 2) of the motion without traction, and at the friction limit in both
-        directions.
+        """Return sliders (n_sectors, n_points, 2) of the motion under different tractions.
+
+        They have no traction, or reach the friction limit in one direction or the other.
         """
-        ends = []
+        at_limit = []
         for far in (1e6, -1e6):
             w = motion.w.copy()
             w[:, :, :2] = np.where(self.held, w[:, :, :2], far)
+            # the motion draws the slider from far away to the limit
             self.core.follow(motion.q[None], w)
-            ends.append(w)
-        middle = 0.5 * (ends[0] + ends[1])
+            at_limit.append(w)
+        forward, backward = at_limit
         return {
-            "no traction": middle,
-            "limit of friction": ends[0],
-            "limit of friction backward": ends[1],
+            "no traction": 0.5 * (forward + backward),
+            "limit of friction": forward,
+            "limit of friction backward": backward,
         }
 
     def waves(self, response: NDArray) -> NDArray:
-        """Decompose the responses of all blades into travelling waves, by discrete Fourier transform.
+        """Decompose the responses of all blades into waves, by discrete Fourier transform.
 
         Parameters
         ----------
@@ -541,17 +675,22 @@ class Ring:
         Returns
         -------
         (n_blades, 2) float
-            Nodal diameter of the disk, negative against the direction of the excitation, and amplitude (m), the root
-            mean square over the periods; in descending order of amplitude.
+            Nodal diameter of the disk, negative against the direction of the excitation, and
+            amplitude (m), the root mean square over the periods; in descending order of amplitude.
         """
-        amplitude = np.sqrt((np.abs(np.fft.fft(response, axis=1) / self.n) ** 2).mean(axis=0))
+        of_waves = np.abs(np.fft.fft(response, axis=1) / self.n)
+        amplitude = np.sqrt((of_waves**2).mean(axis=0))
         d = np.arange(self.n)
         signed = self.step * np.where(2 * d > self.n, d - self.n, d)
-        backward = 2 * (self.wave % self.n) > self.n
-        return np.column_stack([-signed if backward else signed, amplitude])[np.argsort(-amplitude)]
+        # the excited wave has a positive sign
+        if 2 * (self.wave % self.n) > self.n:
+            signed = -signed
+        return np.column_stack([signed, amplitude])[np.argsort(-amplitude)]
 
     def seeded(self, motion: Motion, share: float, seed: int) -> Motion:
-        """Return the motion with a disturbance of each nodal diameter; otherwise only rounding breaks the symmetry.
+        """Return the motion with a disturbance of each nodal diameter.
+
+        Without disturbances only rounding breaks the symmetry.
 
         Parameters
         ----------
@@ -563,129 +702,186 @@ class Ring:
         """
         if self.n == 1:
             return motion
-        n, rng, out = self.n_coordinates, np.random.default_rng(seed), []
-        excited = next(s for l, s, *_ in self.blocks if l == self._family(1)[0])
+        rng = np.random.default_rng(seed)
         turns = share * np.exp(2j * np.pi * rng.random((len(self.blocks), 2)))
-        for x in (motion.q, motion.v):
-            z = x[:n] + 1j * x[n:]
+        family, _ = self._family(1)
+        excited = next(block.part for block in self.blocks if block.harmonic == family)
+
+        def disturbed(x: NDArray) -> NDArray:
+            z = _as_complex(x)
             wave = z[excited].copy()
-            for (_, s, *_), (forward, backward) in zip(self.blocks, turns):
-                m = min(len(wave), s.stop - s.start)
-                z[s.start : s.start + m] += (forward * wave + backward * wave.conj())[:m]
+            for block, (forward, backward) in zip(self.blocks, turns):
+                start = block.part.start
+                m = min(len(wave), block.part.stop - start)
+                z[start : start + m] += (forward * wave + backward * wave.conj())[:m]
             z[self.real] = z[self.real].real
-            out.append(np.concatenate([z.real, z.imag]))
-        return Motion(out[0], out[1], motion.w)
+            return _as_real(z)
+
+        return Motion(disturbed(motion.q), disturbed(motion.v), motion.w)
+
+
+def _as_complex(x: NDArray) -> NDArray:
+    """Return complex coordinates from their real and imaginary parts."""
+    n = len(x) // 2
+    return x[:n] + 1j * x[n:]
+
+
+def _as_real(z: NDArray) -> NDArray:
+    """Return the real parts of complex coordinates, then the imaginary parts."""
+    return np.concatenate([z.real, z.imag])
+
+
+def _over_root(x: NDArray, damping: NDArray) -> NDArray:
+    """Return x over the root of the damping; infinite without damping, but 0 for x = 0."""
+    undamped = np.where(x > 0.0, np.inf, 0.0)
+    root = np.sqrt(np.where(damping > 0.0, damping, 1.0))
+    return np.where(damping > 0.0, x / root, undamped)
 
 
 def _turn(family: HarmonicBasis, basis: HarmonicBasis, conjugate: bool) -> NDArray:
-    """Return the matrix (m, n) from the coordinates of a harmonic to the coordinates of a family of its nodal diameter.
+    """Return the matrix (m, n) from coordinates of a harmonic to coordinates of its family.
 
-    The nodal diameters may also be conjugate to each other (``conjugate``).
-
-    Residual modes of the two are rotated against each other and span the same flexibility; all other modes are equal.
+    Both describe the same nodal diameter, or with ``conjugate`` nodal diameters that are conjugate
+    to each other.  Residual modes of the two are rotated against each other and span the same
+    flexibility; all other modes are equal.
     """
     if family is basis:
         return np.eye(len(basis.omega2))
-    to, modes = (np.asarray(b.G).reshape(-1, len(b.omega2)) for b in (family, basis))
-    modes = modes.conj() if conjugate else modes
-    left, right = (
-        np.array([c.body == RESIDUAL for c in b.coordinates], bool) for b in (family, basis)
+    family_modes = np.asarray(family.G).reshape(-1, len(family.omega2))
+    modes = np.asarray(basis.G).reshape(-1, len(basis.omega2))
+    if conjugate:
+        modes = modes.conj()
+
+    family_residual = _residual(family)
+    residual = _residual(basis)
+    equal = (~family_residual).sum() == (~residual).sum() and np.allclose(
+        family_modes[:, ~family_residual],
+        modes[:, ~residual],
+        rtol=1e-12,
+        atol=1e-12 * np.abs(family_modes).max(initial=0.0),
     )
-    left, right = (
-        x if x.any() else np.zeros(len(b.omega2), bool) for x, b in ((left, family), (right, basis))
-    )
-    if (~left).sum() != (~right).sum() or not np.allclose(
-        to[:, ~left], modes[:, ~right], rtol=1e-12, atol=1e-12 * np.abs(to).max(initial=0.0)
-    ):
+    if not equal:
         raise SettingError(
             "time integration: expected the modes of one nodal diameter in a harmonic, found others"
         )
-    out = np.zeros((to.shape[1], modes.shape[1]), complex)
-    out[np.flatnonzero(~left), np.flatnonzero(~right)] = 1.0
-    if left.any() and right.any():
-        out[np.ix_(left, right)] = np.linalg.lstsq(to[:, left], modes[:, right], rcond=None)[0]
-    return out
+    turn = np.zeros((family_modes.shape[1], modes.shape[1]), complex)
+    turn[np.flatnonzero(~family_residual), np.flatnonzero(~residual)] = 1.0
+    if family_residual.any() and residual.any():
+        rotation = np.linalg.lstsq(
+            family_modes[:, family_residual], modes[:, residual], rcond=None
+        )[0]
+        turn[np.ix_(family_residual, residual)] = rotation
+    return turn
+
+
+def _residual(basis: HarmonicBasis) -> NDArray:
+    """Return which modes (n_modes,) are residual modes; none if the basis names no coordinates."""
+    if not basis.coordinates:
+        return np.zeros(len(basis.omega2), bool)
+    return np.array([coordinate.body == RESIDUAL for coordinate in basis.coordinates], bool)
 
 
 def transfer(source: Ring, motion: Motion, target: Ring) -> Motion:
     """Return a motion in the coordinates of another structure with the same contact points.
 
-    Modes that the source does not have are at rest, and also the residual modes, which differ between structures.
+    Modes that the source does not have are at rest, and also the residual modes, which differ
+    between structures.
     """
-    n, m = source.n_coordinates, target.n_coordinates
-    blocks = {d: (l, s) for d, (l, s, *_) in zip(source.families, source.blocks)}
-    out = []
-    for x in (motion.q, motion.v):
-        z, y = x[:n] + 1j * x[n:], np.zeros(m, complex)
-        for d, (l, s, *_) in zip(target.families, target.blocks):
-            if d not in blocks:
-                continue
-            harmonic, known = blocks[d]
-            column = {
-                (c.body, c.index): i
-                for i, c in enumerate(source.wide.structure.bases[harmonic].coordinates)
-            }
-            for i, c in enumerate(target.wide.structure.bases[l].coordinates):
-                if c.body != RESIDUAL and (k := column.get((c.body, c.index))) is not None:
-                    y[s.start + i] = z[known.start + k]
-        out.append(np.concatenate([y.real, y.imag]))
-    return Motion(out[0], out[1], motion.w)
+    blocks = dict(zip(source.families, source.blocks))
+    # index of each mode of the target -> index of the same mode of the source
+    same: dict[int, int] = {}
+    for d, block in zip(target.families, target.blocks):
+        if d not in blocks:
+            continue
+        of_source = blocks[d]
+        source_modes = source.wide.structure.bases[of_source.harmonic].coordinates
+        column = {(mode.body, mode.index): i for i, mode in enumerate(source_modes)}
+        for i, mode in enumerate(target.wide.structure.bases[block.harmonic].coordinates):
+            if mode.body != RESIDUAL and (mode.body, mode.index) in column:
+                same_mode = column[mode.body, mode.index]
+                same[block.part.start + i] = of_source.part.start + same_mode
+
+    def transferred(x: NDArray) -> NDArray:
+        z = np.zeros(target.n_coordinates, complex)
+        z[list(same)] = _as_complex(x)[list(same.values())]
+        return _as_real(z)
+
+    return Motion(transferred(motion.q), transferred(motion.v), motion.w)
 
 
 def every_diameter(problem: Problem) -> Problem:
-    """Return the problem with harmonics of all nodal diameters of its sectors that the model contains.
+    """Return the problem with harmonics of all nodal diameters that the model contains.
 
-    With more than :data:`MOST_SECTORS` sectors it has the harmonics of the study and all harmonics up to
-    :data:`MOST_HARMONIC`.
+    With more than :data:`MOST_SECTORS` sectors it has the harmonics of the study and all harmonics
+    up to :data:`MOST_HARMONIC`.
     """
-    order, blades = int(problem.engine_order), problem.model.n_blades
-    n, base = (blades // gcd(blades, order) if order else 1), set(problem.harmonic_numbers)
-    more = set(range(1, (n // 2 if n <= MOST_SECTORS else MOST_HARMONIC) + 1)) - base
-    if problem.settings.fundamental_modes_only or not more:
+    order = int(problem.engine_order)
+    blades = problem.model.n_blades
+    sectors = blades // gcd(blades, order) if order else 1
+    highest = sectors // 2 if sectors <= MOST_SECTORS else MOST_HARMONIC
+    present = set(problem.harmonic_numbers)
+    missing = set(range(1, highest + 1)) - present
+    if problem.settings.fundamental_modes_only or not missing:
         return problem
 
-    contact_forces = (
-        "event_driven"
-        if isinstance(problem.settings.contact_forces, str)
-        else AFT(8 * max(base | more) + 128)
-    )
+    contact_forces = _sampling(problem, max(present | missing))
 
-    def carried(harmonics: set[int]) -> Problem | None:
+    def with_harmonics(harmonics: set[int]) -> Problem | None:
+        """Return the problem with these harmonics, or None if the model lacks their modes."""
         try:
-            with quiet():  # about methods that replace residual modes
+            # about methods that replace residual modes
+            with quiet():
                 wide = problem.replace(
                     harmonics=tuple(sorted(harmonics)), contact_forces=contact_forces
                 )
                 _ = wide.bases
-                return wide if wide.contact.note == problem.contact.note else None
+                same_method = wide.contact.note == problem.contact.note
         except BdamperError:
             return None
+        return wide if same_method else None
 
-    whole = carried(base | more)
-    return whole or carried(base | {l for l in more if carried(base | {l})}) or problem
+    whole = with_harmonics(present | missing)
+    if whole is not None:
+        return whole
+    contained = {harmonic for harmonic in missing if with_harmonics(present | {harmonic})}
+    partial = with_harmonics(present | contained)
+    return problem if partial is None else partial
+
+
+def _sampling(problem: Problem, highest: int) -> str | AFT:
+    """Return the evaluation of contact forces for harmonics up to ``highest``."""
+    if isinstance(problem.settings.contact_forces, str):
+        return "event_driven"
+    return AFT(8 * highest + 128)
 
 
 def ring_of(problem: Problem, preload: float, blades: int | None = None) -> Ring:
-    """Return the equations of motion of all sectors at a preload (N), with every nodal diameter of the model.
+    """Return the equations of motion of all sectors at a preload (N).
+
+    They have every nodal diameter of the model.
 
     Parameters
     ----------
     problem : Problem
     preload : float, N
     blades : int, optional
-        Number of blades of the ring; by default the smallest number after which the excitation repeats.
+        Number of blades of the ring; by default the smallest number after which the excitation
+        repeats.
 
     Raises
     ------
     SettingError
-        If the number of blades of the disk is not a multiple of ``blades``, if ``blades`` is not a multiple of the period
-        of the excitation, or if the model lacks nodal diameters of the ring.
+        If the number of blades of the disk is not a multiple of ``blades``, if ``blades`` is not a
+        multiple of the period of the excitation, or if the model lacks nodal diameters of the ring.
     """
-    N, order, system = problem.model.n_blades, int(problem.engine_order), problem.system(preload)
+    N = problem.model.n_blades
+    order = int(problem.engine_order)
+    system = problem.system(preload)
     least = N // gcd(N, order) if order else 1
     if blades is None or blades == least:
-        wide = every_diameter(problem)
-        return Ring(system, N, order, wide=system if wide is problem else wide.system(preload))
+        same_order = every_diameter(problem)
+        wide = system if same_order is problem else same_order.system(preload)
+        return Ring(system, N, order, wide=wide)
     if not order or N % blades or blades % least:
         sizes = [n for n in range(least, N + 1, least) if N % n == 0]
         raise validation.invalid(
@@ -693,22 +889,18 @@ def ring_of(problem: Problem, preload: float, blades: int | None = None) -> Ring
             f"one of {sizes}, rings that repeat on {N} blades at engine order {order}",
             blades,
         )
-    across = N // blades
-    contact_forces = (
-        "event_driven"
-        if isinstance(problem.settings.contact_forces, str)
-        else AFT(8 * blades + 128)
-    )
-    wide = problem.replace(
-        engine_order=across,
+
+    # an engine order that distinguishes all sectors of the larger ring
+    distinguishing = N // blades
+    larger = problem.replace(
+        engine_order=distinguishing,
         harmonics=tuple(range(1, blades // 2 + 1)),
-        contact_forces=contact_forces,
+        contact_forces=_sampling(problem, blades),
     )
-    contact, others = (
-        problem.contact,
-        wide.contact.residual,
-    )  # with the point springs of the study's first harmonic
-    if contact.residual is not None and others is not None:
-        others = replace(others, flexibility=contact.residual.flexibility, _bases={})
-    wide = wide.given(contact=replace(contact, residual=others))
-    return Ring(system, N, order, wide=wide.system(preload), wide_order=across)
+    # the study's first harmonic determines the point springs
+    contact = problem.contact
+    residual = larger.contact.residual
+    if contact.residual is not None and residual is not None:
+        residual = replace(residual, flexibility=contact.residual.flexibility, _bases={})
+    larger = larger.given(contact=replace(contact, residual=residual))
+    return Ring(system, N, order, wide=larger.system(preload), wide_order=distinguishing)

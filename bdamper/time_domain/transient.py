@@ -1,35 +1,41 @@
 """Time integration period by period, and the criteria for a steady motion.
 
-A :class:`Transient` starts from a harmonic-balance solution or from the end of another time integration, and continues in
-complete periods of the excitation.  Period ``k`` has the response amplitudes
+A :class:`Transient` starts from a harmonic-balance solution or from the end of another time
+integration, and continues in complete periods of the excitation.  Period ``k`` has the response
+amplitudes
 
     X_l(k) = 2/T int_kT^(k+1)T x(t) exp(-i l omega t) dt        (half of this for l = 0).
 
 All statements on a motion in time use these amplitudes and the criteria :data:`CRITERIA`.
 
-**Steady.**  :func:`settle` integrates until the motion is steady or has fallen: a motion falls if its amplitude becomes
-less than the fraction :attr:`SteadyCriteria.jump` of the expected amplitude.  The second half of the n periods so far is
-divided into two quarters, the quarter before is the third; their means m1, m2, m3 differ by d1 = m2 - m1 and d2 = m3 - m2.
-A transient that falls by the factor p = d2/d1 from one quarter to the next changes the mean by another p/(1 - p) d2.  The
-motion is steady if d1, d2 and this change are below :attr:`SteadyCriteria.drift`.  The quarters grow with n, so the scatter
-of a beating motion averages out.  If it does not within :attr:`SteadyCriteria.most` periods, the largest of the three
-changes is the uncertainty of the mean.
+**Steady.**  :func:`settle` integrates until the motion is steady or has fallen: a motion falls if
+its amplitude becomes less than the fraction :attr:`SteadyCriteria.jump` of the expected amplitude.
+The second half of the n periods so far is divided into two quarters, the quarter before is the
+third; their means m1, m2, m3 differ by d1 = m2 - m1 and d2 = m3 - m2.  A transient that falls by
+the factor p = d2/d1 from one quarter to the next changes the mean by another p/(1 - p) d2.  The
+motion is steady if d1, d2 and this change are below :attr:`SteadyCriteria.drift`.  The quarters
+grow with n, so the scatter of a beating motion averages out.  If it does not within
+:attr:`SteadyCriteria.most` periods, the largest of the three changes is the uncertainty of the
+mean.
 
 **Verdict.**  Every 16 periods :func:`judged` compares a motion with the solution at which it began:
 
-* *Left*: the distance exceeds twice the tolerance in each of the last 32 periods, and did not decrease from 16 periods to
-  the next 16.  The motion does not agree.
-* *Settled*: the mean of 16 periods has changed by less than 1 % within 80 periods, and not faster in their second half.
-  The motion agrees if the mean of these 80 periods is within the tolerance, and nine of ten periods within twice the
-  tolerance.  The remaining transient must not change the verdict.
-* *Wanders*: nine of ten periods are not within twice the tolerance in the last 80, and the largest distance and the range
-  exceed the values of the previous 80 periods after their decay.  The motion does not agree.
+* *Left*: the distance exceeds twice the tolerance in each of the last 32 periods, and did not
+  decrease from 16 periods to the next 16.  The motion does not agree.
+* *Settled*: the mean of 16 periods has changed by less than 1 % within 80 periods, and not faster
+  in their second half.  The motion agrees if the mean of these 80 periods is within the tolerance,
+  and nine of ten periods within twice the tolerance.  The remaining transient must not change the
+  verdict.
+* *Wanders*: nine of ten periods are not within twice the tolerance in the last 80, and the largest
+  distance and the range exceed the values of the previous 80 periods after their decay.  The motion
+  does not agree.
 
-**Energy.**  Friction and closed contacts return no more energy than their springs store, so the energy of a motion is
-bounded by its initial energy and the work of the excitation.  Time steps that are too long for the contacts violate this
-bound; the integration fails if the energy exceeds it by the factor :attr:`SteadyCriteria.gain`.  :func:`step_error` judges
-the last ten periods more closely: their energy must balance to :attr:`SteadyCriteria.energy`, and the mean amplitude must
-not exceed a bound that holds for all contacts.
+**Energy.**  Friction and closed contacts return no more energy than their springs store, so the
+energy of a motion is bounded by its initial energy and the work of the excitation.  Time steps that
+are too long for the contacts violate this bound; the integration fails if the energy exceeds it by
+the factor :attr:`SteadyCriteria.gain`.  :func:`step_error` judges the last ten periods more
+closely: their energy must balance to :attr:`SteadyCriteria.energy`, and the mean amplitude must not
+exceed a bound that holds for all contacts.
 """
 
 from __future__ import annotations
@@ -56,21 +62,21 @@ AGREES, DIFFERS, UNDECIDED = "agrees", "does not agree", "undecided"
 class SteadyCriteria:
     """Criteria for motions in time.
 
-    At 50 points the criteria give the same verdict as integrations of up to 960 periods (docs/evidence/measured.md,
-    *Labels in time and long integrations*).
+    At 50 points the criteria give the same verdict as integrations of up to 960 periods
+    (docs/evidence/measured.md, *Labels in time and long integrations*).
 
     Parameters
     ----------
     look : int
         Periods between two checks of a verdict, and of its means.
     window : int
-        Half the number of periods over which a verdict requires a settled amplitude.  Means are also computed over this
-        number of periods.
+        Half the number of periods over which a verdict requires a settled amplitude.  Means are
+        also computed over this number of periods.
     fewest, most : int
         Smallest and largest number of periods of :func:`settle`.
     lasting : int
-        Smallest number of periods of the result of a search.  Near an unstable solution a motion may seem steady for 20
-        periods before it decreases to half.
+        Smallest number of periods of the result of a search.  Near an unstable solution a motion
+        may seem steady for 20 periods before it decreases to half.
     longest : int
         Largest number of periods until a verdict; the 50 points take at most 336.
     tolerance : float
@@ -80,9 +86,9 @@ class SteadyCriteria:
     jump : float
         Fraction of the expected amplitude below which a motion has fallen.
     energy : float
-        Error of the energy balance, relative to the energy supplied, above which the time steps are too long.  On the
-        reference models it is below 0.4 % with 256 steps.  An error of 2 % changes amplitudes by at most 2 %, less than
-        the tolerance.
+        Error of the energy balance, relative to the energy supplied, above which the time steps are
+        too long.  On the reference models it is below 0.4 % with 256 steps.  An error of 2 %
+        changes amplitudes by at most 2 %, less than the tolerance.
     balanced : int
         Periods over which the energy must balance.
     gain : float
@@ -92,24 +98,27 @@ class SteadyCriteria:
     rise : float
         Growth of these waves between two quarters above which the amplitudes of the blades diverge.
     repeats : float
-        Relative change over a period below which a motion repeats: 1e-4 to 3e-4 for periodic motions between folds.
+        Relative change over a period below which a motion repeats: 1e-4 to 3e-4 for periodic
+        motions between folds.
     most_repeated : int
         Largest number of periods of a subharmonic motion.
     pace : int
-        Periods in which a sweep covers the half width of the resonance.  With 15 to 20 periods a motion of the difficult
-        disk falls at 68 µm that is followed to 108 µm with 40.
+        Periods in which a sweep covers the half width of the resonance.  With 15 to 20 periods a
+        motion of the difficult disk falls at 68 µm that is followed to 108 µm with 40.
     stride : int
         Periods between two stored motions of a sweep.
     low, low_places : float, int
-        A sweep ends when ``low_places`` stored motions are below the fraction ``low`` of its highest amplitude.  Solutions
-        below this fraction of the highest solution are another level, not a ripple of the branch.
+        A sweep ends when ``low_places`` stored motions are below the fraction ``low`` of its
+        highest amplitude.  Solutions below this fraction of the highest solution are another level,
+        not a ripple of the branch.
     fine : float
         Relative width of the interval in which a motion falls.
     most_points : int
         Largest number of motions that settle in the search around one motion.
     steps : int
-        Time steps per period of a verdict.  The time steps damp chatter in slip: a motion that decreases to 0.855 of a
-        solution stays at the solution with 256 steps; it decreases to 0.89 with 512 and to 0.860 with 1,024 steps.
+        Time steps per period of a verdict.  The time steps damp chatter in slip: a motion that
+        decreases to 0.855 of a solution stays at the solution with 256 steps; it decreases to 0.89
+        with 512 and to 0.860 with 1,024 steps.
     """
 
     look: int = 16
@@ -152,7 +161,8 @@ class Transient:
     steps : int, optional
         Time steps per period; :data:`~bdamper.time_domain.integration.STEPS` by default.
     blade : int, optional
-        Blade of the amplitude; by default the blade of highest mean over the second half of the periods.
+        Blade of the amplitude; by default the blade of highest mean over the second half of the
+        periods.
 
     Attributes
     ----------
@@ -165,7 +175,8 @@ class Transient:
     stored : list of (int, float)
         Numbers of periods, and the energy (J) that the contact springs store after them.
     memory : float
-        Periods in which a transient of the least damped mode falls to 1/e; contacts alone damp free bodies.
+        Periods in which a transient of the least damped mode falls to 1/e; contacts alone damp free
+        bodies.
 
     Raises
     ------
@@ -181,24 +192,24 @@ class Transient:
         steps: int | None = None,
         blade: int | None = None,
     ) -> None:
-        self.steps = (
-            STEPS if steps is None else validation.integer("steps_per_period", steps, least=16)
-        )
-        self.ring, self.omega, self._blade = ring, omega, blade
+        if steps is None:
+            self.steps = STEPS
+        else:
+            self.steps = validation.integer("steps_per_period", steps, least=16)
+        self.ring = ring
+        self.omega = omega
+        self._blade = blade
         if isinstance(start, Motion):
-            laws = ring.system.structure.points.own
-            width = 2 if laws is None else 2 + laws.width
-            shapes = (2 * ring.n_coordinates,), (ring.n, ring.system.n_points, width)
-            if (start.q.shape, start.w.shape) != shapes:
-                raise SettingError(
-                    f"start: expected a motion of this study, {shapes[0]} coordinates and {shapes[1]} sliders, found "
-                    f"{start.q.shape} and {start.w.shape}"
-                )
-        self.motion = start if isinstance(start, Motion) else ring.start(start, omega, self.steps)
+            _check_motion(ring, start)
+            self.motion = start
+        else:
+            self.motion = ring.start(start, omega, self.steps)
         self.harmonics: list[NDArray] = []
         self.energy: list[NDArray] = []
         self.memory = float(omega / (np.pi * max(ring.least_damping, 1e-9 * omega)))
-        self._held = self._given = ring.energy(self.motion)
+        # energy of the motion, and its bound: initial energy, work of excitation and damping
+        self._energy_now = ring.energy(self.motion)
+        self._energy_supplied = self._energy_now
         self.stored: list[tuple[int, float]] = [(0, ring.contact_energy(self.motion))]
 
     @property
@@ -208,7 +219,10 @@ class Transient:
 
     @property
     def response(self) -> NDArray:
-        """Response (n_periods, n_harmonics + 1) of the blade with the phases of the first blade, complex, m."""
+        """Response (n_periods, n_harmonics + 1) of the blade, complex, m.
+
+        It has the phases of the first blade.
+        """
         turn = 2.0 * np.pi * self.blade * self.ring.wave / self.ring.n
         amplitudes = np.array(self.harmonics)[:, self.blade]
         return np.asarray(amplitudes * np.exp(-1j * turn * np.arange(amplitudes.shape[1])))
@@ -236,18 +250,24 @@ class Transient:
             If the energy exceeds its bound.
         """
         raise_if_stopped()
-        begin, end = ends or (self.omega, None)
+        if ends is None:
+            begin = self.omega
+            end = None
+        else:
+            begin, end = ends
         path = self.ring.integrate(self.motion, begin, self.steps, periods, omega_end=end)
         self.motion = path.motion
         self.harmonics.extend(path.harmonics)
         self.energy.extend(path.energy)
         self.stored.append((len(self.harmonics), self.ring.contact_energy(self.motion)))
         for work, damping, _, rise in path.energy:
-            self._held, self._given = self._held + rise, self._given + abs(work) + abs(damping)
-            if not self._held <= CRITERIA.gain * self._given:
+            self._energy_now = self._energy_now + rise
+            self._energy_supplied = self._energy_supplied + abs(work) + abs(damping)
+            # also if an energy is NaN
+            if not self._energy_now <= CRITERIA.gain * self._energy_supplied:
                 raise EnergyGained(
-                    f"the time integration gains energy near {begin / TWO_PI:.6g} Hz, an error of its time steps: "
-                    f"raise steps_per_period, {self.steps} now"
+                    f"the time integration gains energy near {begin / TWO_PI:.6g} Hz, "
+                    f"an error of its time steps: raise steps_per_period, {self.steps} now"
                 )
 
     def run(
@@ -267,21 +287,38 @@ class Transient:
             while len(self.harmonics) < periods:
                 self.advance()
                 count()
-                if decided is not None and len(self.harmonics) % CRITERIA.look == 0 and decided():
+                at_check = len(self.harmonics) % CRITERIA.look == 0
+                if decided is not None and at_check and decided():
                     break
         return work.interrupted
 
     def sweep(self, end: float, periods: int, count: Callable[[], Any] = lambda: None) -> None:
-        """Integrate periods over which the frequency changes to ``end`` (rad/s), its square linearly in the angle."""
+        """Integrate periods over which the frequency changes to ``end`` (rad/s).
+
+        Its square changes linearly in the angle.
+        """
         square = np.linspace(self.omega**2, end**2, periods + 1)
         for first in range(0, periods, CRITERIA.look):
             last = min(first + CRITERIA.look, periods)
-            self.advance(
-                last - first, (float(np.sqrt(square[first])), float(np.sqrt(square[last])))
-            )
+            omega_first = float(np.sqrt(square[first]))
+            omega_last = float(np.sqrt(square[last]))
+            self.advance(last - first, (omega_first, omega_last))
             for _ in range(last - first):
                 count()
         self.omega = end
+
+
+def _check_motion(ring: Ring, motion: Motion) -> None:
+    """Raise SettingError if a motion does not have the coordinates and sliders of the ring."""
+    laws = ring.system.structure.points.own
+    width = 2 if laws is None else 2 + laws.width
+    coordinates = (2 * ring.n_coordinates,)
+    sliders = (ring.n, ring.system.n_points, width)
+    if motion.q.shape != coordinates or motion.w.shape != sliders:
+        raise SettingError(
+            f"start: expected a motion of this study, {coordinates} coordinates and {sliders} "
+            f"sliders, found {motion.q.shape} and {motion.w.shape}"
+        )
 
 
 class SteadyPoint(NamedTuple):
@@ -319,7 +356,7 @@ class SteadyPoint(NamedTuple):
 
     @property
     def half_range(self) -> float:
-        """Mean over the same periods of half of the peak-to-peak response of the highest blade, m."""
+        """Half of the peak-to-peak response of the highest blade, mean over the same periods, m."""
         return float(half_range(second_half(self.transient.response)).mean())
 
     @property
@@ -329,7 +366,8 @@ class SteadyPoint(NamedTuple):
 
 
 def settle(transient: Transient, expected: float, parting: bool = False) -> SteadyPoint:
-    """Integrate until a motion is steady or has fallen, for at most :attr:`SteadyCriteria.most` periods.
+    """Integrate until a motion is steady or has fallen, for at most :attr:`SteadyCriteria.most`
+    periods.
 
     Parameters
     ----------
@@ -337,54 +375,99 @@ def settle(transient: Transient, expected: float, parting: bool = False) -> Stea
     expected : float, m
         Amplitude near which the motion may stay.
     parting : bool
-        Whether to continue for :attr:`SteadyCriteria.lasting` periods, and while the motion in other waves than the excited
-        wave grows.
+        Whether to continue for :attr:`SteadyCriteria.lasting` periods, and while the motion in
+        other waves than the excited wave grows.
     """
+    fewest = CRITERIA.lasting if parting else CRITERIA.fewest
     while True:
         transient.advance(CRITERIA.fewest // 2)
         n = len(transient.harmonics)
+        # the means need at least these periods
         if n < CRITERIA.fewest:
             continue
-        over = n >= CRITERIA.most
-        change, (before, last) = _change(transient, over)
-        fallen = (last if over else max(before, last)) < CRITERIA.jump * expected
-        gone = fallen or min(before, last) > CRITERIA.gain * expected
-        grows = parting and outside(transient, n // 4)[0] > CRITERIA.rise
-        enough = n >= (CRITERIA.lasting if parting else CRITERIA.fewest)
-        if gone or over or (enough and abs(change) <= CRITERIA.drift and not grows):
-            return SteadyPoint(transient, not gone, change)
+        at_end = n >= CRITERIA.most
+        change, before, last = _change(transient, at_end)
+        # a beat may be low in one quarter, but at the end the latest quarter counts
+        highest = last if at_end else max(before, last)
+        fallen = highest < CRITERIA.jump * expected
+        grown = min(before, last) > CRITERIA.gain * expected
+        if fallen or grown or at_end:
+            return SteadyPoint(transient, not (fallen or grown), change)
+        parts = parting and outside(transient, n // 4).growth > CRITERIA.rise
+        if n >= fewest and abs(change) <= CRITERIA.drift and not parts:
+            return SteadyPoint(transient, True, change)
 
 
-def _change(transient: Transient, over: bool) -> tuple[float, NDArray]:
-    """Return the largest relative change of the mean, over the last three quarters or expected, and the last two means.
+class _Change(NamedTuple):
+    """Change of a mean amplitude.
 
-    At the end (``over``) a change that grows from one quarter to the next counts as a beat, without an expected change.
+    Parameters
+    ----------
+    largest : float
+        Largest relative change over the last three quarters, or expected.
+    before, last : float, m
+        Means of the last two quarters.
     """
-    amplitude, k = transient.amplitude, len(transient.harmonics) // 4
-    m = amplitude[-3 * k :].reshape(3, k).mean(axis=1)
-    d1, d2 = np.diff(m) / max(m[2], 1e-300)
-    slowest = np.exp(-k / transient.memory)
+
+    largest: float
+    before: float
+    last: float
+
+
+def _change(transient: Transient, at_end: bool) -> _Change:
+    """Return the change of the mean amplitude over the last three quarters of the periods.
+
+    At the end a change that grows from one quarter to the next counts as a beat, without an
+    expected change.
+    """
+    amplitude = transient.amplitude
+    quarter = len(transient.harmonics) // 4
+    means = amplitude[-3 * quarter :].reshape(3, quarter).mean(axis=1)
+    d1, d2 = np.diff(means) / max(means[2], 1e-300)
+    slowest = np.exp(-quarter / transient.memory)
     ratio = max(d2 / d1, 0.0) if d1 else 0.0
-    p = 0.0 if over and ratio >= 1.0 else min(ratio, slowest)
-    ahead = d2 * (
-        p / (1.0 - p) + 0.5 * (over and p > 0.0)
-    )  # at the end from the mean of the last two quarters
-    return float(max(d1, d2, ahead, key=abs)), m[1:]
+    beats = at_end and ratio >= 1.0
+    p = 0.0 if beats else min(ratio, slowest)
+    # the rest of a geometric series
+    rest = p / (1.0 - p)
+    if at_end and p > 0.0:
+        # from the mean of the last two quarters, half a change before the last one
+        rest = rest + 0.5
+    ahead = d2 * rest
+    return _Change(float(max(d1, d2, ahead, key=abs)), means[1], means[2])
 
 
-def outside(transient: Transient, periods: int) -> tuple[float, float]:
-    """Return the growth and the size of the motion in other waves than the excited wave, in the last periods.
+class OtherWaves(NamedTuple):
+    """Motion in other waves than the excited wave.
 
-    The size is the root mean square over the last ``periods`` of the fraction of the motion in other waves.  The growth is
-    its ratio to the size in the same number of periods before, or 0 if the size is below a tenth of the disturbances.
+    Parameters
+    ----------
+    growth : float
+        Ratio of the size to the size in the same number of periods before, or 0 if the size is
+        below a tenth of the disturbances.
+    size : float
+        Root mean square of the fraction of the motion in other waves.
     """
+
+    growth: float
+    size: float
+
+
+def outside(transient: Transient, periods: int) -> OtherWaves:
+    """Return the motion in other waves than the excited wave, in the last periods."""
     away = transient.ring.departure(transient.blades[-2 * periods :])
-    before, last = (float(np.sqrt((half**2).mean())) for half in np.array_split(away, 2))
-    return (last / before if last > 0.1 * CRITERIA.seed and before > 0.0 else 0.0), last
+    first_half, second = np.array_split(away, 2)
+    before = float(np.sqrt((first_half**2).mean()))
+    last = float(np.sqrt((second**2).mean()))
+    if last > 0.1 * CRITERIA.seed and before > 0.0:
+        return OtherWaves(last / before, last)
+    return OtherWaves(0.0, last)
 
 
 class Verdict(NamedTuple):
-    """Verdict on a motion, its reason, and the number of last periods whose amplitudes the reason gives."""
+    """Verdict on a motion, its reason, and the number of last periods whose amplitudes the reason
+    gives.
+    """
 
     verdict: str
     reason: str
@@ -392,10 +475,11 @@ class Verdict(NamedTuple):
 
 
 def energy_error(transient: Transient, periods: int = CRITERIA.balanced) -> float:
-    """Return the error of the energy balance over the last periods, relative to the energy that they are supplied with.
+    """Return the error of the energy balance over the last periods, relative to the energy that
+    they are supplied with.
 
-    The time steps lose or gain the rest of the work after damping, contacts and rise.  The contacts return what
-    their springs have stored; anything beyond is an error too.
+    The time steps lose or gain the rest of the work after damping, contacts and rise.  The contacts
+    return what their springs have stored; anything beyond is an error too.
     """
     end, stored_now = transient.stored[-1]
     earlier = [mark for mark in transient.stored if mark[0] <= end - periods]
@@ -409,25 +493,32 @@ def energy_error(transient: Transient, periods: int = CRITERIA.balanced) -> floa
     dissipated = contacts - stored
     given = np.array([work, -damping, -dissipated, -(rise + stored), -numerical])
     supplied = float(given[given > 0.0].sum())
-    # far from a resonance little energy is supplied; a thousandth of the energy of the vibration is the loss of a
-    # damping ratio of 1e-4
+    # far from a resonance little energy is supplied; a thousandth of the energy of the vibration is
+    # the loss of a damping ratio of 1e-4
     vibration = (end - begin) * transient.ring.vibration_energy(transient.motion, transient.omega)
     return float(max(abs(numerical), -dissipated) / max(supplied + 1e-3 * vibration, 1e-300))
 
 
 def step_error(transient: Transient) -> str:
-    """Return why the time steps are too long for a motion, its energy or its amplitude, with a remedy, or ""."""
-    remedy, error = f"use steps_per_period={4 * transient.steps}", energy_error(transient)
+    """Return why the time steps are too long for a motion, its energy or its amplitude, with a
+    remedy, or "".
+    """
+    remedy = f"use steps_per_period={4 * transient.steps}"
+    error = energy_error(transient)
+    # also if the error is NaN
     if not error <= CRITERIA.energy:
         return f"the time steps change its energy by {percent(error)} per period; {remedy}"
     bound = transient.ring.amplitude_bound(transient.omega)
     mean = np.abs(second_half(transient.blades)).mean(axis=0)
-    # a ring of one sector may contain all blades of a mistuned disk
-    amplitude = float(np.sqrt((mean**2).mean())) if transient.ring.n > 1 else float(mean.max())
+    if transient.ring.n > 1:
+        amplitude = float(np.sqrt((mean**2).mean()))
+    else:
+        # a ring of one sector may contain all blades of a mistuned disk
+        amplitude = float(mean.max())
     if not amplitude <= (1.0 + CRITERIA.tolerance) * bound:
         return (
-            f"its amplitude of {amount(amplitude, 'm')} is higher than without contacts, where damping allows "
-            f"{amount(bound, 'm')}; {remedy}"
+            f"its amplitude of {amount(amplitude, 'm')} is higher than without contacts, "
+            f"where damping allows {amount(bound, 'm')}; {remedy}"
         )
     return ""
 
@@ -445,63 +536,100 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
     memory : float
         Periods in which a transient of the least damped mode falls to 1/e.
     """
-    look, span = CRITERIA.look, 2 * CRITERIA.window
+    look = CRITERIA.look
+    span = 2 * CRITERIA.window
     off = amplitude / max(expected, 1e-300) - 1.0
     n = len(off)
     last = float(off[-look:].mean())
     if n < 3 * look:
-        few = f"{100.0 * last:+.2g} % in the mean of {min(n, look)} periods; at least {3 * look} decide"
-        return Verdict(UNDECIDED, few, min(n, look))
-    away = np.abs(off[-2 * look :])
-    if (away > 2.0 * tolerance).all() and abs(last) >= abs(float(off[-2 * look : -look].mean())):
-        return Verdict(
-            DIFFERS, f"{100.0 * last:+.2g} %, and no way back within {look} periods", look
-        )
+        periods = min(n, look)
+        few = f"{_in_percent(last)} % in the mean of {periods} periods; at least {3 * look} decide"
+        return Verdict(UNDECIDED, few, periods)
+
+    # left
+    distances = np.abs(off[-2 * look :])
+    before = float(off[-2 * look : -look].mean())
+    if (distances > 2.0 * tolerance).all() and abs(last) >= abs(before):
+        left = f"{_in_percent(last)} %, and no way back within {look} periods"
+        return Verdict(DIFFERS, left, look)
     if n < span + look:
-        few = f"{100.0 * last:+.2g} % so far; {span + look} periods show whether it has settled"
+        few = f"{_in_percent(last)} % so far; {span + look} periods show whether it has settled"
         return Verdict(UNDECIDED, few, look)
-    then, between, now = (float(off[n - k - look : n - k].mean()) for k in (span, span // 2, 0))
-    drift = (now - then) / max(1.0 + then, 1e-300)
-    slowest = float(np.exp(-CRITERIA.window / memory))
-    fades = drift_fades(between - then, now - between, slowest)
-    recent, earlier = off[-span:], off[-2 * span : -span]
+
+    # settled
+    recent = off[-span:]
+    mean = float(recent.mean())
     stays = float(np.quantile(np.abs(recent), 0.9)) <= 2.0 * tolerance
-    within = abs(float(recent.mean())) <= tolerance
-    spread = f"{100.0 * recent.min():+.2g} to {100.0 * recent.max():+.2g} %"
-    settled = abs(drift) < CRITERIA.drift and fades
-    if settled and (not stays or within == (abs(last + to_come(amplitude, memory)) <= tolerance)):
-        shown = f", {spread}" if np.ptp(recent) > CRITERIA.drift else ""
-        text = f"{100.0 * float(recent.mean()):+.2g} % in the mean of {span} periods{shown}"
+    within = abs(mean) <= tolerance
+    still_within = abs(last + to_come(amplitude, memory)) <= tolerance
+    same_verdict_later = not stays or within == still_within
+    drift, fades = _drift(off, memory)
+    spread = f"{_in_percent(recent.min())} to {_in_percent(recent.max())} %"
+    if abs(drift) < CRITERIA.drift and fades and same_verdict_later:
+        text = f"{_in_percent(mean)} % in the mean of {span} periods"
+        if np.ptp(recent) > CRITERIA.drift:
+            text = f"{text}, {spread}"
         return Verdict(AGREES if stays and within else DIFFERS, text, span)
-    sizes, before = (np.array([np.abs(x).max(), np.ptp(x)]) for x in (recent, earlier))
-    if (
-        n >= 2 * span
-        and not stays
-        and (sizes > min(1.0, 1.1 * np.exp(-span / memory)) * before).all()
-    ):
+
+    # wanders
+    if n >= 2 * span and not stays and _wanders(recent, off[-2 * span : -span], memory):
         return Verdict(DIFFERS, f"wanders, {spread} within {span} periods", span)
     changing = (
-        f"{100.0 * last:+.2g} %, changed by {100.0 * drift:+.2g} % within {span} periods; a transient takes "
-        f"{memory:.3g} periods to fall to 1/e"
+        f"{_in_percent(last)} %, changed by {_in_percent(drift)} % within {span} periods; "
+        f"a transient takes {memory:.3g} periods to fall to 1/e"
     )
     return Verdict(UNDECIDED, changing, look)
 
 
-def drift_fades(change_before: float, change_now: float, slowest: float) -> bool:
-    """Return whether the mean becomes constant, judged by its changes over two windows of equal length.
+def _in_percent(share: float) -> str:
+    """Return a share as a number in per cent, with its sign."""
+    return f"{100.0 * share:+.2g}"
 
-    Near a fold the mean of a motion may drift at almost constant speed and fall after hundreds of periods.  A transient
-    becomes ``slowest`` times as large from one window to the next, or smaller.  For slower changes the rest of a geometric
-    series counts: if each change is r times the one before, r/(1 - r) times the last one is still to come.
+
+def _drift(off: NDArray, memory: float) -> tuple[float, bool]:
+    """Return the relative drift of a mean within two windows, and whether it fades.
+
+    ``off`` (n_periods,) contains the relative distances from a solution.
     """
+    look = CRITERIA.look
+    window = CRITERIA.window
+    n = len(off)
+    two_windows_ago = float(off[n - 2 * window - look : n - 2 * window].mean())
+    one_window_ago = float(off[n - window - look : n - window].mean())
+    now = float(off[n - look :].mean())
+    drift = (now - two_windows_ago) / max(1.0 + two_windows_ago, 1e-300)
+    slowest = float(np.exp(-window / memory))
+    fades = drift_fades(one_window_ago - two_windows_ago, now - one_window_ago, slowest)
+    return drift, fades
+
+
+def _wanders(recent: NDArray, earlier: NDArray, memory: float) -> bool:
+    """Return whether largest distance and range exceed those before, after their decay."""
+    decay = min(1.0, 1.1 * np.exp(-len(recent) / memory))
+    farther = np.abs(recent).max() > decay * np.abs(earlier).max()
+    wider = np.ptp(recent) > decay * np.ptp(earlier)
+    return bool(farther and wider)
+
+
+def drift_fades(change_before: float, change_now: float, slowest: float) -> bool:
+    """Return whether the mean becomes constant, judged by its changes over two windows of equal
+    length.
+
+    Near a fold the mean of a motion may drift at almost constant speed and fall after hundreds of
+    periods.  A transient becomes ``slowest`` times as large from one window to the next, or
+    smaller.  For slower changes the rest of a geometric series counts: if each change is r times
+    the one before, r/(1 - r) times the last one is still to come.
+    """
+    # rounding
     if abs(change_now) <= 1e-3 * CRITERIA.drift:
-        return True  # rounding
+        return True
     # changes of opposite sign belong to a beat
     if change_before * change_now <= 0.0:
         return abs(change_now) <= 1.2 * abs(change_before)
     ratio = change_now / change_before
+    # a small change that grows can end in a fall
     if abs(change_now) <= 0.1 * CRITERIA.drift:
-        return ratio <= 1.02  # a small change that grows can end in a fall
+        return ratio <= 1.02
     if ratio >= 1.0:
         return False
     # rounding and a small ripple may slow a transient by a few per cent
@@ -518,8 +646,9 @@ def second_half(x: NDArray) -> NDArray:
 def to_come(amplitude: NDArray, memory: float) -> float:
     """Return the estimated remaining relative change of the mean.
 
-    The means of the last two quarters differ by a transient that falls to 1/e in ``memory`` periods.  If it falls by a
-    factor p from one quarter to the next, the remaining change is p/(1 - p) times the difference.
+    The means of the last two quarters differ by a transient that falls to 1/e in ``memory``
+    periods.  If it falls by a factor p from one quarter to the next, the remaining change is p/(1 -
+    p) times the difference.
     """
     before, last = np.array_split(second_half(amplitude), 2)
     change = float((last.mean() - before.mean()) / max(float(last.mean()), 1e-300))
@@ -528,14 +657,21 @@ def to_come(amplitude: NDArray, memory: float) -> float:
 
 
 def repeats_after(harmonics: NDArray) -> int | None:
-    """Return the smallest number of periods after which the amplitudes (n_periods, n_harmonics + 1) repeat, or None."""
-    x = harmonics[:, 1:]
-    last = np.arange(len(x) - max(1, len(x) // 4), len(x))
-    size = max(float(np.linalg.norm(x[last], axis=1).max()), 1e-300)
+    """Return the smallest number of periods after which a motion repeats, or None.
+
+    Parameters
+    ----------
+    harmonics : (n_periods, n_harmonics + 1) complex, m
+        Amplitudes of each period.
+    """
+    vibration = harmonics[:, 1:]
+    n_periods = len(vibration)
+    last = np.arange(n_periods - max(1, n_periods // 4), n_periods)
+    amplitude = max(float(np.linalg.norm(vibration[last], axis=1).max()), 1e-300)
     for n in range(1, CRITERIA.most_repeated + 1):
-        if (
-            last[0] >= n
-            and np.linalg.norm(x[last] - x[last - n], axis=1).max() <= CRITERIA.repeats * size
-        ):
+        if last[0] < n:
+            return None
+        change = np.linalg.norm(vibration[last] - vibration[last - n], axis=1)
+        if change.max() <= CRITERIA.repeats * amplitude:
             return n
     return None
