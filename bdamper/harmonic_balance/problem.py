@@ -1,8 +1,8 @@
 """One model under one set of settings, and the equations that follow from them.
 
-:class:`Problem` computes on demand, once: the modal bases of the harmonics, the contact stiffness, and the static states
-under the preload (paper, section 3.1).  :class:`LoadCase`, ``problem.at(preload)``, contains the harmonic balance equations
-at one preload (paper, Eq. (16)).
+:class:`Problem` computes on demand, once: the modal bases of the harmonics, the contact stiffness,
+and the static states under the preload (paper, section 3.1).  :class:`LoadCase`,
+``problem.at(preload)``, contains the harmonic balance equations at one preload (paper, Eq. (16)).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from bdamper.model.kinematics import (
     damper_drag,
     in_flow,
     standard_rigid_modes,
-)  # fmt: skip
+)
 from bdamper.model.loads import Response, direction_vector
 from bdamper.model.residual_vectors import completed
 from bdamper.model.structure import ContactStiffness, Model
@@ -59,8 +59,9 @@ FORCES = (1e-100, 1e100)
 
 
 def made_once(make: Callable[[Any], T]) -> cached_property[T]:
-    """Return a cached property without the lock of Python 3.11, which all instances share and which would serialise
-    threads.
+    """Return a cached property without the lock of Python 3.11.
+
+    All instances share the lock, and it would serialise threads.
     """
     prop = cached_property(make)
     prop.lock = nullcontext()  # type: ignore[attr-defined]
@@ -80,28 +81,34 @@ class Problem:
     Raises
     ------
     SettingError, ModelError
-        If the model lacks a nodal diameter that the harmonics need, or gaps or stiffness values are not valid.
+        If the model lacks a nodal diameter that the harmonics need, or gaps or stiffness values are
+        not valid.
     """
 
     settings: Settings
     _given: InitVar[Mapping[str, Any] | None] = None
 
     def __post_init__(self, _given: Mapping[str, Any] | None) -> None:
-        for name, part in (_given or {}).items():
-            object.__setattr__(self, name, part)
-        _ = (
-            self.modal_bases,
-            self.point_gaps,
-        )  # raise if a nodal diameter is missing or a gap is not valid
+        if _given is not None:
+            for name, part in _given.items():
+                object.__setattr__(self, name, part)
+        # these raise if a nodal diameter is missing or a gap is not valid
+        _ = self.modal_bases
+        _ = self.point_gaps
         self._check_stiffness()
 
     def _check_stiffness(self) -> None:
-        """Check method names and user-defined values; data that a method needs are checked when it is used."""
+        """Check method names and user-defined values; data that a method needs are checked when it
+        is used.
+        """
         method = self.settings.contact_stiffness
+        if method is None:
+            return
         from_model = isinstance(method, str) and method == "model"
-        if method is not None and not from_model:
+        if not from_model:
             check_method(method)
-        if from_model or not (method is None or isinstance(method, str | ResidualModes)):
+        values = not isinstance(method, str | ResidualModes)
+        if from_model or values:
             _ = self.contact
 
     @property
@@ -131,10 +138,13 @@ class Problem:
 
     @property
     def damping_text(self) -> str:
-        """Modal damping ratio of the retained elastic modes: the setting, or the value of the model for each body."""
-        own = self.settings.damping_ratio
-        if own is not None:
-            return f"{own:.3g}"
+        """Modal damping ratio of the retained elastic modes.
+
+        It is the setting, or the value of the model for each body.
+        """
+        setting = self.settings.damping_ratio
+        if setting is not None:
+            return f"{setting:.3g}"
         texts = {}
         for name, modes in self.coupling.modes.items():
             body = self.model.bodies[name]
@@ -162,7 +172,10 @@ class Problem:
         return Problem(changed)
 
     def given(self, **parts: Any) -> Problem:
-        """Return the same problem with the given derived quantities; others that exist are reused."""
+        """Return the same problem with the given derived quantities.
+
+        Others that exist are reused.
+        """
         derived = {
             name: part
             for name, part in vars(self).items()
@@ -180,31 +193,39 @@ class Problem:
     @made_once
     def coupling(self) -> Coupling:
         """Model with the retained modes and interfaces."""
-        bodies = {
-            name: standard_rigid_modes(self.model, body) if body.kind == "free" else body
-            for name, body in self.model.bodies.items()
-        }
+        settings = self.settings
+        bodies = dict(self.model.bodies)
+        for name in settings.free_bodies:
+            bodies[name] = standard_rigid_modes(self.model, bodies[name])
         model = replace(self.model, bodies=bodies)
-        if self.settings.contact_points is not None:
-            model = unite_contact_points(model, self.settings.contact_points)
-        blade_modes = min(self.settings.blade_modes, self.settings.most_modes("constrained"))
-        modes = blade_modes, self.settings.by_body("damper_modes"), self.settings.rigid_modes
-        model, retained = completed(model, self.settings.places, *modes)
+        if settings.contact_points is not None:
+            model = unite_contact_points(model, settings.contact_points)
+        model, retained = completed(
+            model,
+            settings.places,
+            min(settings.blade_modes, settings.most_modes("constrained")),
+            settings.by_body("damper_modes"),
+            settings.rigid_modes,
+        )
         return Coupling(
             model,
-            self.settings.interface_names(),
+            settings.interface_names(),
             retained,
             int(self.engine_order),
-            self.settings.fundamental_modes_only,
+            settings.fundamental_modes_only,
         )
 
     @made_once
     def body_loads(self) -> Mapping[str, float] | None:
-        """Newtons on bodies per newton of preload; at a rotor speed in proportion to mass times radius."""
+        """Newtons on bodies per newton of preload; at a rotor speed in proportion to mass times
+        radius.
+        """
         if self.settings.speed is None:
             return self.settings.load_per_preload
+        # the preload is the load of the first body
         arms = centrifugal_arms(self.model)
-        return {name: arm / next(iter(arms.values())) for name, arm in arms.items()}
+        first = next(iter(arms.values()), 1.0)
+        return {name: arm / first for name, arm in arms.items()}
 
     @made_once
     def static_basis(self) -> HarmonicBasis:
@@ -216,61 +237,65 @@ class Problem:
         if residual is None:
             return basis
         modes = residual.basis(harmonic)
-        return joined(
-            basis,
-            replace(modes, omega2=float(self.settings.contact_stiffness_factor) * modes.omega2),
-        )
+        factor = float(self.settings.contact_stiffness_factor)
+        return joined(basis, replace(modes, omega2=factor * modes.omega2))
 
     @made_once
     def modal_bases(self) -> list[HarmonicBasis]:
-        """Modes of the bodies for each harmonic, the mean first."""
-        return [
-            self.coupling.basis(l)
-            if l in self.settings.active_harmonics
-            else self.coupling.no_basis()
-            for l in range(self.harmonic_numbers[-1] + 1)
-        ]
+        """Modes of the bodies for the mean and each harmonic."""
+        active = self.settings.active_harmonics
+        bases = []
+        for harmonic in range(self.harmonic_numbers[-1] + 1):
+            if harmonic in active:
+                bases.append(self.coupling.basis(harmonic))
+            else:
+                bases.append(self.coupling.no_basis())
+        return bases
 
     @made_once
     def bases(self) -> list[HarmonicBasis]:
         """Modes of each harmonic, the mean first; residual modes are last."""
-        bases = [
-            self._with_residual(b, l) if l in self.settings.active_harmonics else b
-            for l, b in enumerate(self.modal_bases)
-        ]
-        return [
-            self.damped(b, int(self.engine_order) * l if l else None) for l, b in enumerate(bases)
-        ]
+        active = self.settings.active_harmonics
+        bases = []
+        for harmonic, basis in enumerate(self.modal_bases):
+            if harmonic in active:
+                basis = self._with_residual(basis, harmonic)
+            wave = int(self.engine_order) * harmonic if harmonic else None
+            bases.append(self.damped(basis, wave))
+        return bases
 
     def damped(self, basis: HarmonicBasis, wave: int | None) -> HarmonicBasis:
-        """Return the modes of a harmonic with the damping of the settings; ``wave`` is None for a mean."""
-        if self.settings.damping_ratio is not None:
-            basis = replace(
-                basis, damping_ratio=np.where(basis.omega2 > 0.0, self.settings.damping_ratio, 0.0)
-            )
-        if wave is not None and isinstance(flow := self.settings.aerodynamic_damping, Mapping):
+        """Return the modes of a harmonic with the damping of the settings.
+
+        ``wave`` is None for a mean.
+        """
+        ratio = self.settings.damping_ratio
+        if ratio is not None:
+            basis = replace(basis, damping_ratio=np.where(basis.omega2 > 0.0, ratio, 0.0))
+        flow = self.settings.aerodynamic_damping
+        if wave is not None and isinstance(flow, Mapping):
             basis = in_flow(basis, self.model, flow, wave)
-        drag = self._damper_drag
-        return (
-            replace(
-                basis, drag=basis.drag + np.array([drag.get(c, 0.0) for c in basis.coordinates])
-            )
-            if drag
-            else basis
-        )
+        if not self._damper_drag:
+            return basis
+        of_damper = [self._damper_drag.get(mode, 0.0) for mode in basis.coordinates]
+        return replace(basis, drag=basis.drag + np.array(of_damper))
 
     @made_once
     def _damper_drag(self) -> dict[Coordinate, float]:
-        ratio, drag = (
-            self.settings.by_body(name) for name in ("damper_damping_ratio", "damper_drag")
-        )
+        """Damping constants of the motions of free bodies by the settings; empty without any."""
+        ratio = self.settings.by_body("damper_damping_ratio")
+        drag = self.settings.by_body("damper_drag")
         if not (any(ratio.values()) or any(drag.values())):
             return {}
-        held = (self.friction_points | self.coupling.spring_points)[:, None]
-        springs = held * np.concatenate(
-            [self.tangential_stiffness, self.point_stiffness[:, 2:]], axis=1
-        )
+        # springs of stuck friction faces and of spring interfaces
+        held = self.friction_points | self.coupling.spring_points
+        springs = held[:, None] * self.stick_stiffness
         return damper_drag(self.model, self.static_basis, springs, ratio, drag)
+
+    @property
+    def stick_stiffness(self) -> NDArray:
+        """Stiffness (n_points, 3) of points that stick, N/m; 0 along t1 and t2 without friction."""
+        return np.concatenate([self.tangential_stiffness, self.point_stiffness[:, 2:]], axis=1)
 
     @made_once
     def friction(self) -> NDArray:
@@ -285,17 +310,20 @@ class Problem:
 
     @made_once
     def contact(self) -> Contact:
-        """Contact stiffness by the method of the settings, with residual modes if the method has them."""
+        """Contact stiffness by the method of the settings, with residual modes if the method has
+        them.
+        """
         return contact_of(self.settings, self.coupling, self.friction)
 
     @property
     def stiffness_method(self) -> Any:
-        """Method or values of the contact stiffness; the method in use if the settings have none."""
+        """Method or values of the contact stiffness; without a setting the method in use."""
         if self.settings.contact_stiffness is not None:
             return self.settings.contact_stiffness
         try:
             return self.contact.method
-        except (ModelError, SettingError):  # no method is possible; an analysis raises the error
+        except (ModelError, SettingError):
+            # no method is possible; an analysis raises the error
             return "residual_modes"
 
     @made_once
@@ -303,17 +331,16 @@ class Problem:
         """Contact stiffness of each interface."""
         factor = float(self.settings.contact_stiffness_factor)
         user_laws = self.settings.own_laws()
-        kinds = {name: face.kind for name, face in self.model.interfaces.items()}
-        scaled = {
-            n: replace(c, stiffness=factor * c.stiffness) for n, c in self.contact.stiffness.items()
-        }
-        springs = {
-            n: self.contact.stiffness[n] if kinds[n] in ("cubic", "spring") else c
-            for n, c in scaled.items()
-        }
-        return springs | {
-            name: law.springs(len(springs[name].stiffness), name) for name, law in user_laws.items()
-        }
+        stiffness = {}
+        for name, contact in self.contact.stiffness.items():
+            if name in user_laws:
+                stiffness[name] = user_laws[name].springs(len(contact.stiffness), name)
+            elif self.model.interfaces[name].kind in ("cubic", "spring"):
+                # the factor applies to contacts alone
+                stiffness[name] = contact
+            else:
+                stiffness[name] = replace(contact, stiffness=factor * contact.stiffness)
+        return stiffness
 
     @made_once
     def own_laws(self) -> OwnLaws | None:
@@ -323,14 +350,16 @@ class Problem:
         ]
         if not user_laws:
             return None
+        # the static response in stick gives the laws a length
         basis = self.bases[1]
         G = basis.G.reshape(-1, basis.G.shape[-1])
         K = np.diag(basis.omega2) + G.conj().T @ (self.point_stiffness.reshape(-1, 1) * G)
-        x = np.abs(G @ np.linalg.lstsq(K, self.modal_force(1), rcond=None)[0]).reshape(
-            -1, 3
-        )  # static response in stick
-        length = max(float(x[rows].max()) for rows, *_ in user_laws)
-        return OwnLaws.of(user_laws, self.point_stiffness[:, 2], self.point_gaps, length or 1.0)
+        q = np.linalg.lstsq(K, self.modal_force(1), rcond=None)[0]
+        x = np.abs(G @ q).reshape(-1, 3)
+        length = max(float(x[rows].max()) for rows, _, _ in user_laws)
+        if length == 0.0:
+            length = 1.0
+        return OwnLaws.of(user_laws, self.point_stiffness[:, 2], self.point_gaps, length)
 
     @made_once
     def point_stiffness(self) -> NDArray:
@@ -339,7 +368,10 @@ class Problem:
 
     @made_once
     def point_gaps(self) -> NDArray:
-        """Initial gaps (n_points,) of the surfaces, m; negative for interference, 0 at points with a given load."""
+        """Initial gaps (n_points,) of the surfaces, m.
+
+        They are negative for interference, and 0 at points with a given load.
+        """
         return gaps(self.coupling, self.settings)
 
     @made_once
@@ -347,17 +379,18 @@ class Problem:
         """Number of the contact law of each point (n_points,), see :mod:`bdamper.contact.laws`."""
         law = np.full(self.coupling.n_points, LAW_NORMAL)
         for name in self.coupling.interfaces:
-            kind = self.model.interfaces[name].kind
-            law[self.coupling.rows(name)] = {"cubic": LAW_CUBIC, "spring": LAW_BONDED}.get(
-                kind, LAW_NORMAL
-            )
-        for name, value in self.settings.law_by_interface().items():
             rows = self.coupling.rows(name)
-            law[rows] = (
-                value
-                if value in (LAW_BONDED, LAW_USER)
-                else np.where(self.friction[rows] > 0.0, value, LAW_NORMAL)
-            )
+            kind = self.model.interfaces[name].kind
+            if kind == "cubic":
+                law[rows] = LAW_CUBIC
+            elif kind == "spring":
+                law[rows] = LAW_BONDED
+        for name, friction_law in self.settings.law_by_interface().items():
+            rows = self.coupling.rows(name)
+            if friction_law in (LAW_BONDED, LAW_USER):
+                law[rows] = friction_law
+            else:
+                law[rows] = np.where(self.friction[rows] > 0.0, friction_law, LAW_NORMAL)
         return law
 
     @made_once
@@ -368,39 +401,47 @@ class Problem:
     @made_once
     def tangential_stiffness(self) -> NDArray:
         """Contact stiffness (n_points, 2) along t1 and t2, N/m; 0 without friction or bond."""
-        return (
-            self.point_stiffness[:, :2]
-            * ~np.isin(self.point_laws, (LAW_NORMAL, LAW_CUBIC))[:, None]
-        )
+        frictionless = np.isin(self.point_laws, (LAW_NORMAL, LAW_CUBIC))
+        return self.point_stiffness[:, :2] * ~frictionless[:, None]
 
     @made_once
     def friction_points(self) -> NDArray:
-        """Whether each point belongs to a friction interface, (n_points,) bool; its friction coefficient may be 0."""
-        faces = [self.coupling.model.interfaces[name] for name in self.coupling.interfaces]
-        return np.concatenate([np.full(face.n_points, face.kind == "friction") for face in faces])
+        """Whether each point belongs to a friction interface, (n_points,) bool.
+
+        Its friction coefficient may be 0.
+        """
+        parts = []
+        for name in self.coupling.interfaces:
+            face = self.coupling.model.interfaces[name]
+            parts.append(np.full(face.n_points, face.kind == "friction"))
+        return np.concatenate(parts)
 
     @made_once
     def damper_load(self) -> tuple[NDArray, NDArray]:
-        """Modal force (n_modes,), and displacement (n_points, 3) that the modes do not contain, per newton of preload."""
+        """Load per newton of preload.
+
+        Modal force (n_modes,), and displacement (n_points, 3) that the modes do not contain.
+        """
         force, shift = self.coupling.load(self.body_loads)
         loads = normal_loads(self.coupling, self.settings, "load_per_preload")
-        return self._padded(force), shift + approach(
-            self._unloaded, loads, np.zeros(len(loads), bool), "load_per_preload"
-        )
+        nothing_touches = np.zeros(len(loads), bool)
+        shift = shift + approach(self._unloaded, loads, nothing_touches, "load_per_preload")
+        return self._padded(force), shift
 
     @made_once
     def fixed_load(self) -> tuple[NDArray, NDArray]:
-        """Modal force (n_modes,), N kg^-1/2, and displacement (n_points, 3), m, without preload; see ``damper_load``."""
+        """Load without preload, as ``damper_load``.
+
+        Modal force (n_modes,), N kg^-1/2, and displacement (n_points, 3), m.
+        """
         constant_loads = self.settings.constant_loads or {}
-        force, shift = self.coupling.load(
-            {name: float(np.sum(load)) for name, load in constant_loads.items()}
-        )
+        total = {name: float(np.sum(load)) for name, load in constant_loads.items()}
+        force, shift = self.coupling.load(total)
         constant = self._padded(self.coupling.constant_force())
         loads = normal_loads(self.coupling, self.settings, "constant_loads")
         touching = np.isin(self.coupling.interface_of, self.settings.constrained_faces)
-        shift = shift + approach(
-            replace(self._unloaded, constant_force=constant), loads, touching, "constant_loads"
-        )
+        unloaded = replace(self._unloaded, constant_force=constant)
+        shift = shift + approach(unloaded, loads, touching, "constant_loads")
         return constant + self._padded(force), shift
 
     def _padded(self, force: NDArray) -> NDArray:
@@ -408,35 +449,43 @@ class Problem:
         return np.pad(force, (0, self.static_basis.n_modes - len(force)))
 
     def location_modes(self, location: str, harmonic: int) -> NDArray:
-        """Return the motion (3, n_modes) of a location per coordinate of a harmonic; residual modes do not move it."""
+        """Return the motion (3, n_modes) of a location per coordinate of a harmonic.
+
+        Residual modes do not move it.
+        """
         modes = self.coupling.location_modes(location, harmonic)
-        return np.pad(modes, ((0, 0), (0, self.bases[harmonic].n_modes - modes.shape[1])))
+        n_residual = self.bases[harmonic].n_modes - modes.shape[1]
+        return np.pad(modes, ((0, 0), (0, n_residual)))
 
     def modal_force(self, harmonic: int) -> NDArray:
         """Return the complex modal excitation (n_modes,) of an excited harmonic."""
-        forces = self.settings.excited[harmonic]
-        return np.sum(
-            [
-                (along @ self.location_modes(at, harmonic)).conj() * force
-                for at, along, force in forces
-            ],
-            axis=0,
-        )
+        modal = []
+        for location, direction, force in self.settings.excited[harmonic]:
+            motion = direction @ self.location_modes(location, harmonic)
+            modal.append(motion.conj() * force)
+        return np.sum(modal, axis=0)
 
     @made_once
     def response_rows(self) -> list[NDArray]:
-        """Row (n_modes,) of each harmonic, from the mean on, whose product with the modal amplitudes is the response."""
+        """Row (n_modes,) of each harmonic, from the mean on.
+
+        Its product with the modal amplitudes is the response.
+        """
         return self.rows_at(self.settings.response_location)
 
     def rows_at(self, place: Response) -> list[NDArray]:
-        """Return a row (n_modes,) of each harmonic, from the mean on, for the motion of a location along a direction."""
+        """Return a row (n_modes,) of each harmonic, from the mean on.
+
+        It gives the motion of a location along a direction.
+        """
         direction = direction_vector(place.direction, "response direction")
-        rows = [
-            direction @ self.location_modes(place.location, l)
-            if l in self.settings.active_harmonics
-            else np.zeros(0)
-            for l in range(self.harmonic_numbers[-1] + 1)
-        ]
+        active = self.settings.active_harmonics
+        rows = []
+        for harmonic in range(self.harmonic_numbers[-1] + 1):
+            if harmonic in active:
+                rows.append(direction @ self.location_modes(place.location, harmonic))
+            else:
+                rows.append(np.zeros(0))
         rows[0] = rows[0].real
         return rows
 
@@ -450,47 +499,63 @@ class Problem:
     @made_once
     def _unloaded(self) -> StaticSystem:
         """Static contact problem without loads."""
+        basis = self.static_basis
+        kn = self.point_stiffness[:, 2]
+        cubic = self.point_laws == LAW_CUBIC
+        no_force = np.zeros(basis.n_modes)
         return StaticSystem(
-            stiffness=self.static_basis.omega2,
-            G=self.static_basis.G.real,
+            stiffness=basis.omega2,
+            G=basis.G.real,
             kt=self.tangential_stiffness,
-            kn=self.point_stiffness[:, 2],
+            kn=kn,
             mu=self.friction,
-            n0=-self.point_stiffness[:, 2] * self.point_gaps,
-            force=(none := np.zeros(self.static_basis.n_modes)),
+            n0=-kn * self.point_gaps,
+            force=no_force,
             shift=np.zeros((self.coupling.n_points, 3)),
-            constant_force=none,
+            constant_force=no_force,
             bonded=self.bonded_points,
-            cubic=self.point_stiffness[:, :2] * (self.point_laws == LAW_CUBIC)[:, None],
+            cubic=self.point_stiffness[:, :2] * cubic[:, None],
             own=self.own_laws,
         )
 
     @made_once
     def displacement_by_rotation(self) -> NDArray:
-        """Displacement (n_points, 3) of the faces by the centrifugal load of the blade at the rotor speed, m."""
-        return (self.settings.speed or 0.0) ** 2 * self.coupling.closing_by_rotation()
+        """Displacement (n_points, 3) of the faces at the rotor speed, m.
+
+        The centrifugal load of the blade causes it.
+        """
+        speed = self.settings.speed or 0.0
+        return speed**2 * self.coupling.closing_by_rotation()
 
     def static_system(self, preload: float) -> StaticSystem:
-        """Return the static contact problem under the loads; displacement by rotation and preload rise together from 0."""
-        (force, shift), (fixed, moved) = self.damper_load, self.fixed_load
+        """Return the static contact problem under the loads."""
+        force, shift = self.damper_load
+        constant_force, constant_shift = self.fixed_load
+        # displacement by rotation and preload rise together from 0
         if preload > 0.0:
             shift = shift + self.displacement_by_rotation / preload
         else:
-            moved = moved + self.displacement_by_rotation
+            constant_shift = constant_shift + self.displacement_by_rotation
         return replace(
-            self._unloaded, force=force, shift=shift, constant_force=fixed, constant_shift=moved
+            self._unloaded,
+            force=force,
+            shift=shift,
+            constant_force=constant_force,
+            constant_shift=constant_shift,
         )
 
     @made_once
     def _surfaces(self) -> dict[str, Any]:
         """Geometry and friction of the contact points, for static states."""
         faces = [self.coupling.model.interfaces[name] for name in self.coupling.interfaces]
-        places = {
-            name: np.concatenate([getattr(f, name) for f in faces])
-            for name in ("points", "frame", "area")
+        return {
+            "points": np.concatenate([face.points for face in faces]),
+            "frame": np.concatenate([face.frame for face in faces]),
+            "area": np.concatenate([face.area for face in faces]),
+            "friction": self.friction,
+            "on_friction_face": self.friction_points,
+            "interface": self.coupling.interface_of,
         }
-        contact = {"friction": self.friction, "on_friction_face": self.friction_points}
-        return places | contact | {"interface": self.coupling.interface_of}
 
     @one_thread
     def static(self, preload: float, history: Sequence[float] | None = None) -> PreloadState:
@@ -500,7 +565,8 @@ class Problem:
         ----------
         preload : float, N
         history : sequence of float, optional
-            Load factors, up and down, through which the load passes from zero.  Default: ``load_history`` of the study.
+            Load factors, up and down, through which the load passes from zero.  Default:
+            ``load_history`` of the study.
 
         Returns
         -------
@@ -508,45 +574,68 @@ class Problem:
             State at the last load factor.
         """
         preload = self.check_preload(preload)
-        factors = (
-            self.settings.load_history if history is None else check_history("history", history)
-        )
-        key, settings = (preload, *factors), self.settings
+        if history is None:
+            factors = self.settings.load_history
+        else:
+            factors = check_history("history", history)
+        key = preload, *factors
         if key not in self.static_states:
-            watch, system, state = CostMeter(), self.static_system(preload), None
-            if (
-                len(factors) == 1
-                and preload > 0.0
-                and not (settings.residual_slip_std or settings.constant_loads)
-            ):
-                # scale the state of one fixed load, so that results do not depend on the order of calls
-                of = (1.0, 1.0, preload * np.any(self.displacement_by_rotation))
-                unit = self.static_states.get(of) or replace(
-                    static_state(system, 1.0), **self._surfaces
-                )
-                self.static_states[of] = unit
-                state = scaled_state(system, unit, factors[0] * preload)
+            watch = CostMeter()
+            system = self.static_system(preload)
+            state = None
+            slips_at_assembly = self.settings.residual_slip_std or self.settings.constant_loads
+            if len(factors) == 1 and preload > 0.0 and not slips_at_assembly:
+                state = self._scaled_static(system, preload, factors[0])
             if state is None:
-                offset = assembly_offsets(
-                    settings.residual_slip_std, settings.residual_slip_seed, self.friction
-                )
-                for factor in factors:
-                    state = static_state(system, factor * preload, start=state, offset=offset)
-                    if not state.converged:
-                        break
-                assert state is not None
+                state = self._loaded_static(system, preload, factors)
                 watch.count(state.iterations)
             self.static_states[key] = replace(state, cost=watch.read(), **self._surfaces)
         return self.static_states[key]
 
+    def _scaled_static(
+        self, system: StaticSystem, preload: float, factor: float
+    ) -> PreloadState | None:
+        """Scale the static state of one fixed load, or return None if states do not scale.
+
+        The fixed load keeps results independent of the order of calls.
+        """
+        # the displacement by rotation makes the system depend on the preload
+        system_of = preload * np.any(self.displacement_by_rotation)
+        key = 1.0, 1.0, system_of
+        if key not in self.static_states:
+            self.static_states[key] = replace(static_state(system, 1.0), **self._surfaces)
+        return scaled_state(system, self.static_states[key], factor * preload)
+
+    def _loaded_static(
+        self, system: StaticSystem, preload: float, factors: Sequence[float]
+    ) -> PreloadState:
+        """Compute the static state after all load factors, or up to the first without a state."""
+        settings = self.settings
+        offset = assembly_offsets(
+            settings.residual_slip_std, settings.residual_slip_seed, self.friction
+        )
+        state = None
+        for factor in factors:
+            state = static_state(system, factor * preload, start=state, offset=offset)
+            if not state.converged:
+                break
+        assert state is not None
+        return state
+
     def wedge_friction(self, preload: float = 1.0) -> WedgeFriction:
-        """Return the range of normal forces that statics and friction allow; it identifies a self-locking wedge."""
+        """Return the range of normal forces that statics and friction allow.
+
+        It identifies a self-locking wedge.
+        """
         return wedge_friction(
             self.coupling, self.friction, self.check_preload(preload), self.body_loads
         )
 
     def check_preload(self, preload: float) -> float:
-        """Check and return a preload (N); raise SettingError if it is negative or acts on no body."""
+        """Check and return a preload (N).
+
+        Raises SettingError if it is negative or acts on no body.
+        """
         preload = validation.number("preload", preload, least=0.0, unit="N")
         if preload > 0.0 and not self.carries_load:
             raise SettingError(
@@ -563,13 +652,16 @@ class Problem:
     def why_no_load(self) -> str:
         """Reason why no load acts on a damper."""
         loaded = [
-            n
-            for n, b in self.model.bodies.items()
-            if b.load is not None and np.any(b.load.generalised)
+            name
+            for name, body in self.model.bodies.items()
+            if body.load is not None and np.any(body.load.generalised)
         ]
         if not loaded:
             return "no body of the model carries a load"
-        return f"the study leaves out the motions of {loaded} along the load (rigid_modes={self.settings.rigid_modes})"
+        return (
+            f"the study leaves out the motions of {loaded} along the load "
+            f"(rigid_modes={self.settings.rigid_modes})"
+        )
 
     # ---- harmonic balance ----
 
@@ -635,33 +727,40 @@ class LoadCase:
     def stuck_springs(self, *, touching: bool = False) -> NDArray:
         """Return linear springs (n_points, 3) for stick: points closed by the preload do not slip.
 
-        With ``touching``, points in contact at assembly also count as closed, with a warning, if their interface has no
-        free body and no point closed by the preload.
+        With ``touching``, points in contact at assembly also count as closed, with a warning, if
+        their interface has no free body and no point closed by the preload.
         """
-        problem, state = self.problem, self.equilibrium
-        closed = ~(state.status == OPEN).any(axis=1) & ~problem.coupling.spring_points
-        for name in problem.coupling.friction_faces if touching else ():
-            rows, face = problem.coupling.rows(name), problem.model.interfaces[name]
-            bodies = [problem.model.bodies[body] for body in (face.body_a, face.body_b)]
-            touch = problem.point_gaps[rows] <= 0.0
-            if any(
-                body.load is not None for body in bodies
-            ):  # lumped masses: the load may open the contact permanently
-                touch &= state.closing[rows] >= 0.0
-            if (
-                touch.any()
-                and not closed[rows].any()
-                and not any(body.kind == "free" for body in bodies)
-            ):
-                closed[rows] = touch
-                warn(
-                    f"interface '{name}' touches without a normal load: its touching points count as stuck, although they "
-                    "carry no load at rest; load_per_preload=, constant_loads= or a negative gap press it"
-                )
-        springs = np.concatenate(
-            [problem.tangential_stiffness, problem.point_stiffness[:, 2:]], axis=1
-        )
-        return springs * closed[:, None]
+        problem = self.problem
+        closed = ~(self.equilibrium.status == OPEN).any(axis=1) & ~problem.coupling.spring_points
+        if touching:
+            for name in problem.coupling.friction_faces:
+                rows = problem.coupling.rows(name)
+                if not closed[rows].any():
+                    closed[rows] = self._touching(name)
+        return problem.stick_stiffness * closed[:, None]
+
+    def _touching(self, name: str) -> NDArray:
+        """Return which points (n,) of an interface without normal load touch, with a warning.
+
+        No point does if the interface has a free body.
+        """
+        problem = self.problem
+        face = problem.model.interfaces[name]
+        rows = problem.coupling.rows(name)
+        touch = problem.point_gaps[rows] <= 0.0
+        bodies = [problem.model.bodies[body] for body in (face.body_a, face.body_b)]
+        if any(body.kind == "free" for body in bodies):
+            return np.zeros_like(touch)
+        # lumped masses: the load may open the contact permanently
+        if any(body.load is not None for body in bodies):
+            touch &= self.equilibrium.closing[rows] >= 0.0
+        if touch.any():
+            warn(
+                f"interface '{name}' touches without a normal load: its touching points count as "
+                "stuck, although they carry no load at rest; load_per_preload=, constant_loads= or "
+                "a negative gap press it"
+            )
+        return touch
 
     @property
     def equations(self) -> Equations[Sector]:
@@ -670,61 +769,94 @@ class LoadCase:
 
     @made_once
     def sector(self) -> Sector:
-        """Data of the equations; StaticError if there is no static state, SettingError if nothing is excited or the
-        force is not finite.
+        """Data of the equations.
+
+        Raises StaticError if there is no static state, and SettingError if nothing is excited or
+        the force is not finite.
         """
         problem = self.problem
-        forces = {harmonic: problem.modal_force(harmonic) for harmonic in problem.settings.excited}
-        vibration = max(float(np.abs(e).max()) for e in forces.values())
-        least, most = FORCES
-        if not least <= np.abs(forces[1]).max() <= vibration <= most:
-            at = problem.settings.excitation
-            raise SettingError(
-                f"excitation: expected a force that works on the modes of harmonic 1, with modal forces from {least:g} to "
-                f"{most:g}, found {at.amplitude:g} N at '{at.location}', {at.direction}"
-            )
-        state, layout = self.equilibrium, problem.layout
-        load, constant = problem.damper_load[0], problem.fixed_load[0]
-        force, mean = np.zeros(layout.n_unknowns), layout.slices(0)[0]
-        force[mean] = (state.load * load + constant)[mean]
-        for harmonic, e in forces.items():
-            force[np.r_[layout.slices(harmonic)]] = np.append(e.real, -e.imag)
-        shift = problem.static_system(self.preload).shift_at(state.load)
-        if not problem.settings.bias:
-            shift = shift + problem.static_basis.G.real @ state.q
-        points = PointArrays(
-            kt=problem.point_stiffness[:, :2] * (problem.point_laws != LAW_NORMAL)[:, None],
-            kn=problem.point_stiffness[:, 2],
-            mu=problem.friction,
-            n0=-problem.point_stiffness[:, 2] * problem.point_gaps,
-            slider=np.where(problem.bonded_points[:, None], 0.0, state.slider),
-            law=problem.point_laws.copy(),
-            shift=shift,
-            own=problem.own_laws,
-            memory=state.memory,
-        )
+        settings = problem.settings
+        force, vibration = self._modal_forces()
+        state = self.equilibrium
+        points = self._points(state)
         bases = problem.bases
-        if not problem.settings.separation or not problem.settings.variable_normal_load:
+        if not settings.separation or not settings.variable_normal_load:
             bases, points = without_separation(
                 bases,
                 points,
                 state,
                 problem.friction_points,
-                constant_load=not problem.settings.variable_normal_load,
+                constant_load=not settings.variable_normal_load,
             )
-        pressed = np.einsum("pdm,pd->m", problem.static_basis.G.real, state.force)
-        static = max(
-            float(np.abs(state.load * load).max()), float(np.abs(pressed).max()), vibration
-        )
+
+        load, _ = problem.damper_load
+        by_load = float(np.abs(state.load * load).max())
+        by_contacts = np.einsum("pdm,pd->m", problem.static_basis.G.real, state.force)
+        static = max(by_load, float(np.abs(by_contacts).max()), vibration)
+        _, most = FORCES
         validation.check(
             static <= most,
             "load_per_preload",
             f"static forces on the modes up to {most:g}",
             f"{static:.3g}",
         )
-        scale = (static or 1.0, vibration or static or 1.0)
-        springs = problem.point_stiffness * problem.coupling.spring_points[:, None]
-        sampling = problem.settings.contact_forces
         return Sector(
-            bases, points, force, problem.response_rows, sampling, scale, springs, problem.bases
+            bases=bases,
+            points=points,
+            force=force,
+            response_rows=problem.response_rows,
+            contact_forces=settings.contact_forces,
+            force_scale=(static, vibration),
+            springs=problem.point_stiffness * problem.coupling.spring_points[:, None],
+            spring_bases=problem.bases,
+        )
+
+    def _modal_forces(self) -> tuple[NDArray, float]:
+        """Return the forces (n_unknowns,) of mean and harmonics, and the largest force that
+        vibrates.
+
+        Raises SettingError if nothing is excited or the force is not finite.
+        """
+        problem = self.problem
+        forces = {harmonic: problem.modal_force(harmonic) for harmonic in problem.settings.excited}
+        vibration = max(float(np.abs(modal).max()) for modal in forces.values())
+        least, most = FORCES
+        if not least <= np.abs(forces[1]).max() <= vibration <= most:
+            excitation = problem.settings.excitation
+            raise SettingError(
+                "excitation: expected a force that works on the modes of harmonic 1, with modal "
+                f"forces from {least:g} to {most:g}, found {excitation.amplitude:g} N at "
+                f"'{excitation.location}', {excitation.direction}"
+            )
+
+        layout = problem.layout
+        load, _ = problem.damper_load
+        constant_force, _ = problem.fixed_load
+        force = np.zeros(layout.n_unknowns)
+        mean = layout.slices(0)[0]
+        force[mean] = (self.equilibrium.load * load + constant_force)[mean]
+        for harmonic, modal in forces.items():
+            rows = np.r_[layout.slices(harmonic)]
+            force[rows] = np.append(modal.real, -modal.imag)
+        return force, vibration
+
+    def _points(self, state: PreloadState) -> PointArrays:
+        """Return the contact points, with the sliders of a static state."""
+        problem = self.problem
+        kn = problem.point_stiffness[:, 2]
+        tangential = problem.point_laws != LAW_NORMAL
+        shift = problem.static_system(self.preload).shift_at(state.load)
+        if not problem.settings.bias:
+            # the mean stays where the static state is
+            shift = shift + problem.static_basis.G.real @ state.q
+        return PointArrays(
+            kt=problem.point_stiffness[:, :2] * tangential[:, None],
+            kn=kn,
+            mu=problem.friction,
+            n0=-kn * problem.point_gaps,
+            slider=np.where(problem.bonded_points[:, None], 0.0, state.slider),
+            law=problem.point_laws.copy(),
+            shift=shift,
+            own=problem.own_laws,
+            memory=state.memory,
         )
