@@ -267,11 +267,10 @@ def follow_line(
 
     with progress_bar(progress, *search.limits, "run-up") as search.on_point:
         search.cover(find_start)
-    status, reason, left = ending(search.pieces, *search.limits)
+    end = ending(search.pieces, *search.limits)
+    end = replace(end, missing_ranges=(*end.missing_ranges, *search.lost))
     lowest = _nearest(family, equations, low).problem
-    curve = as_curve(
-        lowest, search, (status, reason, (*left, *search.lost)), kind="run-up", preload=np.nan
-    )
+    curve = as_curve(lowest, search, end, kind="run-up", preload=np.nan)
     harmonics = responses(equations, np.column_stack([curve.unknowns, TWO_PI * curve.frequency]))
     speed = TWO_PI * curve.frequency / order
     curve = replace(

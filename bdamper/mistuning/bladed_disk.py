@@ -183,14 +183,14 @@ def frequency_response(
         return point
 
     search.cover(find_start)
-    status, reason, left_out = ending(search.pieces, low, high)
+    end = ending(search.pieces, low, high)
+    end = replace(end, missing_ranges=(*end.missing_ranges, *search.lost))
     points = [point for point, _ in in_order(search.pieces)]
     blades = np.array([whole.structure.responses(point.y[:-1]) for point in points])
     # an empty array needs its shape
     blades = blades.reshape(-1, disk.n_blades, whole.n_harmonics + 1)
-    ended = status, reason, (*left_out, *search.lost)
     curve = as_curve(
-        disk.structure.tuned, search, ended, kind="response", preload=float(preload), blades=blades
+        disk.structure.tuned, search, end, kind="response", preload=float(preload), blades=blades
     )
     return replace(
         curve, harmonics=highest_blade(blades), unknowns=np.zeros((len(curve), 0)), **disk.record()

@@ -73,9 +73,9 @@ def evaluation_budget(system: Equations) -> int:
     It corresponds to OPERATIONS for the size of the problem, between FEWEST_EVALUATIONS and
     MOST_EVALUATIONS.  An ordinary curve of some 100 points takes 300 to 700.
     """
-    return int(
-        min(max(OPERATIONS / float(system.work[:3].sum()), FEWEST_EVALUATIONS), MOST_EVALUATIONS)
-    )
+    operations_per_evaluation = float(system.work[:3].sum())
+    budget = max(OPERATIONS / operations_per_evaluation, FEWEST_EVALUATIONS)
+    return int(min(budget, MOST_EVALUATIONS))
 
 
 class LeftOut(NamedTuple):
@@ -94,12 +94,9 @@ class LeftOut(NamedTuple):
     why: str
 
     def __str__(self) -> str:
-        where = (
-            f"{self.low:.6g} Hz"
-            if self.high == self.low
-            else f"{self.low:.6g} to {self.high:.6g} Hz"
-        )
-        return f"{where}: {self.why}"
+        if self.high == self.low:
+            return f"{self.low:.6g} Hz: {self.why}"
+        return f"{self.low:.6g} to {self.high:.6g} Hz: {self.why}"
 
     @property
     def amplitude(self) -> float:
@@ -109,8 +106,9 @@ class LeftOut(NamedTuple):
     @property
     def at_middle(self) -> str:
         """Reason with the middle of the part, for example "unbounded at 30 Hz: no damping"."""
-        what, _, cause = self.why.partition(": ")
-        return f"{what} at {0.5 * (self.low + self.high):.6g} Hz: {cause}"
+        kind, _, cause = self.why.partition(": ")
+        middle = 0.5 * (self.low + self.high)
+        return f"{kind} at {middle:.6g} Hz: {cause}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,90 +138,116 @@ def in_order(pieces: Sequence[Piece]) -> list[tuple[Correction, Piece]]:
 
     Two paths from one solution in opposite directions are joined.
     """
-    out: list[tuple[Correction, Piece]] = []
-    for before, piece in zip([None, *pieces], pieces):
-        points = [(p, piece) for p in piece.path.points]
-        if (
-            before is None
-            or not before.path.points
-            or not piece.inside
-            or before.branch != piece.branch
-        ):
-            out += points
-            continue
-        first = len(out) - len(before.path.points)
-        out[first] = replace(out[first][0], kind="regular"), before
-        out[first:first] = points[:0:-1]
-    return out
+    ordered: list[tuple[Correction, Piece]] = []
+    before: Piece | None = None
+    for piece in pieces:
+        points = [(point, piece) for point in piece.path.points]
+        if before is not None and _other_way(before, piece):
+            # the common start, which stands once, is no end of the branch
+            first = len(ordered) - len(before.path.points)
+            start, _ = ordered[first]
+            ordered[first] = replace(start, kind="regular"), before
+            ordered[first:first] = points[:0:-1]
+        else:
+            ordered += points
+        before = piece
+    return ordered
+
+
+def _other_way(before: Piece, piece: Piece) -> bool:
+    """Return whether a path is the other way from the solution at which the one before starts."""
+    return bool(before.path.points) and piece.inside and before.branch == piece.branch
 
 
 def _gaps(pieces: Sequence[Piece], low: float, high: float) -> Iterator[tuple[float, float]]:
+    """Yield all parts of the interval without a solution, also narrow ones (rad/s)."""
+    ranges = []
+    for piece in pieces:
+        if piece.path.points:
+            frequencies = [point.y[-1] for point in piece.path.points]
+            ranges.append((min(frequencies), max(frequencies)))
     reached = low
-    paths = ([p.y[-1] for p in piece.path.points] for piece in pieces if piece.path.points)
-    for a, b in sorted((min(omega), max(omega)) for omega in paths):
-        if a > reached * (1.0 + 1e-12):
-            yield reached, a
-        reached = max(reached, b)
+    for bottom, top in sorted(ranges):
+        if bottom > reached * (1.0 + 1e-12):
+            yield reached, bottom
+        reached = max(reached, top)
     if reached < high * (1.0 - 1e-12):
         yield reached, high
 
 
 def uncovered(pieces: Sequence[Piece], low: float, high: float) -> list[tuple[float, float]]:
     """Return the gaps of the interval that are too wide for a complete curve."""
-    return [gap for gap in _gaps(pieces, low, high) if gap[1] - gap[0] > GAP * (high - low)]
+    widest = GAP * (high - low)
+    return [gap for gap in _gaps(pieces, low, high) if _width(gap) > widest]
 
 
-def ending(
-    pieces: Sequence[Piece], low: float, high: float
-) -> tuple[str, str, tuple[LeftOut, ...]]:
-    """Return status and reason of a curve from its pieces, and its omissions.
+def _width(gap: tuple[float, float]) -> float:
+    low, high = gap
+    return high - low
+
+
+@dataclass(frozen=True)
+class SearchEnd:
+    """How a search for a curve ended.
+
+    Parameters
+    ----------
+    status, reason : str
+    missing_ranges : tuple of LeftOut
+        Omissions.
+    """
+
+    status: str
+    reason: str
+    missing_ranges: tuple[LeftOut, ...]
+
+
+def ending(pieces: Sequence[Piece], low: float, high: float) -> SearchEnd:
+    """Return how the search for a curve over an interval (rad/s) ended, from its pieces.
 
     "complete" means solutions at every frequency of the interval, except for gaps below a
     thousandth of its width.  The omissions are these gaps, and paths that ended within the
     interval.
     """
-    gaps = uncovered(pieces, low, high)
-    left = _left_out(pieces, low, high)
+    missing_ranges = _left_out(pieces, low, high)
     for piece in pieces:
         if piece.path.status == "interrupted":
-            return INTERRUPTED, piece.path.reason, left
-    reasons = "; ".join(
-        dict.fromkeys(f"{piece.path.status} ({piece.path.reason})" for piece in pieces)
-    )
+            return SearchEnd(INTERRUPTED, piece.path.reason, missing_ranges)
+    of_paths = [f"{piece.path.status} ({piece.path.reason})" for piece in pieces]
+    reasons = "; ".join(dict.fromkeys(of_paths))
     if not any(piece.path.points for piece in pieces):
-        return NOT_FOUND, reasons, left
+        return SearchEnd(NOT_FOUND, reasons, missing_ranges)
+    gaps = uncovered(pieces, low, high)
     if gaps:
-        a, b = max(gaps, key=lambda gap: gap[1] - gap[0])
-        return (
-            INCOMPLETE,
-            f"{NO_SOLUTION} from {a / TWO_PI:.6g} to {b / TWO_PI:.6g} Hz: {reasons}",
-            left,
-        )
-    through = (
-        piece.path.reason
-        for piece in pieces
-        if piece.path.status == "complete" and not piece.inside
-    )
-    return COMPLETE, next(through, "separate branches cover the interval"), left
+        bottom, top = max(gaps, key=_width)
+        gap = f"{NO_SOLUTION} from {bottom / TWO_PI:.6g} to {top / TWO_PI:.6g} Hz"
+        return SearchEnd(INCOMPLETE, f"{gap}: {reasons}", missing_ranges)
+    for piece in pieces:
+        if _connects_both_ends(piece):
+            return SearchEnd(COMPLETE, piece.path.reason, missing_ranges)
+    return SearchEnd(COMPLETE, "separate branches cover the interval", missing_ranges)
+
+
+def _connects_both_ends(piece: Piece) -> bool:
+    return piece.path.status == "complete" and not piece.inside
 
 
 def _left_out(pieces: Sequence[Piece], low: float, high: float) -> tuple[LeftOut, ...]:
-    out = [
-        LeftOut(float(a) / TWO_PI, float(b) / TWO_PI, NO_SOLUTION)
-        for a, b in _gaps(pieces, low, high)
-    ]
+    """Return all gaps of the interval, and the ends of paths that broke off."""
+    omissions = set()
+    for bottom, top in _gaps(pieces, low, high):
+        omissions.add(LeftOut(float(bottom) / TWO_PI, float(top) / TWO_PI, NO_SOLUTION))
     for piece in pieces:
         path = piece.path
-        if path.points and path.status not in ("complete", "turned back", "closed"):
-            ends = path.tangle or (path.points[-1].y[-1],) * 2
-            out.append(
-                LeftOut(
-                    float(ends[0]) / TWO_PI,
-                    float(ends[1]) / TWO_PI,
-                    f"{path.status}: {path.reason}",
-                )
-            )
-    return tuple(sorted(set(out)))
+        if not path.points or path.status in ("complete", "turned back", "closed"):
+            continue
+        if path.tangle:
+            bottom, top = path.tangle
+        else:
+            bottom = top = path.points[-1].y[-1]
+        why = f"{path.status}: {path.reason}"
+        omissions.add(LeftOut(float(bottom) / TWO_PI, float(top) / TWO_PI, why))
+    return tuple(sorted(omissions))
 
 
 @dataclass
@@ -262,17 +286,23 @@ class Coverage:
     @property
     def finished(self) -> bool:
         """Whether a branch connects both ends and no gap is left."""
-        through = any(piece.path.status == "complete" and not piece.inside for piece in self.pieces)
-        return through and not uncovered(self.pieces, *self.limits)
+        connected = any(_connects_both_ends(piece) for piece in self.pieces)
+        return connected and not uncovered(self.pieces, *self.limits)
+
+    @property
+    def new_branch(self) -> int:
+        """Number of the next branch."""
+        return max((piece.branch for piece in self.pieces), default=-1) + 1
 
     def note(self, omega: float, text: str) -> None:
         """Add a line about a frequency (rad/s) to the log."""
         self.log.append(f"{omega / TWO_PI:.6g} Hz: {text}")
 
     def cover(self, find_start: FindStart) -> None:
-        """Follow the curve from the ends of the interval, beyond them, and within remaining gaps."""
+        """Follow the curve from the ends of the interval, beyond them, and within gaps."""
+        low, high = self.limits
         for up in (True, False):
-            start = find_start(self.limits[0 if up else 1])
+            start = find_start(low if up else high)
             if start is None:
                 self.pieces.append(Piece(Path((), "no start", self.log[-1], 0, 0), up))
                 continue
@@ -287,19 +317,19 @@ class Coverage:
         self, start: NDArray, up: bool, branch: int | None = None, inside: bool = False
     ) -> Path:
         """Follow one branch and add it, even if interrupted."""
-        stop, follower = (
-            None,
-            Follower(self.system.with_share(SHARE), self.limits, self.options, self.on_point),
-        )
+        system = self.system.with_share(SHARE)
+        follower = Follower(system, self.limits, self.options, self.on_point)
+        interruption: KeyboardInterrupt | None = None
         try:
             path = follower.run(start, up)
-        except KeyboardInterrupt as interrupt:
-            stop, path = interrupt, follower.path("interrupted", "by the user")
+        except KeyboardInterrupt as error:
+            interruption = error
+            path = follower.path("interrupted", "by the user")
         self.meter.count(path.iterations, path.failed_steps)
-        number = max((p.branch for p in self.pieces), default=-1) + 1 if branch is None else branch
+        number = self.new_branch if branch is None else branch
         self.pieces.append(Piece(path, up, number, inside))
-        if stop is not None:
-            raise stop
+        if interruption is not None:
+            raise interruption
         return path
 
     def drop_repeated(self) -> None:
@@ -309,15 +339,18 @@ class Coverage:
             return
         end = last.path.points[-1]
         for piece in self.pieces[:-1]:
-            if piece.path.points and not piece.inside and _same(end.y, piece.path.points[0]):
+            from_an_end = piece.path.points and not piece.inside
+            if from_an_end and _same(end.y, piece.path.points[0]):
                 self.pieces.remove(piece)
                 self.pieces[-1] = replace(last, branch=piece.branch)
 
     def both_ways(self, start: NDArray) -> None:
         """Add the branch through a solution within the interval, followed in both directions."""
-        branch = max((p.branch for p in self.pieces), default=-1) + 1
+        branch = self.new_branch
         for up in (True, False):
-            if self.follow(start, up, branch, True).status == "closed":
+            path = self.follow(start, up, branch, inside=True)
+            # a closed branch has no other way
+            if path.status == "closed":
                 return
 
     # ---- outside the interval ----
@@ -327,8 +360,10 @@ class Coverage:
         """Interval (rad/s) in which branches are followed to folds where they return."""
         low, high = self.limits
         margin = OUTSIDE * (high - low)
-        bottom, top = self.reach or self.limits
-        return min(bottom, max(low - margin, 0.5 * low)), max(top, high + margin)
+        lowest_resonance, highest_resonance = self.reach or self.limits
+        bottom = min(lowest_resonance, max(low - margin, 0.5 * low))
+        top = max(highest_resonance, high + margin)
+        return bottom, top
 
     def outside_ends(self) -> None:
         """Follow branches beyond the interval to folds, and from there back into the interval.
@@ -341,46 +376,50 @@ class Coverage:
         """
         low, high = self.limits
         bottom, top = self.outside
+        # coarse steps find the folds, and these points are not part of the curve
         outside = replace(
             self.options, locate=False, max_points=SIDE_POINTS, step=0.5, max_step=1.0
         )
-        seen: list[Correction] = []
+        examined: list[Correction] = []
         while not self.system.spent:
-            paths = [piece.path.points for piece in self.pieces if piece.path.status in ARRIVED]
-            ends = (p for points in paths for p in (points[0], points[-1]))
-            end = next(
-                (
-                    p
-                    for p in ends
-                    if p.y[-1] in self.limits and not any(_same(p.y, q) for q in seen)
-                ),
-                None,
-            )
+            end = self._end_at_bound(examined)
             if end is None:
                 return
-            seen.append(end)
+            examined.append(end)
             up = end.y[-1] == high
             limits = (high, top) if up else (bottom, low)
             path = Follower(self.system.with_share(SHARE), limits, outside).run(end.y, up)
             self.meter.count(path.iterations, path.failed_steps)
-            back = path.points[-1] if path.points else end
+            last = path.points[-1] if path.points else end
             if path.status not in ARRIVED:
-                at = float(back.y[-1]) / TWO_PI
-                self.lost.append(
-                    LeftOut(at, at, f"outside the interval, {path.status}: {path.reason}")
-                )
-            if path.status != "turned back" or any(_same(back.y, q) for q in seen):
+                frequency = float(last.y[-1]) / TWO_PI
+                why = f"outside the interval, {path.status}: {path.reason}"
+                self.lost.append(LeftOut(frequency, frequency, why))
+            if path.status != "turned back" or _is_among(last.y, examined):
                 continue
-            seen.append(back)
-            self.note(back.y[-1], "the branch turns outside the interval and comes back")
-            forward = next(
-                (p.tangent[-1] > 0.0) == q.up
-                for q in self.pieces
-                for p in q.path.points
-                if p is end
-            )
-            self.follow(back.y, not up)
+            examined.append(last)
+            self.note(last.y[-1], "the branch turns outside the interval and comes back")
+            forward = self._leaves_forward(end)
+            self.follow(last.y, not up)
+            # the piece continues the branch in the sense in which the first one left the interval
             self.pieces[-1] = replace(self.pieces[-1], up=up == forward)
+
+    def _end_at_bound(self, examined: Sequence[Correction]) -> Correction | None:
+        """Return an end of a path at a bound of the interval that was not examined yet."""
+        for piece in self.pieces:
+            if piece.path.status not in ARRIVED:
+                continue
+            for end in (piece.path.points[0], piece.path.points[-1]):
+                if end.y[-1] in self.limits and not _is_among(end.y, examined):
+                    return end
+        return None
+
+    def _leaves_forward(self, end: Correction) -> bool:
+        """Return whether the tangent at an end of a path has the sense of the path."""
+        for piece in self.pieces:
+            if any(point is end for point in piece.path.points):
+                return bool(end.tangent[-1] > 0.0) == piece.up
+        raise AssertionError("the end is a point of a path")
 
     # ---- gaps ----
 
@@ -392,37 +431,51 @@ class Coverage:
         """
         if self.finished:
             return
-        left: set[tuple[float, float]] = set()
+        without_solution: set[tuple[float, float]] = set()
         while not self.system.spent:
-            gaps = [gap for gap in uncovered(self.pieces, *self.limits) if gap not in left]
-            if not gaps:
+            gaps = uncovered(self.pieces, *self.limits)
+            to_search = [gap for gap in gaps if gap not in without_solution]
+            if not to_search:
                 return
-            gap = max(gaps, key=lambda g: g[1] - g[0])
-            solution = self._within(gap, find_start)
+            widest = max(to_search, key=_width)
+            solution = self._within(widest, find_start)
             if solution is None:
-                left.add(gap)
+                without_solution.add(widest)
                 continue
             self.note(solution[-1], "set off from a solution within a gap")
             self.both_ways(solution)
 
     def _within(self, gap: tuple[float, float], find_start: FindStart) -> NDArray | None:
         """Return a solution in a gap, or None."""
-        a, b = gap
-        points = [p for piece in self.pieces for p in piece.path.points]
-        positions = [a + part * (b - a) for part in POSITIONS]
+        low, high = gap
+        points = [point for piece in self.pieces for point in piece.path.points]
+        positions = [low + part * (high - low) for part in POSITIONS]
         for omega in positions:
-            for point in sorted(points, key=lambda p: abs(p.y[-1] - omega))[:40:8]:
-                c = self.system.correct_at(
+            nearest_first = sorted(points, key=lambda point: abs(point.y[-1] - omega))
+            # neighbours of one point lead to the same solution
+            for point in nearest_first[:40:8]:
+                solution = self.system.correct_at(
                     point.y[:-1], omega, point.scale, self.options.tolerance, 30, True
                 )
-                self.meter.count(c.iterations)
-                if c.status == OK:
-                    return c.y
-        return next((start for start in map(find_start, positions) if start is not None), None)
+                self.meter.count(solution.iterations)
+                if solution.status == OK:
+                    return solution.y
+        for omega in positions:
+            start = find_start(omega)
+            if start is not None:
+                return start
+        return None
 
 
 def _same(y: NDArray, point: Correction) -> bool:
-    return y[-1] == point.y[-1] and bool(np.linalg.norm((y - point.y) / point.scale) < 1e-6)
+    """Return whether a point at the same frequency differs by no more than rounding."""
+    if y[-1] != point.y[-1]:
+        return False
+    return bool(np.linalg.norm((y - point.y) / point.scale) < 1e-6)
+
+
+def _is_among(y: NDArray, points: Sequence[Correction]) -> bool:
+    return any(_same(y, point) for point in points)
 
 
 # ---- first point of a curve ----
@@ -471,7 +524,8 @@ def first_point(
     log = [
         f"static state: converged in {state.iterations} iterations, residual {state.residual:.1e}"
     ]
-    mean, stuck = state.q[: system.n_mean], system.structure.linear.response(omega, springs)
+    mean = state.q[: system.n_mean]
+    stuck = system.structure.linear.response(omega, springs)
     start = system.layout.pack(mean, stuck)
     last = np.append(start, omega)
     scale = system.units(last, omega)
@@ -481,26 +535,30 @@ def first_point(
     ):
         if system.spent:
             break
-        c = system.correct_at(start, omega, scale, options.tolerance, iterations, line_search)
-        meter.count(c.iterations)
-        log.append(
-            f"{name} from the stuck response: {STATUS_TEXT[c.status]}, {c.iterations} iterations"
-        )
-        last = c.y
-        if c.status == OK:
-            return c.y, log, last
-    solution = (
-        None if system.spent else _by_homotopy(system, omega, options, meter, log, mean, stuck)
-    )
+        trial = system.correct_at(start, omega, scale, options.tolerance, iterations, line_search)
+        meter.count(trial.iterations)
+        outcome = f"{STATUS_TEXT[trial.status]}, {trial.iterations} iterations"
+        log.append(f"{name} from the stuck response: {outcome}")
+        last = trial.y
+        if trial.status == OK:
+            return trial.y, log, last
+    solution: NDArray | None = None
+    if not system.spent:
+        solution = _by_homotopy(system, omega, options, meter, log, mean, stuck)
     if solution is None and system.spent:
         log.append("the budget of evaluations is used up")
     return solution, log, last
 
 
 def _by_homotopy(
-    system: Equations[Sector], omega: float, options: ContinuationOptions, meter: CostMeter, log: list[str],
-    mean: NDArray, stuck: NDArray,
-) -> NDArray | None:  # fmt: skip
+    system: Equations[Sector],
+    omega: float,
+    options: ContinuationOptions,
+    meter: CostMeter,
+    log: list[str],
+    mean: NDArray,
+    stuck: NDArray,
+) -> NDArray | None:
     """Raise the excitation to its full level; if this fails, fade out a support of the free bodies.
 
     Free bodies on the support (all bodies, if none is free) neither bounce nor drift.
@@ -508,9 +566,9 @@ def _by_homotopy(
     # initial level of the excitation for the support; a tenth of it for the ramp.  With the same
     # level the ramp fails on wedge dampers of eight sectors if the excitation equals the preload;
     # with a tenth of it the support fails on one of two random structures that need it
-    first = 1e-2
-    level = 0.1 * first
-    start = np.append(system.layout.pack(mean, level * stuck), level)
+    support_level = 1e-2
+    ramp_level = 0.1 * support_level
+    start = np.append(system.layout.pack(mean, ramp_level * stuck), ramp_level)
     path = _homotopy(excitation_ramp(system, omega), start, options, meter)
     if path.status == "complete":
         log.append(f"excitation ramp: full level after {len(path.points)} steps")
@@ -521,14 +579,14 @@ def _by_homotopy(
     if system.spent:
         return None
     supported = supported_by(system, omega, DRAG, SPRING)
-    u = system.layout.pack(mean, first * stuck)
+    u = system.layout.pack(mean, support_level * stuck)
     scale = np.full(len(u) + 1, max(float(np.linalg.norm(u)), 1e-300))
-    c = supported.correct_at(u, first, scale, options.tolerance, 60, True)
-    meter.count(c.iterations)
-    if c.status != OK:
-        log.append(f"fading supports: {STATUS_TEXT[c.status]} on the supports")
+    on_support = supported.correct_at(u, support_level, scale, options.tolerance, 60, True)
+    meter.count(on_support.iterations)
+    if on_support.status != OK:
+        log.append(f"fading supports: {STATUS_TEXT[on_support.status]} on the supports")
         return None
-    path = _homotopy(supported, c.y, replace(options, patience=SIDE_POINTS), meter)
+    path = _homotopy(supported, on_support.y, replace(options, patience=SIDE_POINTS), meter)
     if path.status == "complete":
         log.append(f"fading supports: removed after {counted(len(path.points), 'step')}")
         return np.append(path.points[-1].y[:-1], omega)
@@ -543,9 +601,8 @@ def _homotopy(
     system: Equations[Sector], start: NDArray, options: ContinuationOptions, meter: CostMeter
 ) -> Path:
     """Follow the curve in the last unknown, from its initial value to 1."""
-    limits = 0.5 * float(start[-1]), 1.0
-    path = follow(
-        system, start, limits, options=replace(options, locate=False, max_points=SIDE_POINTS)
-    )
+    level = float(start[-1])
+    without_events = replace(options, locate=False, max_points=SIDE_POINTS)
+    path = follow(system, start, (0.5 * level, 1.0), options=without_events)
     meter.count(path.iterations, path.failed_steps)
     return path

@@ -33,8 +33,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import groupby
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,8 +47,8 @@ from bdamper.model.kinematics import Coordinate
 from bdamper.model.structure import Model
 from bdamper.response.branches import (
     Coverage,
-    LeftOut,
     Piece,
+    SearchEnd,
     ending,
     evaluation_budget,
     first_point,
@@ -74,10 +73,25 @@ from bdamper.util.progress import Cost, CostMeter, is_part_of_work, progress_bar
 
 
 def _displacement(model: Model, coordinate: Coordinate, q: float) -> str:
-    body = model.bodies.get(coordinate.body)  # None for residual modes
+    """Return the text of a mean coordinate, in metres for a translation of a rigid body."""
+    # residual modes belong to no body
+    body = model.bodies.get(coordinate.body)
     if body is not None and body.mass is not None and coordinate.name in ("TX", "TY", "TZ"):
         return f"{q / np.sqrt(body.mass):.3g} m"
     return f"{q:.3g} kg^1/2 m"
+
+
+def _drift_ranges(points: Sequence[Correction]) -> list[tuple[int, int]]:
+    """Return first and last index of each run of points at which the mean drifts."""
+    ranges: list[tuple[int, int]] = []
+    for i, point in enumerate(points):
+        if point.kind != "drift":
+            continue
+        if ranges and ranges[-1][1] == i - 1:
+            ranges[-1] = ranges[-1][0], i
+        else:
+            ranges.append((i, i))
+    return ranges
 
 
 def notes(
@@ -86,31 +100,32 @@ def notes(
     coordinates: Sequence[Coordinate],
     points: Sequence[Correction],
 ) -> tuple[str, ...]:
-    """Describe where the mean position drifts, and mean positions that only least norm determines."""
-    out = []
-    stretches = (
-        (kind, list(pairs))
-        for kind, pairs in groupby(enumerate(points), key=lambda pair: pair[1].kind)
-    )
-    for stretch in (pairs for kind, pairs in stretches if kind == "drift"):
-        (first, point), (_, last) = stretch[0], stretch[-1]
-        a, b = points[max(first - 1, 0)].y, last.y
-        k = int(np.argmax(np.abs((b - a)[: system.n_mean])))
-        c = coordinates[k]
-        out.append(
-            f"{c.body} drifts along {c.name} at {point.y[-1] / TWO_PI:.6g} Hz, where its mean force vanishes: from "
-            f"{_displacement(model, c, a[k])} to {_displacement(model, c, b[k])}"
+    """Describe where the mean position drifts, and where only least norm determines it."""
+    texts = []
+    for first, last in _drift_ranges(points):
+        before = points[max(first - 1, 0)].y
+        after = points[last].y
+        largest = int(np.argmax(np.abs((after - before)[: system.n_mean])))
+        coordinate = coordinates[largest]
+        frequency = points[first].y[-1] / TWO_PI
+        start = _displacement(model, coordinate, before[largest])
+        end = _displacement(model, coordinate, after[largest])
+        texts.append(
+            f"{coordinate.body} drifts along {coordinate.name} at {frequency:.6g} Hz, where its "
+            f"mean force vanishes: from {start} to {end}"
         )
-    free = [p for p in points if p.rank_deficiency > 0]
-    if free:
-        some = free[:: max(1, len(free) // 20)]
-        names = sorted(
-            {name for p in some for name in neutral_directions(system, coordinates, p.y)}
+    undetermined = [point for point in points if point.rank_deficiency > 0]
+    if undetermined:
+        # about twenty points show all directions
+        step = max(1, len(undetermined) // 20)
+        names: set[str] = set()
+        for point in undetermined[::step]:
+            names.update(neutral_directions(system, coordinates, point.y))
+        texts.append(
+            f"nothing determines the mean along {', '.join(sorted(names))} at "
+            f"{len(undetermined)} points: held by least norm"
         )
-        out.append(
-            f"nothing determines the mean along {', '.join(names)} at {len(free)} points: held by least norm"
-        )
-    return tuple(out)
+    return tuple(texts)
 
 
 def neutral_directions(
@@ -121,43 +136,56 @@ def neutral_directions(
     They dominate the null space of the mean part of the Jacobian.
     """
     n = system.n_mean
-    columns = system.evaluate_at(y)[1][:, :n]
+    _, J, _ = system.evaluate_at(y)
+    columns = J[:, :n]
     size = np.abs(columns).max(axis=0)
+    # a column of rounding errors must not become one of size 1
     size = np.where(size > 1e-13 * size.max(), size, size.max())
-    _, s, vt = np.linalg.svd(columns / size)
-    s = np.concatenate([s, np.zeros(n - len(s))])
+    _, singular, vectors = np.linalg.svd(columns / size)
+    singular = np.concatenate([singular, np.zeros(n - len(singular))])
+    in_null_space = singular < 1e-11 * max(singular[0], 1e-300)
     names = []
-    for row in vt[s < 1e-11 * max(s[0], 1e-300)]:
-        k = int(np.argmax(np.abs(row / size)))
-        names.append(f"{coordinates[k].name} of {coordinates[k].body}")
+    for vector in vectors[in_null_space]:
+        dominant = coordinates[int(np.argmax(np.abs(vector / size)))]
+        names.append(f"{dominant.name} of {dominant.body}")
     return names
 
 
 def why_no_solution(
     system: Equations[Sector], model: Model, coordinates: Sequence[Coordinate], y: NDArray
 ) -> str:
-    """Describe the unbalanced mean force on a free body at the last Newton iterate, or return ""."""
+    """Describe the unbalanced mean force on a free body at the last iterate, or return ""."""
     try:
         r, J, _ = system.evaluate(y[:-1], y[-1])
     except FloatingPointError:
         return ""
-    _, _, share = system.contact(y[:-1])
-    for k, c in enumerate(coordinates):
-        body = model.bodies.get(c.body)  # None for residual modes
-        if body is None or body.kind != "free" or not c.name.startswith("T") or body.mass is None:
+    _, _, shares = system.contact(y[:-1])
+
+    for row, coordinate in enumerate(coordinates):
+        # residual modes belong to no body
+        body = model.bodies.get(coordinate.body)
+        if body is None or body.kind != "free" or body.mass is None:
             continue
-        force = float(r[k]) * np.sqrt(body.mass)
-        stiff = float(np.abs(J[k]).max())
-        if abs(r[k]) * system.row_scale[k] > 1e-6 and stiff < 1e-9 * float(np.abs(J).max()):
-            if share[:, 4].min() >= 1.0:
-                return (
-                    f"no periodic solution: all contacts of {c.body} are open through the cycle and a static load of "
-                    f"{abs(force):.3g} N acts along {c.name}"
-                )
+        if not coordinate.name.startswith("T"):
+            continue
+        # a force that no unknown changes cannot be balanced
+        unbalanced = abs(r[row]) * system.row_scale[row] > 1e-6
+        stiffness = float(np.abs(J[row]).max())
+        without_stiffness = stiffness < 1e-9 * float(np.abs(J).max())
+        if not (unbalanced and without_stiffness):
+            continue
+        force = float(r[row]) * np.sqrt(body.mass)
+        always_open = shares[:, 4].min() >= 1.0
+        if always_open:
             return (
-                f"no periodic solution near here: a mean force of {force:.3g} N along {c.name} drives {c.body}, whatever "
-                "its mean position; it drifts until a constraint plane carries load, and none does"
+                f"no periodic solution: all contacts of {coordinate.body} are open through the "
+                f"cycle and a static load of {abs(force):.3g} N acts along {coordinate.name}"
             )
+        return (
+            f"no periodic solution near here: a mean force of {force:.3g} N along "
+            f"{coordinate.name} drives {coordinate.body}, whatever its mean position; it drifts "
+            "until a constraint plane carries load, and none does"
+        )
     return ""
 
 
@@ -180,7 +208,9 @@ curves are detected, and on one of them the amplitude in time is steady.
 def open_at_rest(case: LoadCase) -> float:
     """Return the fraction of the friction points that are open in the static state."""
     closed = case.static.force[case.problem.friction_points, 2] > 0.0
-    return 1.0 - float(closed.mean()) if closed.any() else 0.0
+    if not closed.any():
+        return 0.0
+    return 1.0 - float(closed.mean())
 
 
 def rattles(curve: ResponseCurve, at_rest: float = 0.0) -> str:
@@ -195,22 +225,29 @@ def rattles(curve: ResponseCurve, at_rest: float = 0.0) -> str:
     """
     if len(curve) < FOLDS:
         return ""
-    step = np.sign(np.diff(curve.frequency))[np.diff(curve.branch) == 0]
-    folds = int(np.count_nonzero(np.diff(step[step != 0.0])))
+    same_branch = np.diff(curve.branch) == 0
+    sense = np.sign(np.diff(curve.frequency))[same_branch]
+    folds = int(np.count_nonzero(np.diff(sense[sense != 0.0])))
     opened = float(curve.shares[curve.amplitude.argmax(), 2])
     if folds < FOLDS or opened - at_rest <= OPEN * (1.0 - at_rest):
         return ""
-    return f"{folds} folds, and the contacts open for {100.0 * opened:.0f} % of the cycle at the highest response"
+    per_cent = f"{100.0 * opened:.0f} %"
+    return (
+        f"{folds} folds, and the contacts open for {per_cent} of the cycle at the highest response"
+    )
 
 
 # ---- response curve without a preload ----
 
 
-NOTE = "without a preload nothing holds the damper: this is the free response (study.free), with the damper off its seat"
+NOTE = (
+    "without a preload nothing holds the damper: this is the free response (study.free), with the "
+    "damper off its seat"
+)
 
 
 def free_of_contact(
-    problem: Problem, frequency: tuple[float, float], options: Any
+    problem: Problem, frequency: tuple[float, float], options: ContinuationOptions
 ) -> ResponseCurve | None:
     """Return the free response as a response curve at zero preload, dampers out of contact.
 
@@ -226,34 +263,43 @@ def free_of_contact(
         None if it does not satisfy the equations: a structure without a loaded damper, surfaces
         under pressure without a load, springs of a bonded contact, or a fixed mean.
     """
-    system, load = problem.system(0.0), problem.damper_load[0]
+    system = problem.system(0.0)
+    points = problem.friction_points
+    # rigid bodies move away against their load, and every contact has to open
+    load, *_ = problem.damper_load
     rigid = problem.static_basis.omega2 == 0.0
     away = -np.where(rigid, load, 0.0)[: system.n_mean]
-    opening = -(problem.static_basis.G.real[problem.friction_points, 2, : len(away)] @ away)
-    if not (opening.size and opening.min() > 1e-6 * np.abs(opening).max() > 0.0):
+    opening = -(problem.static_basis.G.real[points, 2, : len(away)] @ away)
+    if not opening.size:
+        return None
+    largest = np.abs(opening).max()
+    if not (largest > 0.0 and opening.min() > 1e-6 * largest):
         return None
     curve = free(problem, frequency)
+    # bound of the normal motion, and initial overlap of the surfaces
     swing = 0.0
-    for l in problem.settings.excited:
-        G, amplitude = (
-            problem.bases[l].G[problem.friction_points, 2],
-            system.layout.amplitudes(curve.unknowns, l),
-        )
+    for harmonic in problem.settings.excited:
+        G = problem.bases[harmonic].G[points, 2]
+        amplitude = system.layout.amplitudes(curve.unknowns, harmonic)
         swing += np.abs(G @ amplitude.T).max(initial=0.0)
-    overlap = max(0.0, -float(problem.point_gaps[problem.friction_points].min()))
+    overlap = max(0.0, -float(problem.point_gaps[points].min()))
     unknowns = curve.unknowns.copy()
     unknowns[:, : len(away)] += (2.0 * swing + overlap) / opening.min() * away
-    residual = np.array(
-        [system.error(y) for y in np.column_stack([unknowns, 2.0 * np.pi * curve.frequency])]
-    )
+    solutions = np.column_stack([unknowns, 2.0 * np.pi * curve.frequency])
+    residual = np.array([system.error(y) for y in solutions])
     if not len(curve) or residual.max() > options.tolerance:
         return None
-    reason = curve.reason.replace("linear", "the free response", 1)
     return replace(
-        curve, kind="response", unknowns=unknowns, harmonics=system.response(unknowns), residual=residual,
-        rank_deficiency=np.full(len(curve), int(rigid.sum())), reason=reason, notes=(NOTE,),
+        curve,
+        kind="response",
+        unknowns=unknowns,
+        harmonics=system.response(unknowns),
+        residual=residual,
+        rank_deficiency=np.full(len(curve), int(rigid.sum())),
+        reason=curve.reason.replace("linear", "the free response", 1),
+        notes=(NOTE,),
         settings=problem.record(options),
-    )  # fmt: skip
+    )
 
 
 # ---- response curve ----
@@ -295,18 +341,17 @@ def frequency_response(
     case = problem.at(preload)
     frequency = validation.interval("frequency", frequency)
     validation.flag("progress", progress)
-    options = (
-        ContinuationOptions()
-        if options is None
-        else validation.instance("options", options, ContinuationOptions)
-    )
+    if options is None:
+        options = ContinuationOptions()
+    validation.instance("options", options, ContinuationOptions)
     with single_thread():
         if not case.static.converged:
             reason = f"static state: {case.static.note}"
             return without_points(problem, case.preload, reason, options, case.static.cost)
-        free = free_of_contact(problem, frequency, options) if case.preload == 0.0 else None
-        if free is not None:
-            return free
+        if case.preload == 0.0:
+            free_response = free_of_contact(problem, frequency, options)
+            if free_response is not None:
+                return free_response
         search = _search(case, frequency, options)
         find_start = partial(_start, case, search)
         try:
@@ -317,18 +362,17 @@ def frequency_response(
                 raise
             if not any(piece.path.status == "interrupted" for piece in search.pieces):
                 search.pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
-        curve = as_curve(
-            problem,
-            search,
-            ending(search.pieces, *search.limits),
-            kind="response",
-            preload=case.preload,
-        )
+        end = ending(search.pieces, *search.limits)
+        curve = as_curve(problem, search, end, kind="response", preload=case.preload)
         if len(curve):
             warn_of_small_slip(problem, search.system, curve.peak.y[:-1])
-        locked = (f"{name} {LOCKED}" for name in self_locking(problem))
-        reason, left_out = _reason(case, search, curve), (*curve.missing_ranges, *search.lost)
-        return replace(curve, reason=reason, missing_ranges=left_out, notes=(*curve.notes, *locked))
+        locked = [f"{name} {LOCKED}" for name in self_locking(problem)]
+        return replace(
+            curve,
+            reason=_reason(case, search, curve),
+            missing_ranges=(*curve.missing_ranges, *search.lost),
+            notes=(*curve.notes, *locked),
+        )
 
 
 def _search(
@@ -339,20 +383,22 @@ def _search(
     system = case.equations
     budget = options.budget or evaluation_budget(system)
     linear = case.sector.linear
-    free, stuck = (
-        linear.resonances((k,), ELASTIC * low, np.inf) for k in (None, case.stuck_springs())
-    )
-    watched = [there for there in (*free, *stuck) if low < there[0] < high]
+    free = linear.resonances((None,), ELASTIC * low, np.inf)
+    stuck = linear.resonances((case.stuck_springs(),), ELASTIC * low, np.inf)
+    # steps must not pass over a resonance within the interval
+    watched = [resonance for resonance in (*free, *stuck) if low < resonance[0] < high]
     system = replace(system.within(budget), watched=watched)
     search = Coverage(system, (low, high), replace(options, budget=budget), CostMeter())
-    search.reach = reach([w for w, *_ in free], [w for w, *_ in stuck], low, high)
+    free_frequencies = [omega for omega, *_ in free]
+    stuck_frequencies = [omega for omega, *_ in stuck]
+    search.reach = reach(free_frequencies, stuck_frequencies, low, high)
     search.meter.watch(system)
     return search
 
 
 def _start(case: LoadCase, search: Coverage, omega: float) -> NDArray | None:
     """Return a solution at one frequency (rad/s) or None, and log all attempts."""
-    problem, why = case.problem, ""
+    problem = case.problem
     solution, attempts, last = first_point(
         search.system, case.static, case.stuck_springs(), omega, search.options, search.meter
     )
@@ -360,34 +406,40 @@ def _start(case: LoadCase, search: Coverage, omega: float) -> NDArray | None:
         why = why_no_solution(
             search.system, problem.coupling.model, problem.bases[0].coordinates, last
         )
-    for line in [*attempts, why] if why else attempts:
+        if why:
+            attempts = [*attempts, why]
+    for line in attempts:
         search.note(omega, line)
     return solution
 
 
 def _reason(case: LoadCase, search: Coverage, curve: ResponseCurve) -> str:
     """Return the reason of a curve with the extent of the search, or with advice."""
-    problem, reason = case.problem, curve.reason
+    problem = case.problem
+    reason = curve.reason
     if curve.complete:
-        bottom, top = (w / TWO_PI for w in search.outside)
+        bottom, top = search.outside
+        searched = f"from {bottom / TWO_PI:.4g} to {top / TWO_PI:.4g} Hz"
         broken = ", where a path broke off (missing_ranges)" if search.lost else ""
-        reason += (
-            f"; folds looked for from {bottom:.4g} to {top:.4g} Hz{broken}, closed branches not"
-        )
-    if why := rattles(curve, open_at_rest(case)):
-        reason += f"; {NO_STEADY} is expected at this preload: {why}"
+        reason += f"; folds looked for {searched}{broken}, closed branches not"
+    why_rattling = rattles(curve, open_at_rest(case))
+    if why_rattling:
+        reason += f"; {NO_STEADY} is expected at this preload: {why_rattling}"
     if curve.status not in (INCOMPLETE, NOT_FOUND) or curve.without_amplitude is not None:
         return reason
-    if search.system.spent or any(piece.path.status == OUT_OF_BUDGET for piece in search.pieces):
-        reason += (
-            f"; the budget was {search.options.budget} evaluations (ContinuationOptions.budget)"
-        )
+    out_of_budget = any(piece.path.status == OUT_OF_BUDGET for piece in search.pieces)
+    if search.system.spent or out_of_budget:
+        budget = f"{search.options.budget} evaluations (ContinuationOptions.budget)"
+        reason += f"; the budget was {budget}"
     if problem.own_laws is not None and STATUS_TEXT[NOT_FINITE] in reason:
         reason += f"; forces of {problem.own_laws.names} may not be finite there, or not settle"
     force = problem.settings.excitation.amplitude
     if 0.0 < curve.preload < 2.0 * force:
         ratio = curve.preload / force
-        reason += f"; a preload of {ratio:.2g} times the excitation does not keep the damper in its seat: raise it"
+        reason += (
+            f"; a preload of {ratio:.2g} times the excitation does not keep the damper in its "
+            "seat: raise it"
+        )
     return f"{reason}; study.motion_in_time integrates where no solution was found"
 
 
@@ -416,7 +468,13 @@ def without_points(
 
 
 def as_curve(
-    problem: Problem, search: Coverage, ended: tuple[str, str, tuple[LeftOut, ...]], **more: Any
+    problem: Problem,
+    search: Coverage,
+    end: SearchEnd,
+    *,
+    kind: str,
+    preload: float,
+    blades: NDArray | None = None,
 ) -> ResponseCurve:
     """Assemble a response curve from the pieces of a search.
 
@@ -424,47 +482,64 @@ def as_curve(
     ----------
     problem : Problem
     search : Coverage
-    ended : tuple
-        Status, reason and omissions.
-    **own
-        Kind, preload, and further fields.
+    end : SearchEnd
+    kind : str
+    preload : float, N
+    blades : array, optional
+        Response of every blade of a mistuned disk.
     """
-    system, ordered = search.system, in_order(search.pieces)
-    points = [p for p, _ in ordered]
-    y = np.array([p.y for p in points]).reshape(len(points), system.n_unknowns + 1)
-    onward = [p.tangent[-1] * (1.0 if way.up else -1.0) for p, way in ordered]
-    backward = np.array([p.kind != "drift" and to < 0.0 for p, to in zip(points, onward)], bool)
-    branch = np.array([way.branch for _, way in ordered], int)
-    status, reason, left_out = ended
+    system = search.system
+    ordered = in_order(search.pieces)
+    points = [point for point, _ in ordered]
+    y = np.array([point.y for point in points]).reshape(len(points), system.n_unknowns + 1)
+    branch = np.array([piece.branch for _, piece in ordered], int)
+    backward = np.array([_runs_backward(point, piece) for point, piece in ordered], bool)
+    closed = {piece.branch for piece in search.pieces if piece.path.status == "closed"}
+    status, reason, missing_ranges = end.status, end.reason, end.missing_ranges
     unresolved = unresolved_resonance(system, problem.bases[1], y, branch)
     if unresolved is not None:
-        reason = unresolved.at_middle if status == COMPLETE else f"{unresolved.at_middle}; {reason}"
-        status = INCOMPLETE if status == COMPLETE else status
-        left_out = (*left_out, unresolved)
+        missing_ranges = (*missing_ranges, unresolved)
+        if status == COMPLETE:
+            status = INCOMPLETE
+            reason = unresolved.at_middle
+        else:
+            reason = f"{unresolved.at_middle}; {reason}"
+    mean_notes: tuple[str, ...] = ()
+    # the coordinates of one sector do not describe a mistuned bladed disk
+    if blades is None:
+        coordinates = problem.bases[0].coordinates
+        mean_notes = notes(system, problem.coupling.model, coordinates, points)
     return ResponseCurve(
+        kind=kind,
+        preload=preload,
         frequency=y[:, -1] / TWO_PI,
         harmonics=system.response(y[:, :-1]),
         unknowns=y[:, :-1],
-        residual=np.array([p.residual for p in points]),
-        shares=np.array([p.shares for p in points]).reshape(-1, 3),
+        residual=np.array([point.residual for point in points]),
+        shares=np.array([point.shares for point in points]).reshape(-1, 3),
         backward=backward,
-        rank_deficiency=np.array([p.rank_deficiency for p in points], int),
+        rank_deficiency=np.array([point.rank_deficiency for point in points], int),
         branch=branch,
-        closed=tuple(
-            sorted({piece.branch for piece in search.pieces if piece.path.status == "closed"})
-        ),
-        point_kind=tuple(p.kind for p in points),
+        closed=tuple(sorted(closed)),
+        point_kind=tuple(point.kind for point in points),
         status=status,
         reason=reason,
-        missing_ranges=left_out,
+        missing_ranges=missing_ranges,
         cost=search.meter.read(),
         start_log=tuple(search.log),
-        notes=()
-        if "blades" in more
-        else notes(system, problem.coupling.model, problem.bases[0].coordinates, points),
-        **more,
+        notes=mean_notes,
+        blades=blades,
         **problem.recorded(search.options),
     )
+
+
+def _runs_backward(point: Correction, piece: Piece) -> bool:
+    """Return whether the frequency decreases along the branch at a point of one of its pieces."""
+    # where only the mean drifts the sign of the change is rounding
+    if point.kind == "drift":
+        return False
+    forward = 1.0 if piece.up else -1.0
+    return bool(point.tangent[-1] * forward < 0.0)
 
 
 def check_curve(problem: Problem, curve: ResponseCurve, name: str = "curve") -> None:
@@ -489,19 +564,20 @@ def self_locking(problem: Problem) -> tuple[str, ...]:
     """
     try:
         bounds = problem.wedge_friction()
-    except SettingError:  # no free body has a load, or nothing holds it
+    # no free body has a load, or nothing holds it
+    except SettingError:
         return ()
-    faces = [name for name, high in zip(bounds.interfaces, bounds.highest) if np.isinf(high)]
-    holders = {problem.coupling.model.interfaces[name].body_a for name in faces}
-    springs = {
-        name for name, law in problem.settings.law_by_interface().items() if law == LAW_BONDED
-    }
-    holders -= {problem.coupling.model.interfaces[name].body_a for name in springs}
-    return tuple(
-        body.name
-        for body in problem.model.bodies.values()
-        if body.load is not None and body.name in holders
-    )
+    interfaces = problem.coupling.model.interfaces
+    locked = set()
+    for name, highest_force in zip(bounds.interfaces, bounds.highest):
+        if np.isinf(highest_force):
+            locked.add(interfaces[name].body_a)
+    # springs of a bonded face hold the body with a known force
+    for name, law in problem.settings.law_by_interface().items():
+        if law == LAW_BONDED:
+            locked.discard(interfaces[name].body_a)
+    loaded = [body.name for body in problem.model.bodies.values() if body.load is not None]
+    return tuple(name for name in loaded if name in locked)
 
 
 # ---- slow sweep of frequency ----
@@ -557,7 +633,7 @@ class _Landing(NamedTuple):
     point : int
         Index of the next point along the sweep.
     way : {1, -1}
-        Change of the index along the sweep; 0 without a solution.
+        Change of the index along the sweep.
     """
 
     amplitude: float
@@ -569,11 +645,17 @@ class _Sweep:
     """Points of a response curve with a coordinate that increases along the sweep."""
 
     def __init__(self, sense: float, curve: ResponseCurve) -> None:
-        self.x, self.amplitude, self.branch = sense * curve.frequency, curve.amplitude, curve.branch
-        self.fold = np.array([kind == "fold" for kind in curve.point_kind], bool)
-        self.held = ~unstable_points(curve) | self.fold  # the label of a fold depends on rounding
-        joined = (self.branch[:-1] == self.branch[1:]) & self.held[:-1] & self.held[1:]
-        self.joined = joined & ~(self.fold[:-1] & self.fold[1:])
+        self.x = sense * curve.frequency
+        self.amplitude = curve.amplitude
+        self.branch = curve.branch
+        fold = np.array([kind == "fold" for kind in curve.point_kind], bool)
+        # whether a fold counts as stable would depend on rounding
+        self.held = ~unstable_points(curve) | fold
+        same_branch = self.branch[:-1] == self.branch[1:]
+        both_held = self.held[:-1] & self.held[1:]
+        # between two folds the branch is unstable
+        both_folds = fold[:-1] & fold[1:]
+        self.joined = same_branch & both_held & ~both_folds
 
     def landings(self, x: float) -> list[_Landing]:
         """Return the stable solutions at x from which the sweep can continue, ascending."""
@@ -582,11 +664,12 @@ class _Sweep:
         same = 1e-6
         points, heights = crossed(self.x, self.amplitude, x, self.joined)
         for i, height in zip(points.tolist(), heights.tolist()):
-            way = 1 if self.x[i + 1] > self.x[i] else -1
-            if max(self.x[i], self.x[i + 1]) > x and all(
-                abs(height - s.amplitude) > same * height for s in solutions
-            ):
-                solutions.append(_Landing(height, i + 1 if way > 0 else i, way))
+            rises = self.x[i + 1] > self.x[i]
+            onward = i + 1 if rises else i
+            if not self.x[onward] > x:
+                continue
+            if all(abs(height - other.amplitude) > same * height for other in solutions):
+                solutions.append(_Landing(height, onward, 1 if rises else -1))
         return sorted(solutions)
 
     def onward(self, point: int, way: int) -> int | None:
@@ -594,7 +677,9 @@ class _Sweep:
         new = point + way
         if not 0 <= new < len(self.x) or self.branch[new] != self.branch[point]:
             return None
-        return new if self.held[new] and self.x[new] >= self.x[point] else None
+        if not self.held[new] or self.x[new] < self.x[point]:
+            return None
+        return new
 
 
 def sweep_of(curve: ResponseCurve, direction: str) -> SlowSweep:
@@ -616,28 +701,38 @@ def sweep_of(curve: ResponseCurve, direction: str) -> SlowSweep:
     validation.choice("direction", direction, ("up", "down"))
     sense = 1.0 if direction == "up" else -1.0
     sweep = _Sweep(sense, curve)
-    options = sweep.landings(float(sweep.x.min())) if len(sweep.x) else []
-    if not options:
+    start: _Landing | None = None
+    if len(sweep.x):
+        x = float(sweep.x.min())
+        start = next(iter(sweep.landings(x)), None)
+    if start is None:
         none = np.zeros(0)
         return SlowSweep(none, none, (), none.astype(int))
-    here, x = options[0], float(sweep.x.min())
-    places, jumps = [(x, here.amplitude, here.point)], []
+    passed = [x]
+    amplitudes = [start.amplitude]
+    numbers = [start.point]
+    jumps: list[Jump] = []
     while True:
-        point: int | None = here.point
+        # along the branch to its end, to a fold or to an unstable point
+        point: int | None = start.point
         while point is not None:
-            last = point
-            places.append((float(sweep.x[last]), float(sweep.amplitude[last]), last))
-            point = sweep.onward(last, here.way)
-        x, height, _ = places[-1]
+            passed.append(float(sweep.x[point]))
+            amplitudes.append(float(sweep.amplitude[point]))
+            numbers.append(point)
+            point = sweep.onward(point, start.way)
+        x, amplitude = passed[-1], amplitudes[-1]
         if x >= sweep.x.max():
             break
-        options = sweep.landings(x)
-        lower = [option for option in options if option.amplitude <= height]
-        here = lower[-1] if lower else options[0] if options else _Landing(np.nan, 0, 0)
-        jumps.append(Jump(sense * x, height, here.amplitude))
-        if not options:
+        landings = sweep.landings(x)
+        if not landings:
+            jumps.append(Jump(sense * x, amplitude, np.nan))
             break
-        places.append((x, here.amplitude, here.point))
-    passed, height_there = np.array([place[:2] for place in places]).T
-    numbers = np.array([place[2] for place in places])
-    return SlowSweep(sense * passed, height_there, tuple(jumps), numbers)
+        lower = [landing for landing in landings if landing.amplitude <= amplitude]
+        start = lower[-1] if lower else landings[0]
+        jumps.append(Jump(sense * x, amplitude, start.amplitude))
+        passed.append(x)
+        amplitudes.append(start.amplitude)
+        numbers.append(start.point)
+    return SlowSweep(
+        sense * np.array(passed), np.array(amplitudes), tuple(jumps), np.array(numbers)
+    )

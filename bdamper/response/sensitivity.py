@@ -383,7 +383,7 @@ class _Linear:
         high, low = pair.high, pair.low
         y_high = peak.y + high.step * move * peak.scale
         y_low = peak.y + low.step * move * peak.scale
-        # what the first derivative of the solution leaves in the equations
+        # residual that remains on the first derivative of the solution
         r_p = pair.rate(high.residual(y_high), low.residual(y_low))
         rest = self.move(r_p)
         # change of the slope of ln(amplitude) along the curve, which vanishes at the peak
@@ -443,7 +443,7 @@ class _Pair:
     high: _Neighbour
     low: _Neighbour
 
-    def rate(self, above: Any, below: Any) -> Any:
+    def rate(self, above: NDArray | complex, below: NDArray | complex) -> Any:
         """Return the difference quotient of a quantity above and below."""
         return (above - below) / (self.high.step - self.low.step)
 

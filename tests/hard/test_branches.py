@@ -30,6 +30,7 @@ from bdamper.response.branches import (
     OPERATIONS,
     Coverage,
     Piece,
+    SearchEnd,
     ending,
     evaluation_budget,
     in_order,
@@ -252,8 +253,8 @@ def test_a_closed_branch_is_followed_once_round(up):
     folds = sorted(p.y[1] for p in path.points if p.kind == "fold")
     np.testing.assert_allclose(folds, [8.0, 12.0], atol=1e-8)
     piece = Piece(path, up, inside=True)
-    assert ending([piece], 8.0, 12.0)[0] == "complete"
-    assert ending([piece], 5.0, 15.0)[0] == "incomplete"
+    assert ending([piece], 8.0, 12.0).status == "complete"
+    assert ending([piece], 5.0, 15.0).status == "incomplete"
 
 
 @pytest.mark.parametrize("up", [True, False])
@@ -286,7 +287,7 @@ def test_a_gap_between_known_solutions_is_filled():
         Piece(replace(path, points=points, status="stalled", reason="cut off"), True, branch)
         for branch, points in enumerate((low, high))
     ]
-    assert ending(pieces, 1.0, 3.5)[0] == "incomplete"
+    assert ending(pieces, 1.0, 3.5).status == "incomplete"
     search = Coverage(system, (1.0, 3.5), ContinuationOptions(), CostMeter(), pieces=pieces)
     search.fill(lambda omega: None)
     assert len(search.log) == 1
@@ -309,8 +310,9 @@ def test_what_was_not_followed_is_data(gap, status, tmp_path):
         Piece(part(2.0 + gap, 3.0, status="stalled"), True, 1, True),
         Piece(part(3.5, 2.9, status="drifted off"), False, 2),
     ]
-    found, _, left = ending(pieces, 1.0, 3.5)
-    assert found == status
+    end = ending(pieces, 1.0, 3.5)
+    assert end.status == status
+    left = end.missing_ranges
     hertz = 1.0 / (2.0 * np.pi)
     expected = [
         (1.7, 1.9, "many folds: told"),
@@ -322,7 +324,8 @@ def test_what_was_not_followed_is_data(gap, status, tmp_path):
     np.testing.assert_allclose(
         [entry[:2] for entry in left], [[a * hertz, b * hertz] for a, b, _ in expected], rtol=1e-12
     )
-    assert ending([Piece(path, True)], 1.0, 3.5) == ("complete", path.reason, ())
+    whole_path = ending([Piece(path, True)], 1.0, 3.5)
+    assert whole_path == SearchEnd("complete", path.reason, ())
 
     whole = study().frequency_response(200.0, (250.0, 450.0))
     assert whole.missing_ranges == ()
