@@ -1,10 +1,12 @@
-"""Checks of the settings of a problem, checks that a result belongs to it, and the response of a result elsewhere.
+"""Checks of the settings of a problem, checks that a result belongs to it, and the response of a
+result elsewhere.
 
-Settings outside their plausible ranges (:mod:`bdamper.util.plausible_ranges`) and intervals in radians per second cause
-warnings.
+Settings outside their plausible ranges (:mod:`bdamper.util.plausible_ranges`) and intervals in
+radians per second cause warnings.
 
-:func:`asked` makes functions of a problem accept a study.  Class ``Study`` is defined above all packages; these functions
-use only its attribute ``problem`` and its method that returns another study of another problem.
+:func:`asked` makes functions of a problem accept a study.  Class ``Study`` is defined above all
+packages; these functions use only its attribute ``problem`` and its method that returns another
+study of another problem.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ from bdamper.util.errors import SettingError, warn, warn_implausible
 from bdamper.util.progress import one_thread
 
 ALONG = 0.12
-"""Smallest plausible cosine between force and modal motion at the excitation location (83 degrees)."""
+"""Smallest plausible cosine between force and modal motion at the excitation location (83 degrees).
+"""
 
 # ---- results and their problem ----
 
@@ -59,40 +62,49 @@ def check_result(problem: Problem, result: SomeResult, name: str = "result") -> 
     SettingError
         If the result belongs to another problem.
     """
-    recorded, current = dict(result.settings), problem.record()
+    recorded = dict(result.settings)
+    current = problem.record()
     # versions up to 0.10 also recorded the coefficients of interfaces with a ContactLaw
-    friction, used = recorded.get("friction_coefficient"), current["friction_coefficient"]
+    friction = recorded.get("friction_coefficient")
     if isinstance(friction, Mapping):
-        own = problem.settings.own_laws()
+        used = current["friction_coefficient"]
+        user_laws = problem.settings.own_laws()
         recorded["friction_coefficient"] = {
-            name: mu for name, mu in friction.items() if name in used or name not in own
+            face: mu for face, mu in friction.items() if face in used or face not in user_laws
         }
-    other = [
+    different = [
         key
         for key in current
         if key in recorded and recorded[key] != current[key] and key != "stability"
     ]
-    if "speed" in other:
-        mine, at = (
-            "none" if x is None else f"{x:.9g} rad/s" for x in (current["speed"], recorded["speed"])
-        )
+
+    if "speed" in different:
+        speed_of_study = _speed_text(current["speed"])
+        speed_of_result = _speed_text(recorded["speed"])
         raise SettingError(
-            f"{name}: expected a result at the rotor speed of this study, {mine}, found {at}"
+            f"{name}: expected a result at the rotor speed of this study, {speed_of_study}, "
+            f"found {speed_of_result}"
         )
-    if result.model_hash not in (
-        problem.model.hash,
-        replace(problem.model, stress={}).hash,
-    ):  # stress may be added later
+    # stress may be added later
+    without_stress = replace(problem.model, stress={})
+    if result.model_hash not in (problem.model.hash, without_stress.hash):
         found = "a result of another model" if recorded else "a result without a model"
         raise SettingError(f"{name}: expected a result of this study's model, found {found}")
-    found = ", ".join(f"{key} = {recorded[key]} instead of {current[key]}" for key in other)
-    validation.check(not other, name, "a result of this study", found)
+    found = ", ".join(f"{key} = {recorded[key]} instead of {current[key]}" for key in different)
+    validation.check(not different, name, "a result of this study", found)
+
+
+def _speed_text(speed: float | None) -> str:
+    return "none" if speed is None else f"{speed:.9g} rad/s"
 
 
 def check_solution(
     problem: Problem, preload: float, y: NDArray, residual: float, name: str
 ) -> None:
-    """Raise SettingError unless a point (n_unknowns + 1,) solves the equations at a preload (N) as well as its residual."""
+    """Raise SettingError unless a point solves the equations at a preload (N).
+
+    The point (n_unknowns + 1,) must solve them as well as its ``residual`` says.
+    """
     n = len(y) - 1
     validation.check(
         n == problem.n_unknowns,
@@ -108,7 +120,8 @@ def check_solution(
 
 
 def unknowns_of(problem: Problem, result: SomeResult) -> NDArray:
-    """Return the solutions (n, n_unknowns) of a peak or a curve, NaN at points of a curve without a solution.
+    """Return the solutions (n, n_unknowns) of a peak or a curve, NaN at points of a curve without a
+    solution.
 
     Parameters
     ----------
@@ -140,7 +153,15 @@ def unknowns_of(problem: Problem, result: SomeResult) -> NDArray:
 
 
 class Solutions(NamedTuple):
-    """Unknowns (m, n), frequency (Hz), preload (N) and kind ("response", "free", "stuck" ...) of solutions, each (m,)."""
+    """Solutions of a peak or a curve.
+
+    Parameters
+    ----------
+    unknowns : (m, n) float
+    frequency, preload : (m,) float, Hz and N
+    kind : (m,) str
+        "response", "free", "stuck" ...
+    """
 
     unknowns: NDArray
     frequency: NDArray
@@ -154,38 +175,44 @@ def solutions_of(problem: Problem, result: SomeResult) -> Solutions:
     Raises
     ------
     SettingError
-        See :func:`unknowns_of`, and if a peak does not solve the equations, such as the peak of a free or stuck limit.
+        See :func:`unknowns_of`, and if a peak does not solve the equations, such as the peak of a
+        free or stuck limit.
     """
     given: Any = result
     unknowns = unknowns_of(problem, result)
-    preload = np.asarray(given.parameter if hasattr(given, "y") else given.preload, float)
+    is_peak = hasattr(given, "y")
+    preload = np.asarray(given.parameter if is_peak else given.preload, float)
     validation.check(np.isfinite(preload).all(), "result", "one at a known preload", "none")
-    if hasattr(given, "y"):
+    if is_peak:
         check_solution(problem, float(preload), given.y, given.residual, "result")
-    columns = (
-        np.asarray(given.frequency, float),
-        preload,
-        np.asarray(getattr(given, "kind", "response")),
+    n = len(unknowns)
+    frequency = np.asarray(given.frequency, float)
+    kind = np.asarray(getattr(given, "kind", "response"))
+    return Solutions(
+        unknowns,
+        frequency=np.broadcast_to(frequency, n),
+        preload=np.broadcast_to(preload, n),
+        kind=np.broadcast_to(kind, n),
     )
-    return Solutions(unknowns, *(np.broadcast_to(column, len(unknowns)) for column in columns))
 
 
 def response_at(
     problem: Problem, result: SomeResult, location: str, direction: Direction = "tangential"
 ) -> NDArray:
     """See :meth:`bdamper.Study.response_at`."""
-    places = [name for name, at in problem.model.locations.items() if at.kind is None]
-    rows = problem.rows_at(
-        Response(validation.choice("location", location, sorted(places)), direction)
-    )
+    locations = problem.model.locations
+    # other kinds are force fields
+    places = sorted(name for name, place in locations.items() if place.kind is None)
+    rows = problem.rows_at(Response(validation.choice("location", location, places), direction))
     unknowns = unknowns_of(problem, result)
-    return np.stack(
-        [problem.layout.amplitudes(unknowns, l) @ row for l, row in enumerate(rows)], axis=-1
-    )
+    harmonics = [
+        problem.layout.amplitudes(unknowns, harmonic) @ row for harmonic, row in enumerate(rows)
+    ]
+    return np.stack(harmonics, axis=-1)
 
 
 def warn_of_small_slip(problem: Problem, system: Equations[Any], unknowns: NDArray) -> None:
-    """Warn of joints that move less than what their sliders represent, in the motion of a solution."""
+    """Warn of joints that move less in a solution than what their sliders represent."""
     resolution = problem.model.slip_resolution
     if problem.own_laws is None and resolution is None:
         return
@@ -197,8 +224,8 @@ def warn_of_small_slip(problem: Problem, system: Equations[Any], unknowns: NDArr
     largest = float(np.abs(motion[:, :2, 1:]).sum(axis=2).max())
     if largest < resolution:
         warn(
-            f"the joint moves by {largest:.3g} m, less than the {resolution:.3g} m that its sliders "
-            "resolve: its damping is wrong there; increase its decades"
+            f"the joint moves by {largest:.3g} m, less than the {resolution:.3g} m that its "
+            "sliders resolve: its damping is wrong there; increase its decades"
         )
 
 
@@ -234,7 +261,7 @@ def problem_of(study: Asking | Problem) -> Problem:
 
 
 def like(study: A, problem: Problem) -> A:
-    """Return a problem in the type of the first argument: a study of the problem, or the problem."""
+    """Return a problem in the type of the first argument, a study of the problem or itself."""
     result: Any = problem
     if not isinstance(study, Problem):
         result = study if problem is study.problem else study._with_problem(problem)
@@ -250,7 +277,10 @@ def asked(
     function: Callable[Concatenate[Problem, P], R],
 ) -> Callable[Concatenate[Asking | Problem, P], R]: ...
 def asked(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorate a function of a problem so that it also accepts a study; a returned problem becomes a study."""
+    """Decorate a function of a problem so that it also accepts a study.
+
+    A returned problem becomes a study.
+    """
 
     @wraps(function)
     def of_study(study: Any, /, *given: Any, **named: Any) -> Any:
@@ -266,67 +296,88 @@ def asked(function: Callable[..., Any]) -> Callable[..., Any]:
 def check_settings(problem: Problem) -> None:
     """Warn if settings of a problem are outside their plausible ranges, or have no effect."""
     sizes = problem.sizes
-    for owner, name, value, item in _given(problem):
-        plausible_ranges.check(owner, name, value, sizes, item)
+    for setting in _given(problem):
+        plausible_ranges.check(setting.owner, setting.name, setting.value, sizes, setting.item)
     settings = problem.settings
     # a lumped model has the coefficients of its contacts; Problem.replace warns of others
     if not sizes.lumped and settings.friction_coefficient != FRICTION:
         settings.warn_of_unused_friction(settings.friction_coefficient)
-    flow, n = settings.aerodynamic_damping, max(problem.model.n_blades, 1)
-    used = sorted({problem.engine_order * harmonic % n for harmonic in settings.harmonic_numbers})
-    if isinstance(flow, Mapping) and not set(flow) & set(used):
-        warn_implausible(
-            "aerodynamic_damping",
-            f"at one of the nodal diameters {used} of the study",
-            f"at {sorted(flow)} alone",
-        )
+    flow = settings.aerodynamic_damping
+    if isinstance(flow, Mapping):
+        n = max(problem.model.n_blades, 1)
+        orders = [problem.engine_order * harmonic for harmonic in settings.harmonic_numbers]
+        used = {order % n for order in orders}
+        if not set(flow) & used:
+            warn_implausible(
+                "aerodynamic_damping",
+                f"at one of the nodal diameters {sorted(used)} of the study",
+                f"at {sorted(flow)} alone",
+            )
 
 
-def _given(problem: Problem) -> Iterator[tuple[str, str, Any, str]]:
-    """Yield for each setting: owner and name in the table of ranges, value, and name in a warning."""
-    settings, sizes = problem.settings, problem.sizes
-    of_modes = [b.damping_ratio.max(initial=0.0) for b in problem.modal_bases]
-    effective = {
-        "friction_coefficient": settings.friction_values(),
-        "damping_ratio": max(of_modes, default=0.0)
-        if settings.damping_ratio is None
-        else settings.damping_ratio,
-        "gap": {
-            name: problem.point_gaps[problem.coupling.rows(name)]
-            for name in problem.coupling.interfaces
-        },
-        "contact_stiffness": None,
-    }
+class _Given(NamedTuple):
+    """Value of a setting with owner and name in the table of ranges, and its name in a warning.
+
+    Without ``item`` the table has the name in a warning.
+    """
+
+    owner: str
+    name: str
+    value: Any
+    item: str = ""
+
+
+def _given(problem: Problem) -> Iterator[_Given]:
+    """Yield the settings of a problem, with the values that take effect."""
+    settings = problem.settings
+    sizes = problem.sizes
     for field in fields(settings):
-        yield "Study", field.name, effective.get(field.name, getattr(settings, field.name)), ""
+        yield _Given("Study", field.name, _effective(problem, field.name))
     for force in (settings.excitation, *settings.excitation.beside):
         place = settings.model.locations.get(force.location)
+        # others are force fields and modal forces
         if place is not None and place.kind is None:
-            yield (
-                "Excitation",
-                "amplitude",
-                {force.location: force.amplitude},
-                "excitation amplitude",
-            )
+            amplitude = {force.location: force.amplitude}
+            yield _Given("Excitation", "amplitude", amplitude, "excitation amplitude")
     for body in problem.model.bodies.values():
         if body.kind == "free" and body.ports and sizes.volume(body.name) > 0.0:
-            yield "Body", f"mass.{body.name}", body.mass or 0.0, ""
-    given = settings.contact_stiffness
-    rows = problem.friction_points
-    if given == "model" or not (
-        given is None or isinstance(given, str) or hasattr(given, "n_vectors")
-    ):
-        stiffness = problem.point_stiffness[rows]
-        item = f"contact_stiffness of {type(given).__name__}" if isinstance(given, PerArea) else ""
+            yield _Given("Body", f"mass.{body.name}", body.mass or 0.0)
+
+    # a computed stiffness needs no check
+    method = settings.contact_stiffness
+    computed = method is None or isinstance(method, str) or hasattr(method, "n_vectors")
+    if method == "model" or not computed:
+        stiffness = problem.point_stiffness[problem.friction_points]
+        item = f"contact_stiffness of {type(method).__name__}"
         if stiffness.any() and np.isfinite(sizes.body_stiffness):
-            yield "Study", "contact_stiffness", float(stiffness.mean()), item
+            mean = float(stiffness.mean())
+            yield _Given(
+                "Study", "contact_stiffness", mean, item if isinstance(method, PerArea) else ""
+            )
+
+
+def _effective(problem: Problem, name: str) -> Any:
+    """Return the value of a setting that takes effect; None if it is checked apart."""
+    settings = problem.settings
+    if name == "friction_coefficient":
+        return settings.friction_values()
+    if name == "damping_ratio" and settings.damping_ratio is None:
+        of_modes = [basis.damping_ratio.max(initial=0.0) for basis in problem.modal_bases]
+        return max(of_modes, default=0.0)
+    if name == "gap":
+        coupling = problem.coupling
+        return {face: problem.point_gaps[coupling.rows(face)] for face in coupling.interfaces}
+    if name == "contact_stiffness":
+        return None
+    return getattr(settings, name)
 
 
 @one_thread
 def check_question(
     problem: Problem, preload: Sequence[float] | NDArray, frequency: tuple[float, float] | None
 ) -> None:
-    """Check a frequency interval (Hz) and warn if it is implausible at the largest of the preloads (N).
+    """Check a frequency interval (Hz) and warn if it is implausible at the largest of the preloads
+    (N).
 
     Public functions call it once for the whole range of preloads.
     """
@@ -337,88 +388,147 @@ def check_question(
         )
     if frequency is not None:
         frequency = validation.interval("frequency", frequency)
-        check_interval(
-            problem.at(float(np.max(preload)) if problem.carries_load else 0.0), frequency
-        )
+        largest = float(np.max(preload)) if problem.carries_load else 0.0
+        check_interval(problem.at(largest), frequency)
 
 
 def check_unloaded(problem: Problem) -> None:
-    """Warn if every body whose preload is varied also has a constant load: the optimum then excludes the constant load."""
+    """Warn if every body whose preload is varied also has a constant load.
+
+    The optimum then excludes the constant load.
+    """
     settings = problem.settings
-    varied = {name for name, share in settings.given_loads("load_per_preload").items() if share}
-    held = {
+    shares = settings.given_loads("load_per_preload")
+    varied = {name for name, share in shares.items() if share}
+    constant = {
         name: load
         for name, load in settings.given_loads("constant_loads").items()
         if name in varied and np.any(load)
     }
-    if varied and set(held) == varied:
-        found = f"{', '.join(f'{float(np.sum(load)):g} N on {name!r}' for name, load in held.items())}, in addition to it"
-        warn_implausible("constant_loads", "none on a body whose preload is varied", found)
+    if varied and set(constant) == varied:
+        loads = ", ".join(
+            f"{float(np.sum(load)):g} N on {name!r}" for name, load in constant.items()
+        )
+        warn_implausible(
+            "constant_loads",
+            "none on a body whose preload is varied",
+            f"{loads}, in addition to it",
+        )
+
+
+class _Resonance(NamedTuple):
+    """Linear resonance with angular frequency (rad/s) and springs (n_points, 3).
+
+    Without contact the springs are None.
+    """
+
+    omega: float
+    springs: NDArray | None
+
+    @property
+    def frequency(self) -> float:
+        """Frequency, Hz."""
+        return self.omega / (2.0 * np.pi)
 
 
 def check_interval(case: LoadCase, frequency: tuple[float, float]) -> None:
-    """Warn if an interval (Hz) contains the free and the stuck resonance of a mode only when read as radians per second.
+    """Warn if an interval (Hz) contains resonances only when read as radians per second.
 
-    An interval that contains resonances as given is accepted, unless the response there is far weaker.
+    These are the free and the stuck resonance of a mode.  An interval that contains resonances as
+    given is accepted, unless the response there is far weaker.
     """
     if not case.static.converged:
         return
-    sector, springs = case.sector, (None, case.stuck_springs())
-    low, high = frequency
+    sector = case.sector
     _check_direction(case.problem, sector, frequency)
-    resonances = [(w, k) for k in springs for w in sector.linear.modes(k)[0] if w > 0.0]
-    mistaken = [(w, k) for w, k in resonances if low < w < high]
-    if len({id(k) for _, k in mistaken}) < 2 and any(
-        low < w / (2.0 * np.pi) < high for w, _ in resonances
-    ):
+    resonances = []
+    for springs in (None, case.stuck_springs()):
+        omegas, _ = sector.linear.modes(springs)
+        resonances += [_Resonance(omega, springs) for omega in omegas if omega > 0.0]
+    low, high = frequency
+    contained = [resonance for resonance in resonances if low < resonance.frequency < high]
+    as_radians = [resonance for resonance in resonances if low < resonance.omega < high]
+    states_as_radians = {id(resonance.springs) for resonance in as_radians}
+    if contained and len(states_as_radians) < 2:
         return
 
-    def strongest(resonances: list[tuple[float, NDArray | None]]) -> float:
-        rows = sector.response_rows[1]
-        return max((abs(sector.linear.response(w, k) @ rows) for w, k in resonances), default=0.0)
-
-    given = strongest([(w, k) for w, k in resonances if low < w / (2.0 * np.pi) < high])
-    # ratio of responses (read as rad/s over as given) above which rad/s is suspected; at least 333 for first modes of
-    # blades under a tangential force at the tip
+    response = _strongest(sector, contained)
+    response_as_radians = _strongest(sector, as_radians)
+    # ratio of responses (read as rad/s over as given) above which rad/s is suspected; at least 333
+    # for first modes of blades under a tangential force at the tip
     weaker = 20.0
-    if mistaken and strongest(mistaken) > weaker * given:
-        near = ", ".join(f"{f:.4g}" for f in sorted({w / (2.0 * np.pi) for w, _ in mistaken})[:3])
-        weak = (
-            f"with a response {strongest(mistaken) / given:.2g} times weaker"
-            if given
-            else "without a resonance"
-        )
+    if as_radians and response_as_radians > weaker * response:
+        nearest = sorted({resonance.frequency for resonance in as_radians})[:3]
+        near = ", ".join(f"{hertz:.4g}" for hertz in nearest)
+        weak = "without a resonance"
+        if response:
+            weak = f"with a response {response_as_radians / response:.2g} times weaker"
         warn_implausible(
             "frequency",
             f"an interval in Hz around resonances of the model, such as {near} Hz",
-            f"({low:g}, {high:g}) {weak}; divided by 2 pi it contains them: radians per second suspected",
+            f"({low:g}, {high:g}) {weak}; divided by 2 pi it contains them: "
+            "radians per second suspected",
         )
         return
-    far = 2.0  # ratio of a frequency, or of an active harmonic of it, to the nearest resonance; nonlinear ones lie nearer
-    times = case.problem.settings.harmonic_numbers[-1]
-    cubic = any(face.kind == "cubic" for face in case.problem.model.interfaces.values())
-    hertz = sorted({w / (2.0 * np.pi) for w, _ in resonances})
-    if hertz and not cubic and not any(low / far < f < far * times * high for f in hertz):
-        nearest = min(hertz, key=lambda f: abs(np.log(f / high)))
-        warn_implausible(
-            "frequency",
-            f"an interval in Hz around a resonance, such as {nearest:.4g} Hz",
-            f"({low:g}, {high:g}), far from every resonance: kHz or a mistaken digit suspected",
-        )
+    _check_far(case.problem, resonances, frequency)
+
+
+def _strongest(sector: Sector, resonances: Sequence[_Resonance]) -> float:
+    """Return the largest linear response at resonances, 0 without any."""
+    row = sector.response_rows[1]
+    responses = [
+        abs(sector.linear.response(resonance.omega, resonance.springs) @ row)
+        for resonance in resonances
+    ]
+    return max(responses, default=0.0)
+
+
+def _check_far(
+    problem: Problem, resonances: Sequence[_Resonance], frequency: tuple[float, float]
+) -> None:
+    """Warn of an interval (Hz) far from every resonance."""
+    # a cubic spring moves resonances far away
+    if not resonances or any(face.kind == "cubic" for face in problem.model.interfaces.values()):
+        return
+    low, high = frequency
+    # ratio of a frequency, or of an active harmonic of it, to the nearest resonance; nonlinear
+    # resonances lie nearer
+    far = 2.0
+    highest_harmonic = problem.settings.harmonic_numbers[-1]
+    hertz = sorted({resonance.frequency for resonance in resonances})
+    if any(low / far < f < far * highest_harmonic * high for f in hertz):
+        return
+    nearest = min(hertz, key=lambda f: abs(np.log(f / high)))
+    warn_implausible(
+        "frequency",
+        f"an interval in Hz around a resonance, such as {nearest:.4g} Hz",
+        f"({low:g}, {high:g}), far from every resonance: kHz or a mistaken digit suspected",
+    )
 
 
 def _check_direction(problem: Problem, sector: Sector, frequency: tuple[float, float]) -> None:
-    """Warn of a force perpendicular to the motion of all modes without contact in an interval (Hz)."""
+    """Warn of a force perpendicular to the motion of all modes in an interval (Hz).
+
+    The modes are those without contact.
+    """
     omega, modes = sector.linear.modes(None)
-    hertz, at = omega / (2.0 * np.pi), problem.settings.excitation
-    within = (frequency[0] < hertz) & (hertz < frequency[1])
-    motion = np.linalg.norm(problem.location_modes(at.location, 1) @ modes[:, within], axis=0)
-    along = np.abs(problem.modal_force(1).conj() @ modes[:, within]) / at.amplitude
-    if within.any() and (along <= ALONG * motion).all():
-        share = np.max(along / np.where(motion > 0.0, motion, 1.0))
-        modes_at = ", ".join(f"{f:.4g}" for f in hertz[within][:3])
-        warn_implausible(
-            "excitation direction",
-            f"along the motion of a mode in the interval ({modes_at} Hz)",
-            f"{at.direction} at '{at.location}', along which these have {100.0 * share:.2g} % of their motion there",
-        )
+    hertz = omega / (2.0 * np.pi)
+    low, high = frequency
+    within = (low < hertz) & (hertz < high)
+    if not within.any():
+        return
+    excitation = problem.settings.excitation
+    at_location = problem.location_modes(excitation.location, 1) @ modes[:, within]
+    motion = np.linalg.norm(at_location, axis=0)
+    force = problem.modal_force(1)
+    along = np.abs(force.conj() @ modes[:, within]) / excitation.amplitude
+    if not (along <= ALONG * motion).all():
+        return
+    share = np.max(along / np.where(motion > 0.0, motion, 1.0))
+    modes_at = ", ".join(f"{f:.4g}" for f in hertz[within][:3])
+    warn_implausible(
+        "excitation direction",
+        f"along the motion of a mode in the interval ({modes_at} Hz)",
+        f"{excitation.direction} at '{excitation.location}', along which these have "
+        f"{100.0 * share:.2g} % of their motion there",
+    )

@@ -1,24 +1,29 @@
-"""Contact points of a study: loads by interference, contact stiffness, and contacts without separation.
+"""Contact points of a study: loads by interference, contact stiffness, and contacts without
+separation.
 
-**Normal loads between constrained bodies** (shrouds, roots, a platform pressed on the ground) are made by interference at
-assembly.  With the loads ``N`` of the contact points the surfaces approach by
+**Normal loads between constrained bodies** (shrouds, roots, a platform pressed on the ground) are
+made by interference at assembly.  With the loads ``N`` of the contact points the surfaces approach
+by
 
     e = N/kn - v,      K q = -G^T F(T, N),      v = (G q)_n,
 
-after the structure has deformed under the loads.  The friction ``T`` follows from surfaces that stick or slip during
-loading; free bodies are absent.  ``e`` is part of the motion of the contact points, ``x = G q + P s + s_0``
-(:mod:`bdamper.contact.static_state`).
+after the structure has deformed under the loads.  The friction ``T`` follows from surfaces that
+stick or slip during loading; free bodies are absent.  ``e`` is part of the motion of the contact
+points, ``x = G q + P s + s_0`` (:mod:`bdamper.contact.static_state`).
 
-**Contact stiffness** comes from the method in the settings, or from the best method for which the model has data.
+**Contact stiffness** comes from the method in the settings, or from the best method for which the
+model has data.
 
-**Without separation** a point has the two-sided normal spring ``n0 + kn v``, the difference of two one-sided springs,
+**Without separation** a point has the two-sided normal spring ``n0 + kn v``, the difference of two
+one-sided springs,
 
     n0 + kn v = max(n0 + kn v, 0) - max(-n0 - kn v, 0),
 
-so a second point with the opposite normal is added.  It carries no force unless the contact would open, at little cost.
-Friction acts under pressure only, ``|T| <= mu max(n0 + kn v, 0)``.  For a constant friction limit the core has laws
-that store the static normal load and have a two-sided normal spring.  Friction points that are open in the static state are
-left out.  Bonded points neither open nor slip and remain unchanged.
+so a second point with the opposite normal is added.  It carries no force unless the contact would
+open, at little cost.  Friction acts under pressure only, ``|T| <= mu max(n0 + kn v, 0)``.  For a
+constant friction limit the core has laws that store the static normal load and have a two-sided
+normal spring.  Friction points that are open in the static state are left out.  Bonded points
+neither open nor slip and remain unchanged.
 """
 
 from __future__ import annotations
@@ -50,11 +55,10 @@ from bdamper.model.structure import Interface
 from bdamper.util import validation
 from bdamper.util.errors import ModelError, SettingError, warn
 
-# ---- normal loads between constrained bodies ----
-
-
 SMALLEST_SHARE = 1e-3
 """Smallest fraction of a damper's load that its rigid-body modes in the study must carry."""
+
+# ---- normal loads between constrained bodies ----
 
 
 def at_points(
@@ -86,9 +90,11 @@ def at_points(
     """
     if np.ndim(value) == 0:
         return np.full(face.n_points, validation.number(name, value))
-    values, whole = validation.numbers(name, value), settings.model.interfaces[face.name]
-    if len(values) == whole.n_points != face.n_points:
-        values = united(whole, settings.contact_points, values, kind)
+    values = validation.numbers(name, value)
+    # values of the model's points, whose patches the study has united
+    face_of_model = settings.model.interfaces[face.name]
+    if len(values) == face_of_model.n_points != face.n_points:
+        values = united(face_of_model, settings.contact_points, values, kind)
     validation.check_value(
         values.shape == (face.n_points,), name, f"one or {face.n_points} finite numbers", values
     )
@@ -96,7 +102,8 @@ def at_points(
 
 
 def normal_loads(coupling: Coupling, settings: Settings, item: str) -> NDArray:
-    """Return the normal loads (n_points,) of interfaces between constrained bodies, NaN without a load.
+    """Return the normal loads (n_points,) of interfaces between constrained bodies, NaN without a
+    load.
 
     Parameters
     ----------
@@ -106,20 +113,28 @@ def normal_loads(coupling: Coupling, settings: Settings, item: str) -> NDArray:
         Newtons per newton of preload, or constant loads in N.
     """
     out = np.full(coupling.n_points, np.nan)
-    for name, load in (getattr(settings, item) or {}).items():
-        if name in coupling.interfaces:
-            face = coupling.model.interfaces[name]
-            values = at_points(f"{item} of '{name}'", load, face, settings, "sum")
-            out[coupling.rows(name)] = (
-                values * face.area / face.area.sum() if np.ndim(load) == 0 else values
-            )
+    loads = getattr(settings, item)
+    if loads is None:
+        return out
+    for name, load in loads.items():
+        # other names are bodies
+        if name not in coupling.interfaces:
+            continue
+        face = coupling.model.interfaces[name]
+        values = at_points(f"{item} of '{name}'", load, face, settings, "sum")
+        # a single number is the sum over the face
+        if np.ndim(load) == 0:
+            values = values * face.area / face.area.sum()
+        out[coupling.rows(name)] = values
     return out
 
 
 def approach(
     system: StaticSystem, load_per_preload: NDArray, touching: NDArray, item: str
 ) -> NDArray:
-    """Compute the approach (n_points, 3) of the undeformed surfaces that gives contact points their loads at rest, m.
+    """Compute the approach (n_points, 3) of the undeformed surfaces, m.
+
+    It gives contact points their loads at rest.
 
     Parameters
     ----------
@@ -137,56 +152,72 @@ def approach(
     SettingError
         If a loaded point has no normal stiffness, or there is no state at rest.
     """
-    out, pressed, kn = np.zeros((len(load_per_preload), 3)), ~np.isnan(load_per_preload), system.kn
+    out = np.zeros((len(load_per_preload), 3))
+    pressed = ~np.isnan(load_per_preload)
     if not pressed.any():
         return out
-    expected = "loads of points with a normal stiffness"
-    validation.check((kn[pressed] > 0.0).all(), item, expected, f"one of {kn[pressed].min():g} N/m")
-    apart = ~pressed & ~touching
+    kn = system.kn
+    validation.check(
+        (kn[pressed] > 0.0).all(),
+        item,
+        "loads of points with a normal stiffness",
+        f"one of {kn[pressed].min():g} N/m",
+    )
+
     # an almost vanishing normal spring holds N constant while the structure deforms
+    apart = ~pressed & ~touching
+    others = np.where(apart, -1.0, system.n0)
     held = replace(
-        system, own=None, kt=system.kt * ~apart[:, None], kn=np.where(pressed | apart, 1e-12 * kn, kn),
-        n0=np.where(pressed, load_per_preload, np.where(apart, -1.0, system.n0)),
+        system,
+        own=None,
+        kt=system.kt * ~apart[:, None],
+        kn=np.where(pressed | apart, 1e-12 * kn, kn),
+        n0=np.where(pressed, load_per_preload, others),
         bonded=system.bonded & ~apart,
-    )  # fmt: skip
+    )
     state = static_state(held, 0.0)
     validation.check(state.converged, item, "a structure that can carry them at rest", state.note)
-    out[pressed, 2] = load_per_preload[pressed] / kn[pressed] - (system.G @ state.q)[pressed, 2]
+
+    # e = N/kn - v
+    motion = system.G @ state.q
+    out[pressed, 2] = load_per_preload[pressed] / kn[pressed] - motion[pressed, 2]
     return out
 
 
 def gaps(coupling: Coupling, settings: Settings) -> NDArray:
-    """Return the initial gaps (n_points,) of the surfaces, m; negative for interference, 0 at points with a given load."""
-    given = (
-        {}
-        if settings.gap is None
-        else validation.mapping("gap", settings.gap, coupling.interfaces, "interfaces")
-    )
+    """Return the initial gaps (n_points,) of the surfaces, m.
+
+    They are negative for interference, and 0 at points with a given load.
+    """
+    gap_by_name: Mapping[str, Any] = {}
+    if settings.gap is not None:
+        interfaces = coupling.interfaces
+        gap_by_name = validation.mapping("gap", settings.gap, interfaces, "interfaces")
     parts = []
     for name in coupling.interfaces:
         face = coupling.model.interfaces[name]
         gap = face.gap
-        if name in given:
-            gap = at_points(f"gap of '{name}'", given[name], face, settings, "mean")
-        if settings.law_by_interface().get(name) == LAW_BONDED and (gap > 0.0).any():
+        if name in gap_by_name:
+            gap = at_points(f"gap of '{name}'", gap_by_name[name], face, settings, "mean")
+        bonded = settings.law_by_interface().get(name) == LAW_BONDED
+        if bonded and (gap > 0.0).any():
             raise SettingError(
-                f"gap of '{name}': a bonded interface cannot have a gap, found {gap.max():.3g} m at the widest of "
-                f"{(gap > 0.0).sum()} points"
+                f"gap of '{name}': a bonded interface cannot have a gap, found {gap.max():.3g} m "
+                f"at the widest of {(gap > 0.0).sum()} points"
             )
         parts.append(gap)
-    unloaded = np.isnan(
-        normal_loads(coupling, settings, "load_per_preload")
-        + normal_loads(coupling, settings, "constant_loads")
-    )
+
+    by_preload = normal_loads(coupling, settings, "load_per_preload")
+    constant = normal_loads(coupling, settings, "constant_loads")
+    unloaded = np.isnan(by_preload + constant)
     return np.where(unloaded, np.concatenate(parts), 0.0)
 
 
 def carried(coupling: Coupling, settings: Settings, shares: Mapping[str, float] | None) -> bool:
     """Return whether the modes of a study can carry its preload.
 
-    The generalised load on the rigid-body modes of the study must be at least `SMALLEST_SHARE` of the load on all six
-    rigid-body modes.
-    Motions across the load carry only rounding errors.
+    The generalised load on the rigid-body modes of the study must be at least `SMALLEST_SHARE` of
+    the load on all six rigid-body modes.  Motions across the load carry only rounding errors.
 
     Parameters
     ----------
@@ -200,19 +231,25 @@ def carried(coupling: Coupling, settings: Settings, shares: Mapping[str, float] 
         loaded = shares is None or shares.get(body.name, 0.0) > 0.0
         if body.load is None or not np.any(body.load.generalised) or not loaded:
             continue
-        omega2, retained = body.bases[0].omega2, coupling.modes[body.name]
-        counts = omega2 == 0.0 if body.kind == "free" else np.ones(len(omega2), bool)
-        load = np.where(counts, body.load.generalised, 0.0)
+        omega2 = body.bases[0].omega2
+        retained = coupling.modes[body.name]
+        load = body.load.generalised
+        if body.kind == "free":
+            # elastic modes of a free body do not carry its load
+            load = np.where(omega2 == 0.0, load, 0.0)
         shares_carried.append(float(np.linalg.norm(load[retained]) / np.linalg.norm(load)))
-    on_faces = any(
-        (settings.load_per_preload or {}).get(name, 0.0) > 0.0
-        for name in settings.constrained_faces
-    )
-    return min(shares_carried, default=float(on_faces)) > SMALLEST_SHARE
+    if shares_carried:
+        return min(shares_carried) > SMALLEST_SHARE
+    # without a loaded body the preload may press faces
+    load_per_preload = settings.load_per_preload or {}
+    return any(load_per_preload.get(name, 0.0) > 0.0 for name in settings.constrained_faces)
 
 
 def assembly_offsets(spread: float, seed: int, friction: NDArray) -> NDArray:
-    """Draw initial slider positions (n_points, 2), m, with standard deviation ``spread`` at points with friction."""
+    """Draw initial slider positions (n_points, 2), m.
+
+    Points with friction have the standard deviation ``spread``.
+    """
     drawn = np.random.default_rng(seed).standard_normal((len(friction), 2))
     return np.asarray(spread * drawn * (friction > 0.0)[:, None])
 
@@ -221,58 +258,71 @@ def assembly_offsets(spread: float, seed: int, friction: NDArray) -> NDArray:
 
 
 def contact_of(settings: Settings, coupling: Coupling, friction: NDArray) -> Contact:
-    """Compute the contact stiffness by the method of the settings, with residual modes if the method has them.
+    """Compute the contact stiffness by the method of the settings, with residual modes if the
+    method has them.
 
-    The default is residual modes.  If the model lacks the data for them, the stiffness in the model is used, or unit
-    tractions if the model has no stiffness.
+    The default is residual modes.  If the model lacks the data for them, the stiffness in the model
+    is used, or unit tractions if the model has no stiffness.
     """
     if settings.contact_stiffness is not None:
         return _contact_by(settings, coupling, friction, settings.contact_stiffness)
     try:
         contact = _contact_by(settings, coupling, friction, "residual_modes")
-        for l in sorted({0, *settings.active_harmonics}):
-            _ = contact.residual and contact.residual.basis(l)
+        # the data of a harmonic may be missing
+        if contact.residual is not None:
+            for harmonic in sorted({0, *settings.active_harmonics}):
+                _ = contact.residual.basis(harmonic)
         return contact
     except (ModelError, SettingError) as error:
-        why = str(error)
-    carried = all(name in settings.model.contact for name in coupling.interfaces)
-    contact = _contact_by(settings, coupling, friction, "model" if carried else "unit_traction")
+        reason = str(error)
+    in_model = all(name in settings.model.contact for name in coupling.interfaces)
+    contact = _contact_by(settings, coupling, friction, "model" if in_model else "unit_traction")
     note = (
-        f'contact stiffness "{contact.method}" instead of residual modes ({why}); peaks may be off by tens of per cent, '
-        "which more blade modes would show"
+        f'contact stiffness "{contact.method}" instead of residual modes ({reason}); peaks may be '
+        "off by tens of per cent, which more blade modes would show"
     )
     warn(note)
     return replace(contact, note=note)
 
 
 def _contact_by(settings: Settings, coupling: Coupling, friction: NDArray, method: Any) -> Contact:
-    given = method
     if isinstance(method, str) and method == "model":
         missing = [name for name in coupling.interfaces if name not in settings.model.contact]
         if missing:
             raise SettingError(
                 f'contact_stiffness="model": the model has none for interfaces {missing}'
             )
-        return Contact({n: coupling.model.contact[n] for n in coupling.interfaces}, method=given)
-    if settings.contact_points is not None and not isinstance(
-        method, (str, ResidualModes, PerArea)
-    ):
-        # values refer to the points of the model
-        whole = (
-            method if isinstance(method, Mapping) else dict.fromkeys(coupling.interfaces, method)
-        )
-        method = {}
-        for name, k in whole.items():
-            face = settings.model.interfaces[name]
-            values = np.broadcast_to(np.asarray(k, float), (face.n_points, 3))
-            method[name] = united(face, settings.contact_points, values, "sum")
-    return replace(contact_stiffness(coupling, method, friction), method=given)
+        stiffness = {name: coupling.model.contact[name] for name in coupling.interfaces}
+        return Contact(stiffness, method=method)
+    at_points_of_study = method
+    values = not isinstance(method, (str, ResidualModes, PerArea))
+    if values and settings.contact_points is not None:
+        at_points_of_study = _united_stiffness(settings, coupling, method)
+    return replace(contact_stiffness(coupling, at_points_of_study, friction), method=method)
+
+
+def _united_stiffness(settings: Settings, coupling: Coupling, method: Any) -> dict[str, NDArray]:
+    """Return the stiffness at united points from values at the points of the model."""
+    if isinstance(method, Mapping):
+        of_interface = method
+    else:
+        of_interface = dict.fromkeys(coupling.interfaces, method)
+    stiffness = {}
+    for name, value in of_interface.items():
+        face = settings.model.interfaces[name]
+        values = np.broadcast_to(np.asarray(value, float), (face.n_points, 3))
+        stiffness[name] = united(face, settings.contact_points, values, "sum")
+    return stiffness
 
 
 # ---- contacts without separation or with a constant friction limit ----
 
 
-CONSTANT = {LAW_SEPARABLE: LAW_CONSTANT, LAW_COUPLED: LAW_COUPLED_CONSTANT}
+CONSTANT = {
+    LAW_SEPARABLE: LAW_CONSTANT,
+    LAW_COUPLED: LAW_COUPLED_CONSTANT,
+    LAW_NORMAL: LAW_CONSTANT,
+}
 """Law of constant normal load for each law of variable load."""
 
 
@@ -305,23 +355,27 @@ def without_separation(
     closed = ~(state.status == OPEN).any(axis=1)
     bonded = points.law == LAW_BONDED
     keep = np.flatnonzero(closed | bonded | ~friction_points)
+    # closed points to which the assumption applies
     held = np.flatnonzero(closed & friction_points & ~bonded)
     if constant_load:
-        closed_points = points.taken(keep)
+        retained = points.taken(keep)
         for i in np.flatnonzero(np.isin(keep, held)):
-            law = int(closed_points.law[i])
-            closed_points.law[i] = CONSTANT.get(law, LAW_CONSTANT if law == LAW_NORMAL else law)
-        return [replace(b, G=b.G[keep]) for b in bases], replace(
-            closed_points, load=state.force[keep, 2]
-        )
-    source, added = np.concatenate([keep, held]), slice(len(keep), None)
-    # sign of each motion component at the elements of the new system
-    mask = np.ones((len(source), 3))
-    mask[added] = [-0.0, -0.0, -1.0]
-    new = points.taken(source)
-    new.law[added] = LAW_NORMAL
-    for array in (new.mu, new.kt, new.slider):
-        array[added] = 0.0
-    new.n0[added] *= -1.0
-    new = replace(new, shift=new.shift * mask)
-    return [replace(b, G=b.G[source] * mask[..., None]) for b in bases], new
+            law = int(retained.law[i])
+            retained.law[i] = CONSTANT.get(law, law)
+        retained = replace(retained, load=state.force[keep, 2])
+        return [replace(basis, G=basis.G[keep]) for basis in bases], retained
+
+    # each held point has a second one with the opposite normal, without friction
+    source = np.concatenate([keep, held])
+    added = slice(len(keep), None)
+    sign = np.ones((len(source), 3))
+    sign[added] = [-0.0, -0.0, -1.0]
+    doubled = points.taken(source)
+    doubled.law[added] = LAW_NORMAL
+    doubled.mu[added] = 0.0
+    doubled.kt[added] = 0.0
+    doubled.slider[added] = 0.0
+    doubled.n0[added] *= -1.0
+    doubled = replace(doubled, shift=doubled.shift * sign)
+    signed_bases = [replace(basis, G=basis.G[source] * sign[..., None]) for basis in bases]
+    return signed_bases, doubled

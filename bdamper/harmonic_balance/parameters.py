@@ -1,25 +1,29 @@
 """Settings of a problem changed by name, for sweeps, samples and sensitivities.
 
-Names are the settings of a :class:`bdamper.Study`, with a dot for parts of the excitation and the response
-(``"friction_coefficient"``, ``"excitation.amplitude"``, ``"response.location"``).  Factors scale other quantities:
+Names are the settings of a :class:`bdamper.Study`, with a dot for parts of the excitation and the
+response (``"friction_coefficient"``, ``"excitation.amplitude"``, ``"response.location"``).  Factors
+scale other quantities:
 
 - ``"friction_factor"``: all friction coefficients;
-- ``"contact_stiffness_factor"``: contact stiffness, or one direction with ``".tangential"`` or ``".normal"``;
+- ``"contact_stiffness_factor"``: contact stiffness, or one direction with ``".tangential"`` or
+  ``".normal"``;
 - ``"damping_factor"``: all modal damping ratios, not the damping of the damper;
 - ``"damper_inertia_factor"``: density of free bodies at the same shape, stiffness and static load;
-- ``"damper_mass_factor"``: their mass at a rotor speed, where their static load is proportional to it;
+- ``"damper_mass_factor"``: their mass at a rotor speed, where their static load is proportional to
+  it;
 - ``"frequency_factor"``: all natural frequencies, by the density of all bodies;
 - ``"gap_factor"``: initial gaps.
 
 A dot selects one interface (``"friction_coefficient.left"``, ``"gap_factor.left"``), one load
-(``"load_per_preload.rear"``, ``"constant_loads.shroud"``), or one free body (``"damper_inertia_factor.rear"``,
-``"damper_mass_factor.rear"``).  Without a rotor speed, ``"damper_mass_factor.rear"`` also scales the load of this body per
-newton of preload, and all bodies together have no such factor.
+(``"load_per_preload.rear"``, ``"constant_loads.shroud"``), or one free body
+(``"damper_inertia_factor.rear"``, ``"damper_mass_factor.rear"``).  Without a rotor speed,
+``"damper_mass_factor.rear"`` also scales the load of this body per newton of preload, and all
+bodies together have no such factor.
 
-To compare solutions of two problems, :func:`like` rotates the residual modes of one problem onto the residual modes of the
-other.  Modes of
-bodies have the phases of the model's basis.  Residual modes have arbitrary phases, and modes of equal mass may be combined
-arbitrarily: the unitary Procrustes rotation of each group of equal mass brings their motions closest.
+To compare solutions of two problems, :func:`like` rotates the residual modes of one problem onto
+the residual modes of the other.  Modes of bodies have the phases of the model's basis.  Residual
+modes have arbitrary phases, and modes of equal mass may be combined arbitrarily: the unitary
+Procrustes rotation of each group of equal mass brings their motions closest.
 """
 
 from __future__ import annotations
@@ -44,37 +48,41 @@ from bdamper.util.errors import SettingError
 # ---- settings changed by name ----
 
 
+INERTIA = "damper_inertia_factor"
+MASS = "damper_mass_factor"
+OF_MASS = (INERTIA, MASS)
 FACTORS = (
-    "friction_factor", "damping_factor", "damper_inertia_factor", "damper_mass_factor", "contact_stiffness_factor",
-    "frequency_factor", "gap_factor",
-)  # fmt: skip
+    "friction_factor",
+    "damping_factor",
+    INERTIA,
+    MASS,
+    "contact_stiffness_factor",
+    "frequency_factor",
+    "gap_factor",
+)
 OF_LOAD = ("load_per_preload", "constant_loads")
-INERTIA, MASS = OF_MASS = ("damper_inertia_factor", "damper_mass_factor")
 RENAMED = {"damper_mass_factor": INERTIA, "damper_mass": MASS}
 """Present names of settings in files of version 3 of the format."""
 SIDES = ("tangential", "normal")
+EQUAL_MASS = 1e-6
+"""Relative difference of modal masses below which residual modes form one group."""
 
 
 def setting_names(problem: Problem) -> list[str]:
     """Return all names that :func:`vary` accepts."""
-    names = [f.name for f in fields(problem.settings) if f.name not in ("model", *FACTORS)]
-    names += [
-        f"excitation.{f.name}" for f in fields(problem.settings.excitation) if f.name != "beside"
-    ]
-    names += [
-        f"response.{f.name}"
-        for f in fields(problem.settings.excitation)
-        if f.name in ("location", "direction")
-    ]
-    faces = problem.settings.friction_faces
-    names += [
-        f"{setting}.{face.name}"
-        for setting in ("friction_coefficient", "gap_factor")
-        for face in faces
-    ]
-    names += [f"{factor}.{body}" for factor in OF_MASS for body in problem.settings.free_bodies]
-    names += [f"{item}.{part}" for item in OF_LOAD for part in problem.settings.loaded]
-    return [*names, *(f"contact_stiffness_factor.{side}" for side in SIDES), *FACTORS]
+    settings = problem.settings
+    names = [f.name for f in fields(settings) if f.name not in ("model", *FACTORS)]
+    of_excitation = [f.name for f in fields(settings.excitation)]
+    names += [f"excitation.{name}" for name in of_excitation if name != "beside"]
+    names += [f"response.{name}" for name in of_excitation if name in ("location", "direction")]
+    for setting in ("friction_coefficient", "gap_factor"):
+        names += [f"{setting}.{face.name}" for face in settings.friction_faces]
+    for factor in OF_MASS:
+        names += [f"{factor}.{body}" for body in settings.free_bodies]
+    for item in OF_LOAD:
+        names += [f"{item}.{part}" for part in settings.loaded]
+    names += [f"contact_stiffness_factor.{side}" for side in SIDES]
+    return [*names, *FACTORS]
 
 
 def present_name(name: str) -> str:
@@ -123,112 +131,152 @@ def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
     }
     if plain:
         problem = problem.replace(**plain)
-    for part in ("excitation", "response"):
-        inner = {
-            name.split(".")[1]: value
-            for name, value in settings.items()
-            if name.startswith(part + ".")
-        }
-        if inner:
-            place: Any = (
-                problem.settings.excitation
-                if part == "excitation"
-                else problem.settings.response_location
-            )
-            problem = problem.replace(**{part: replace(place, **inner)})
-    for name, value in sorted(
-        settings.items(), key=lambda item: item[0].partition(".")[0] not in OF_LOAD
-    ):  # then factors
+    of_excitation = _of_part(settings, "excitation")
+    if of_excitation:
+        excitation = replace(problem.settings.excitation, **of_excitation)
+        problem = problem.replace(excitation=excitation)
+    of_response = _of_part(settings, "response")
+    if of_response:
+        response = replace(problem.settings.response_location, **of_response)
+        problem = problem.replace(response=response)
+
+    # loads before factors, which may scale them
+    def is_no_load(name: str) -> bool:
+        head, _, _ = name.partition(".")
+        return head not in OF_LOAD
+
+    for name in sorted(settings, key=is_no_load):
+        value = settings[name]
         head, _, part = name.partition(".")
         if head == "friction_coefficient" and part:
-            mu = problem.settings.friction_by_interface()
-            own = problem.settings.own_laws()  # they do not use a coefficient
-            faces = [
-                face
-                for face in problem.settings.law_by_interface()
-                if face == part or face not in own
-            ]
-            coefficients = {face: value if face == part else mu[face] for face in faces}
+            coefficients = _coefficients(problem, part, value)
             problem = problem.replace(friction_coefficient=coefficients)
         elif head in OF_LOAD and part:
-            problem = problem.replace(**{head: {**problem.settings.given_loads(head), part: value}})
+            loads = {**problem.settings.given_loads(head), part: value}
+            problem = problem.replace(**{head: loads})
         elif head in FACTORS:
             problem = _scaled(problem, head, part, value)
     return problem
 
 
+def _of_part(settings: Mapping[str, Any], part: str) -> dict[str, Any]:
+    """Return the settings of the excitation or of the response, without the name of this part."""
+    prefix = part + "."
+    return {
+        name.removeprefix(prefix): value
+        for name, value in settings.items()
+        if name.startswith(prefix)
+    }
+
+
+def _coefficients(problem: Problem, changed: str, value: float) -> dict[str, Any]:
+    """Return the friction coefficients of all interfaces, one of them changed."""
+    coefficients: dict[str, Any] = problem.settings.friction_by_interface()
+    user_laws = problem.settings.own_laws()
+    varied = {}
+    for face in problem.settings.law_by_interface():
+        if face == changed:
+            varied[face] = value
+        elif face not in user_laws:  # these do not use a coefficient
+            varied[face] = coefficients[face]
+    return varied
+
+
 def replace_settings(problem: Problem, /, **settings: Any) -> Problem:
     """See :meth:`bdamper.Study.replace`."""
-    own = {f.name for f in fields(problem.settings)}
-    known = setting_names(problem)
-    for name in settings.keys() - {*own, *known}:
+    arguments = {f.name for f in fields(problem.settings)}
+    names = setting_names(problem)
+    for name in settings.keys() - {*arguments, *names}:
         raise SettingError(
-            f"Study: there is no argument '{name}'{validation.suggest_name(name, known)}"
+            f"Study: there is no argument '{name}'{validation.suggest_name(name, names)}"
         )
-    varied = {name: settings.pop(name) for name in known if name in settings and name not in own}
-    return vary(problem.replace(**settings), varied)
+    # the other names belong to vary alone
+    plain = {name: value for name, value in settings.items() if name in arguments}
+    varied = {name: settings[name] for name in names if name in settings and name not in arguments}
+    return vary(problem.replace(**plain), varied)
 
 
 def _scaled(problem: Problem, name: str, part: str, factor: float) -> Problem:
+    """Return the problem with one of the ``FACTORS`` applied to a part of the model or to all."""
     factor = validation.number(f"{name}.{part}" if part else name, factor, above=0.0)
     if name == "friction_factor":
-        given = problem.settings.friction_coefficient
-        expected = "a friction interface whose law has a friction coefficient above 0"
-        validation.check(problem.settings.friction_values(), name, expected, "none")
-        if isinstance(given, Mapping):
-            own = problem.settings.own_laws()
-            scaled = {
-                face: factor * np.asarray(mu) for face, mu in given.items() if face not in own
-            }
-            return problem.replace(friction_coefficient=scaled)
-        return problem.replace(friction_coefficient=factor * given)
+        return _with_friction(problem, factor)
     if name == "gap_factor":
-        faces, gap = problem.coupling.interfaces, problem.point_gaps
-        changed = {
-            f: gap[problem.coupling.rows(f)] * (factor if part in (f, "") else 1.0) for f in faces
-        }
-        return problem.replace(gap=changed)
+        gap = problem.point_gaps
+        gaps = {}
+        for face in problem.coupling.interfaces:
+            scale = factor if part in (face, "") else 1.0
+            gaps[face] = gap[problem.coupling.rows(face)] * scale
+        return problem.replace(gap=gaps)
     if name in OF_MASS:
         return _of_mass(problem, name, part, factor)
-    if part:
-        expected = (
-            "contact stiffness by values or unit tractions: residual modes are flexible as a whole"
-        )
-        validation.check(
-            problem.contact.residual is None, f"{name}.{part}", expected, "residual modes"
-        )
-        way = np.where(part == "normal", [1.0, 1.0, factor], [factor, factor, 1.0])
-        kinds = problem.settings.law_by_interface()
-        values = {
-            f: c.stiffness * (way if f in kinds else 1.0) for f, c in problem.stiffness.items()
-        }
-        return problem.replace(contact_stiffness=values, contact_stiffness_factor=1.0)
+    if name == "contact_stiffness_factor" and part:
+        return _with_stiffness(problem, part, factor)
     if name == "contact_stiffness_factor":
-        return problem.replace(
-            contact_stiffness_factor=factor * problem.settings.contact_stiffness_factor
-        )
+        total = factor * problem.settings.contact_stiffness_factor
+        return problem.replace(contact_stiffness_factor=total)
     if name == "damping_factor":
         if problem.settings.damping_ratio is not None:
             return problem.replace(damping_ratio=factor * problem.settings.damping_ratio)
         bodies = {key: _damped(body, factor) for key, body in problem.model.bodies.items()}
         return problem.replace(model=as_checked(replace(problem.model, bodies=bodies)))
-    whole = denser(
-        problem.model, factor**-2, tuple(problem.model.bodies), whole=True
-    )  # frequency_factor
-    return problem.replace(model=as_checked(whole))
+    # frequency_factor
+    every_body = tuple(problem.model.bodies)
+    model = denser(problem.model, factor**-2, every_body, whole=True)
+    return problem.replace(model=as_checked(model))
+
+
+def _with_friction(problem: Problem, factor: float) -> Problem:
+    """Return the problem with all friction coefficients scaled."""
+    settings = problem.settings
+    validation.check(
+        settings.friction_values(),
+        "friction_factor",
+        "a friction interface whose law has a friction coefficient above 0",
+        "none",
+    )
+    coefficient = settings.friction_coefficient
+    if not isinstance(coefficient, Mapping):
+        return problem.replace(friction_coefficient=factor * coefficient)
+    user_laws = settings.own_laws()
+    scaled = {
+        face: factor * np.asarray(mu) for face, mu in coefficient.items() if face not in user_laws
+    }
+    return problem.replace(friction_coefficient=scaled)
+
+
+def _with_stiffness(problem: Problem, side: str, factor: float) -> Problem:
+    """Return the problem with the contact stiffness scaled along the normal or the tangents."""
+    validation.check(
+        problem.contact.residual is None,
+        f"contact_stiffness_factor.{side}",
+        "contact stiffness by values or unit tractions: residual modes are flexible as a whole",
+        "residual modes",
+    )
+    scale = [1.0, 1.0, factor] if side == "normal" else [factor, factor, 1.0]
+    friction_faces = problem.settings.law_by_interface()
+    values = {}
+    for face, contact in problem.stiffness.items():
+        values[face] = contact.stiffness * (np.array(scale) if face in friction_faces else 1.0)
+    return problem.replace(contact_stiffness=values, contact_stiffness_factor=1.0)
 
 
 def _of_mass(problem: Problem, name: str, part: str, factor: float) -> Problem:
-    """Scale the mass of all free bodies or of one, with or without the load that is proportional to it."""
+    """Scale the mass of all free bodies or of one, with or without the load that is proportional to
+    it.
+    """
     settings = problem.settings
     names = (part,) if part else settings.free_bodies
     validation.check(names, "mass of the damper", "a model with a free body", "none")
     model = denser(problem.model, factor, names)
     if name == INERTIA:
-        one = len(names) < len(settings.free_bodies)
+        one_of_several = len(names) < len(settings.free_bodies)
         expected = f"no rotor speed, where load and mass of a body go together; vary {MASS}.{part}"
         validation.check(
-            settings.speed is None or not one, f"{name}.{part}", expected, f"{settings.speed} rad/s"
+            settings.speed is None or not one_of_several,
+            f"{name}.{part}",
+            expected,
+            f"{settings.speed} rad/s",
         )
         return problem.replace(model=as_checked(model))
     if settings.speed is not None:
@@ -236,59 +284,73 @@ def _of_mass(problem: Problem, name: str, part: str, factor: float) -> Problem:
     if not part:
         each = " and ".join(f"{MASS}.{body}" for body in names)
         raise SettingError(
-            f"{MASS}: expected a study at a rotor speed, where the load is proportional to the mass, found none; use "
-            f"study.at_speed(...), or vary {each} with the load at a given preload, or {INERTIA} without it"
+            f"{MASS}: expected a study at a rotor speed, where the load is proportional to the "
+            f"mass, found none; use study.at_speed(...), or vary {each} with the load at a given "
+            f"preload, or {INERTIA} without it"
         )
     # without a speed the load of one body is its share of the preload
-    loads = settings.given_loads("load_per_preload").items()
-    scaled = {key: factor * share if key == part else share for key, share in loads}
-    return problem.replace(model=as_checked(model), load_per_preload=scaled or None)
+    loads = settings.given_loads("load_per_preload")
+    if part in loads:
+        loads[part] = factor * loads[part]
+    return problem.replace(model=as_checked(model), load_per_preload=loads or None)
 
 
 def _damped(body: Body, factor: float) -> Body:
-    bases = {
-        d: replace(
-            basis,
-            damping_ratio=factor * basis.damping_ratio,
-            drag=None if basis.drag is None else factor * basis.drag,
-        )
-        for d, basis in body.bases.items()
-    }
+    """Return the body with its modal damping scaled."""
+    bases = {}
+    for d, basis in body.bases.items():
+        drag = None if basis.drag is None else factor * basis.drag
+        bases[d] = replace(basis, damping_ratio=factor * basis.damping_ratio, drag=drag)
     return replace(body, bases=bases)
 
 
 def denser(model: Model, factor: float, names: Sequence[str], whole: bool = False) -> Model:
-    """Return the model with the density of some bodies scaled: mass-normalised modes scale, flexibility does not change."""
-    chosen = [model.bodies[name] for name in names if model.bodies[name].bases]
-    bodies, root = dict(model.bodies), 1.0 / np.sqrt(factor)
-    for body in chosen:
-        bases = {
-            d: replace(
-                basis,
-                omega2=basis.omega2 / factor,
-                contact_modes=root * basis.contact_modes,
-                locations={name: root * modes for name, modes in basis.locations.items()},
-                drag=None if basis.drag is None else basis.drag / (factor if whole else 1.0),
-                speed=basis.speed if not whole else None,
-            )
-            for d, basis in body.bases.items()
-        }
-        changed: dict[str, Any] = {"bases": bases}
-        if body.load is not None:
-            changed["load"] = replace(body.load, generalised=root * body.load.generalised)
-        if body.constant_force is not None:
-            changed["constant_force"] = root * body.constant_force
-        if body.mass is not None and body.inertia is not None:
-            changed |= {"mass": factor * body.mass, "inertia": factor * body.inertia}
-        bodies[body.name] = replace(body, **changed, local=None if whole else body.local)
+    """Return the model with the density of some bodies scaled.
+
+    Mass-normalised modes scale; the flexibility does not change.  With ``whole`` these are all
+    bodies of the model.
+    """
+    bodies = dict(model.bodies)
+    for name in names:
+        if bodies[name].bases:
+            bodies[name] = _denser_body(bodies[name], factor, whole)
     return replace(model, bodies=bodies)
+
+
+def _denser_body(body: Body, factor: float, whole: bool) -> Body:
+    root = 1.0 / np.sqrt(factor)
+    bases = {}
+    for d, basis in body.bases.items():
+        drag = basis.drag
+        if drag is not None:
+            drag = drag / (factor if whole else 1.0)
+        bases[d] = replace(
+            basis,
+            omega2=basis.omega2 / factor,
+            contact_modes=root * basis.contact_modes,
+            locations={name: root * modes for name, modes in basis.locations.items()},
+            drag=drag,
+            speed=None if whole else basis.speed,
+        )
+    changed: dict[str, Any] = {"bases": bases}
+    if body.load is not None:
+        changed["load"] = replace(body.load, generalised=root * body.load.generalised)
+    if body.constant_force is not None:
+        changed["constant_force"] = root * body.constant_force
+    if body.mass is not None and body.inertia is not None:
+        changed["mass"] = factor * body.mass
+        changed["inertia"] = factor * body.inertia
+    if whole:
+        changed["local"] = None
+    return replace(body, **changed)
 
 
 # ---- comparable coordinates of residual modes ----
 
 
 def aligned(basis: HarmonicBasis, reference: HarmonicBasis) -> HarmonicBasis:
-    """Return the basis with its residual modes rotated onto the residual modes of a reference basis.
+    """Return the basis with its residual modes rotated onto the residual modes of a reference
+    basis.
 
     Raises
     ------
@@ -301,20 +363,24 @@ def aligned(basis: HarmonicBasis, reference: HarmonicBasis) -> HarmonicBasis:
     residual = np.array([i for i, c in enumerate(basis.coordinates) if c.body == RESIDUAL], int)
     if not len(residual):
         return basis
-    mass, G = basis.mass[residual], basis.G.copy()
-    equal_mass = (
-        1e-6  # relative difference of modal masses below which residual modes form one group
-    )
-    for group in np.split(residual, np.flatnonzero(np.diff(mass) > equal_mass * mass.max()) + 1):
-        columns, target = (
-            array[..., group].reshape(-1, len(group)) for array in (basis.G, reference.G)
-        )
+    mass = basis.mass[residual]
+    steps = np.flatnonzero(np.diff(mass) > EQUAL_MASS * mass.max()) + 1
+    G = basis.G.copy()
+    for group in np.split(residual, steps):
+        columns = basis.G[..., group].reshape(-1, len(group))
+        target = reference.G[..., group].reshape(-1, len(group))
+        # unitary Procrustes rotation
         U, _, V = np.linalg.svd(columns.conj().T @ target)
         G[..., group] = (columns @ (U @ V)).reshape(*G.shape[:2], len(group))
     return replace(basis, G=G)
 
 
 def like(problem: Problem, reference: Problem) -> Problem:
-    """Return the problem with its residual modes rotated onto the residual modes of another problem."""
-    bases = [aligned(b, other) for b, other in zip(problem.bases, reference.bases)]
-    return problem.given(bases=bases, **({"static_basis": bases[0]} if bases[0].n_modes else {}))
+    """Return the problem with its residual modes rotated onto the residual modes of another
+    problem.
+    """
+    bases = [aligned(basis, other) for basis, other in zip(problem.bases, reference.bases)]
+    # without a mean there is no basis of harmonic 0 to replace that of the static state
+    if bases[0].n_modes:
+        return problem.given(bases=bases, static_basis=bases[0])
+    return problem.given(bases=bases)
