@@ -1,7 +1,7 @@
 """Settings of a study of one model, checked on creation.
 
-Each setting is a choice of the method (paper, sections 2 and 3): modes and nodal diameters of the bodies, contact
-stiffness, friction law, preload history, harmonics of the response.
+Each setting is a choice of the method (paper, sections 2 and 3): modes and nodal diameters of the
+bodies, contact stiffness, friction law, preload history, harmonics of the response.
 """
 
 from __future__ import annotations
@@ -48,9 +48,12 @@ LAWS = dict(zip(LAW_NAMES, (LAW_SEPARABLE, LAW_COUPLED, LAW_BONDED)))
 FRICTION = 0.3
 """Default friction coefficient."""
 CIGEROGLU_2009: Mapping[str, Any] = {
-    "contact_stiffness": "cigeroglu2009", "blade_modes": 10, "damper_modes": 0, "harmonics": 1,
-    "fundamental_modes_only": True
-}  # fmt: skip
+    "contact_stiffness": "cigeroglu2009",
+    "blade_modes": 10,
+    "damper_modes": 0,
+    "harmonics": 1,
+    "fundamental_modes_only": True,
+}
 """Settings of the paper (sections 2.2, 3.2 and 4.1): ``Study(model, ..., **CIGEROGLU_2009)``,
 ``study.replace(**CIGEROGLU_2009)``.
 """
@@ -67,29 +70,33 @@ class Settings(validation.Answering):
     model : Model
     excitation : Excitation
     engine_order : int
-        Engine order of the fundamental harmonic.  Required for a bladed disk; 1 for a structure without cyclic symmetry.
+        Engine order of the fundamental harmonic.  Required for a bladed disk; 1 for a structure
+        without cyclic symmetry.
     friction_coefficient : float or mapping of interface name to float or (n_points,) float
-        An array has a value for each contact point of the interface in the model; united patches have the mean.  Interfaces
-        with a :class:`~bdamper.ContactLaw` need none, because they do not use it.
+        An array has a value for each contact point of the interface in the model; united patches
+        have the mean.  Interfaces with a :class:`~bdamper.ContactLaw` need none, because they do
+        not use it.
     response : Response, optional
         Location and direction of the response; by default location and direction of the excitation.
     harmonics : int or tuple of int
         Number of harmonics of the response without the mean, or their numbers.
-    contact_stiffness : {"residual_modes", "unit_traction", "cigeroglu2009", "model"}, ResidualModes, float, PerArea,
-    mapping, None
-        Method (see :mod:`bdamper.contact.stiffness`), values in N/m or N/m3, or "model" for the values in the model.
-        Default: residual modes if the model contains their static flexibility, otherwise the values of the model or unit
-        tractions, with a note in ``stiffness_report`` and a :class:`~bdamper.util.errors.BdamperWarning`.
+    contact_stiffness : {"residual_modes", "unit_traction", "cigeroglu2009", "model"},
+    ResidualModes, float, PerArea, mapping, None
+        Method (see :mod:`bdamper.contact.stiffness`), values in N/m or N/m3, or "model" for the
+        values in the model.  Default: residual modes if the model contains their static
+        flexibility, otherwise the values of the model or unit tractions, with a note in
+        ``stiffness_report`` and a :class:`~bdamper.util.errors.BdamperWarning`.
     contact_stiffness_factor : float
-        Factor on the contact stiffness of any method.  For residual modes it divides the complete flexibility of the
-        contact.
+        Factor on the contact stiffness of any method.  For residual modes it divides the complete
+        flexibility of the contact.
     blade_modes : int
-        Number of modes of each constrained body, limited by the model; the default is accepted for a smaller model.
+        Number of modes of each constrained body, limited by the model; the default is accepted for
+        a smaller model.
     damper_modes : int or mapping of body name to int
         Number of elastic modes of each free body; 0 for bodies that a mapping does not list.
     rigid_modes : sequence of str
-        Rigid-body modes of free bodies: "TX", "TY", "TZ" (translation) and "RX", "RY", "RZ" (rotation), along and about the
-        damper's axes.
+        Rigid-body modes of free bodies: "TX", "TY", "TZ" (translation) and "RX", "RY", "RZ"
+        (rotation), along and about the damper's axes.
     constraint_planes : bool
         Include constraint planes (front and back of a damper).
     fundamental_modes_only : bool
@@ -97,52 +104,62 @@ class Settings(validation.Answering):
     damping_ratio : float, optional
         Damping ratio of all elastic modes, instead of the values of the model.
     damper_damping_ratio : float or mapping of body name to float
-        Damping ratio of each rigid-body and elastic motion of a free body, alone on the stuck springs of its friction faces
-        with the blades at rest.  It is added to the damping in the model.  A motion without stiffness has none.  Modes of
-        the stuck damper, which combine these motions, have 0.7 to 1.7 times this value on the shipped models.
+        Damping ratio of each rigid-body and elastic motion of a free body, alone on the stuck
+        springs of its friction faces with the blades at rest.  It is added to the damping in the
+        model.  A motion without stiffness has none.  Modes of the stuck damper, which combine these
+        motions, have 0.7 to 1.7 times this value on the shipped models.
     aerodynamic_damping : complex or mapping of nodal diameter to complex, optional
-        Damping ratio by the flow for every mode of the constrained bodies, added to their damping.  The imaginary part of a
-        complex number is the damping ratio, its real part a relative frequency shift, as in
-        :meth:`bdamper.Study.flutter`. A number applies to the nodal diameter of the engine order.  Waves ``d`` and
-        ``n_blades - d`` (or ``-d``) travel in opposite directions.  Other nodal diameters and the mean have none.
+        Damping ratio by the flow for every mode of the constrained bodies, added to their damping.
+        The imaginary part of a complex number is the damping ratio, its real part a relative
+        frequency shift, as in :meth:`bdamper.Study.flutter`. A number applies to the nodal diameter
+        of the engine order.  Waves ``d`` and ``n_blades - d`` (or ``-d``) travel in opposite
+        directions.  Other nodal diameters and the mean have none.
         :func:`bdamper.influence_coefficients` computes them from a few blades.
     damper_drag : float or mapping of body name to float, N s/m
-        Viscous damping constant of free bodies: force on the translation divided by its velocity.  The force on all their
-        motions is proportional to mass.
+        Viscous damping constant of free bodies: force on the translation divided by its velocity.
+        The force on all their motions is proportional to mass.
     contact_forces : {"event_driven"} or AFT
         Evaluation of the contact forces over a cycle.
     friction_law : {"uncoupled", "coupled", "bonded"}, ContactLaw or mapping of interface to these
-        "uncoupled": independent 1-D elements along two axes.  "coupled": the friction force lies in a disk of radius mu N
-        (the static analysis uses the uncoupled law, see :mod:`bdamper.contact.static_state`).  "bonded": linear springs in
-        all directions, also in tension.  A :class:`~bdamper.ContactLaw` is a compiled function; its stiffness replaces the
-        contact stiffness.  It and "coupled" are sampled, with 128 samples unless ``contact_forces`` is given.
+        "uncoupled": independent 1-D elements along two axes.  "coupled": the friction force lies in
+        a disk of radius mu N (the static analysis uses the uncoupled law, see
+        :mod:`bdamper.contact.static_state`).  "bonded": linear springs in all directions, also in
+        tension.  A :class:`~bdamper.ContactLaw` is a compiled function; its stiffness replaces the
+        contact stiffness.  It and "coupled" are sampled, with 128 samples unless ``contact_forces``
+        is given.
     bias, variable_normal_load, separation : bool
-        Whether the mean moves, the friction limit follows the normal load, and surfaces open and close.
-        :class:`~bdamper.harmonic_balance.effects.Effects` describes the assumptions otherwise.
+        Whether the mean moves, the friction limit follows the normal load, and surfaces open and
+        close.  :class:`~bdamper.harmonic_balance.effects.Effects` describes the assumptions
+        otherwise.
     contact_points : int, optional
-        Largest number of contact points on each friction face; neighbouring patches are united.  Use at least 9.
+        Largest number of contact points on each friction face; neighbouring patches are united.
+        Use at least 9.
     gap : mapping of interface name to float or (n_points,) float, optional
-        Initial gap of the surfaces in m, instead of the values of the model; negative for interference.  See
-        :func:`bdamper.face_gap`.  Not possible for the law "bonded".
+        Initial gap of the surfaces in m, instead of the values of the model; negative for
+        interference.  See :func:`bdamper.face_gap`.  Not possible for the law "bonded".
     load_per_preload : mapping of name to float, optional
-        Newtons per newton of preload on free bodies, and of normal load on friction interfaces between constrained bodies
-        (shrouds, roots); 0 for names that are not listed.  Default: 1 on every loaded body.  At a rotor speed the loads are
-        proportional to mass times radius, and the preload is the load of the first body.
+        Newtons per newton of preload on free bodies, and of normal load on friction interfaces
+        between constrained bodies (shrouds, roots); 0 for names that are not listed.  Default: 1 on
+        every loaded body.  At a rotor speed the loads are proportional to mass times radius, and
+        the preload is the load of the first body.
     constant_loads : mapping of name to float or (n_points,) float, optional
-        Newtons independent of the preload, on the same bodies and interfaces.  For an interface, one value for each contact
-        point, or their sum, distributed by area.  These normal loads act at assembly: after the deformation of the
-        structure and before the free bodies are loaded.  A negative load of a point is a gap of ``-load/kn`` in this state.
-        Gaps of interfaces with a load are ignored.
+        Newtons independent of the preload, on the same bodies and interfaces.  For an interface,
+        one value for each contact point, or their sum, distributed by area.  These normal loads act
+        at assembly: after the deformation of the structure and before the free bodies are loaded.
+        A negative load of a point is a gap of ``-load/kn`` in this state.  Gaps of interfaces with
+        a load are ignored.
     load_history : tuple of float
-        Load factors through which a preload is reached, the last one 1: (1.5, 1.0) is a preceding overload.
+        Load factors through which a preload is reached, the last one 1: (1.5, 1.0) is a preceding
+        overload.
     stability : bool
         Whether response curves include the stability of every point.
     speed : float, rad/s, optional
-        Rotor speed of the model, set by :meth:`bdamper.Study.at_speed`.  The static analysis then includes the displacement
-        of the faces by rotation at this speed, which does not depend on the preload.
+        Rotor speed of the model, set by :meth:`bdamper.Study.at_speed`.  The static analysis then
+        includes the displacement of the faces by rotation at this speed, which does not depend on
+        the preload.
     residual_slip_std : float, m
-        Standard deviation of the slider positions after assembly, drawn for each contact point.  The static analysis starts
-        from them.
+        Standard deviation of the slider positions after assembly, drawn for each contact point.
+        The static analysis starts from them.
     residual_slip_seed : int
         Seed of the random numbers.
 
@@ -193,89 +210,97 @@ class Settings(validation.Answering):
     def __post_init__(self) -> None:
         check_model_once(self.model)
         if self.engine_order is None:
-            expected = f"the engine order of the excitation, since the model has {self.model.n_blades} sectors"
-            validation.check(self.model.n_blades <= 1, "engine_order", expected, "none")
+            n = self.model.n_blades
+            expected = f"the engine order of the excitation, since the model has {n} sectors"
+            validation.check(n <= 1, "engine_order", expected, "none")
             object.__setattr__(self, "engine_order", 1)
         validation.check_fields(self)
         self._check_places()
-        validation.integer(
-            "blade_modes", self.blade_modes, 1, max(BLADE_MODES, self.most_modes("constrained"))
-        )
+        # the default is accepted for a smaller model
+        most_modes = max(BLADE_MODES, self.most_modes("constrained"))
+        validation.integer("blade_modes", self.blade_modes, 1, most_modes)
         self._check_friction()
-        most = max(self.most_points, 1)
-        expected = f"at most {most}, those of a friction face of the model, which decides how many there are (None for all)"
-        validation.check_value(
-            (self.contact_points or 0) <= most, "contact_points", expected, self.contact_points
-        )
+        self._check_points()
         check_evaluation(self.contact_forces, self.harmonic_numbers[-1])
         validation.check(
             self.load_history[-1] == 1.0, "load_history", "1.0 at its end", self.load_history
         )
-        for name in ("damper_modes", "damper_damping_ratio", "damper_drag"):
-            given = getattr(self, name)
-            if isinstance(given, Mapping):
-                validation.mapping(name, given, self.free_bodies, "free bodies")
-            elif name != "damper_modes":
-                validation.check_value(
-                    self.free_bodies or not given,
-                    name,
-                    "0, since the model has no free body",
-                    given,
-                )
-        if self.speed is not None:
-            own = self.model.provenance.get("rotor speed", "none")
-            expected = f"a model at {self.speed:.9g} rad/s, as study.at_speed makes it"
-            validation.check(own == f"{self.speed:.9g} rad/s", "speed", expected, f"one at {own}")
+        self._check_free_bodies()
+        self._check_speed()
         self._check_held()
         self._check_loads()
         self._check_orders()
         if self.aerodynamic_damping is not None:
             object.__setattr__(self, "aerodynamic_damping", self._flow(self.aerodynamic_damping))
 
-    def _flow(self, given: complex | Mapping[int, complex]) -> dict[int, complex]:
+    def _check_points(self) -> None:
+        most = max(self.most_points, 1)
+        validation.check_value(
+            self.contact_points is None or self.contact_points <= most,
+            "contact_points",
+            f"at most {most}, those of a friction face of the model, which decides how many there "
+            "are (None for all)",
+            self.contact_points,
+        )
+
+    def _check_free_bodies(self) -> None:
+        """Check the bodies of settings for free bodies; zero is accepted without such a body."""
+        for name in ("damper_modes", "damper_damping_ratio", "damper_drag"):
+            value = getattr(self, name)
+            if isinstance(value, Mapping):
+                validation.mapping(name, value, self.free_bodies, "free bodies")
+            elif name != "damper_modes":
+                expected = "0, since the model has no free body"
+                validation.check_value(self.free_bodies or not value, name, expected, value)
+
+    def _check_speed(self) -> None:
+        if self.speed is None:
+            return
+        speed_of_model = self.model.provenance.get("rotor speed", "none")
+        validation.check(
+            speed_of_model == f"{self.speed:.9g} rad/s",
+            "speed",
+            f"a model at {self.speed:.9g} rad/s, as study.at_speed makes it",
+            f"one at {speed_of_model}",
+        )
+
+    def _flow(self, damping: complex | Mapping[int, complex]) -> dict[int, complex]:
         """Return the complex aerodynamic coefficient of each wave, 0 to n_blades - 1."""
-        by_diameter = given if isinstance(given, Mapping) else {self.engine_order: given}
+        # a number applies to the nodal diameter of the engine order
+        by_diameter = damping if isinstance(damping, Mapping) else {self.engine_order: damping}
         validation.check(
             self.most_modes("constrained"),
             "aerodynamic_damping",
             "None without a constrained body",
-            given,
+            damping,
         )
-        out = {}
+        n = self.model.n_blades
+        by_wave = {}
         for d, value in by_diameter.items():
+            wave = validation.integer(f"aerodynamic_damping, nodal diameter {d}", d, -n) % n
             item = f"aerodynamic_damping at nodal diameter {d}"
-            wave = (
-                validation.integer(item.replace("damping at", "damping,"), d, -self.model.n_blades)
-                % self.model.n_blades
-            )
-            validation.check_value(
-                isinstance(value, (int, float, complex)) and np.isfinite(value),
-                item,
-                "a finite number",
-                value,
-            )
-            validation.check(wave not in out, item, "each wave once", f"that of {d} twice")
-            out[wave] = value if isinstance(value, complex) else 1j * value
-        return out
+            finite = isinstance(value, (int, float, complex)) and np.isfinite(value)
+            validation.check_value(finite, item, "a finite number", value)
+            validation.check(wave not in by_wave, item, "each wave once", f"that of {d} twice")
+            # a real number is a damping ratio
+            by_wave[wave] = value if isinstance(value, complex) else 1j * value
+        return by_wave
 
     def _check_places(self) -> None:
-        places = sorted(name for name, place in self.model.locations.items() if place.kind is None)
-        modes = [f"mode {k + 1}" for k in range(self.most_modes("constrained"))]
-        for each in (self.excitation, *self.excitation.beside):
-            others = (
-                modes
-                if each.location.startswith("mode ") and each.location not in self.model.locations
-                else ()
-            )
-            validation.choice(
-                "excitation location", each.location, (*sorted(self.model.locations), *others)
-            )
-            plain = each.location in places or each.direction == "tangential"
+        locations = self.model.locations
+        # other kinds are force fields
+        places = sorted(name for name, place in locations.items() if place.kind is None)
+        modes = [f"mode {number + 1}" for number in range(self.most_modes("constrained"))]
+        for force in self._forces:
+            choices = sorted(locations)
+            if force.location.startswith("mode ") and force.location not in locations:
+                choices += modes
+            validation.choice("excitation location", force.location, tuple(choices))
             validation.check_value(
-                plain,
+                force.location in places or force.direction == "tangential",
                 "excitation direction",
-                f"none, which '{each.location}' does not have",
-                each.direction,
+                f"none, which '{force.location}' does not have",
+                force.direction,
             )
         if self.response is None:
             expected = (
@@ -285,15 +310,14 @@ class Settings(validation.Answering):
         validation.choice("response location", self.response_location.location, places)
 
     def _check_orders(self) -> None:
-        """Check that each force acts on a harmonic of the response, and one of them on the first."""
-        for each in (self.excitation, *self.excitation.beside):
-            order = self.engine_order if each.engine_order is None else each.engine_order
-            known = [self.engine_order * l for l in self.harmonic_numbers]
+        """Check that each force acts on a harmonic of the response, one of them on the first."""
+        orders = [self.engine_order * harmonic for harmonic in self.harmonic_numbers]
+        for force in self._forces:
             validation.check_value(
-                order in known,
+                self._order_of(force) in orders,
                 "engine_order of an excitation",
-                f"one of {known} (harmonics)",
-                order,
+                f"one of {orders} (harmonics)",
+                self._order_of(force),
             )
         harmonics = sorted(self.excited)
         validation.check(
@@ -304,39 +328,47 @@ class Settings(validation.Answering):
         )
 
     @property
+    def _forces(self) -> tuple[Excitation, ...]:
+        """Excitation of the study and further forces."""
+        return (self.excitation, *self.excitation.beside)
+
+    def _order_of(self, force: Excitation) -> int:
+        """Return the engine order of a force."""
+        return self.engine_order if force.engine_order is None else force.engine_order
+
+    @property
     def acts_at_location(self) -> bool:
-        """Whether the first excitation is a force (N) at a location, not a force field or a modal force."""
+        """Whether the first excitation is a force (N) at a location, not a force field or a modal
+        force.
+        """
         place = self.model.locations.get(self.excitation.location)
         return place is not None and place.kind is None
 
     @property
     def excited(self) -> dict[int, list[tuple[str, NDArray, complex]]]:
         """Forces on each harmonic: location, direction (3,), and complex amplitude (N)."""
-        out: dict[int, list[tuple[str, NDArray, complex]]] = {}
-        for each in (self.excitation, *self.excitation.beside):
-            place = self.model.locations.get(each.location)
-            whole = place is None or place.kind is not None  # a mode or a field
-            along = FIELD if whole else direction_vector(each.direction, "excitation direction")
-            order = self.engine_order if each.engine_order is None else each.engine_order
-            out.setdefault(order // (self.engine_order or 1) or 1, []).append(
-                (each.location, along, each.force)
-            )
-        return out
+        excited: dict[int, list[tuple[str, NDArray, complex]]] = {}
+        for force in self._forces:
+            place = self.model.locations.get(force.location)
+            direction = FIELD
+            if place is not None and place.kind is None:
+                direction = direction_vector(force.direction, "excitation direction")
+            # engine order 0 excites the first harmonic
+            harmonic = self._order_of(force) // (self.engine_order or 1) or 1
+            excited.setdefault(harmonic, []).append((force.location, direction, force.force))
+        return excited
 
     @property
     def places(self) -> tuple[tuple[str, NDArray], ...]:
         """Locations and directions (3,) of the response and of all forces except modal forces."""
-        forces = [
-            (at, along)
-            for group in self.excited.values()
-            for at, along, _ in group
-            if at in self.model.locations
-        ]
+        places = []
+        for forces in self.excited.values():
+            for location, direction, _ in forces:
+                if location in self.model.locations:
+                    places.append((location, direction))
         response = self.response_location
-        return (
-            *forces,
-            (response.location, direction_vector(response.direction, "response direction")),
-        )
+        direction = direction_vector(response.direction, "response direction")
+        return (*places, (response.location, direction))
 
     @property
     def free_bodies(self) -> tuple[str, ...]:
@@ -344,12 +376,14 @@ class Settings(validation.Answering):
         return tuple(body.name for body in self.model.bodies.values() if body.kind == "free")
 
     def by_body(self, name: str) -> dict[str, Any]:
-        """Return the value for each free body of "damper_modes", "damper_damping_ratio" or "damper_drag"."""
-        given = getattr(self, name)
-        return {
-            body: given.get(body, 0) if isinstance(given, Mapping) else given
-            for body in self.free_bodies
-        }
+        """Return the value of a setting for each free body.
+
+        The settings are "damper_modes", "damper_damping_ratio" and "damper_drag".
+        """
+        value = getattr(self, name)
+        if isinstance(value, Mapping):
+            return {body: value.get(body, 0) for body in self.free_bodies}
+        return dict.fromkeys(self.free_bodies, value)
 
     @property
     def friction_faces(self) -> tuple[Interface, ...]:
@@ -358,7 +392,9 @@ class Settings(validation.Answering):
 
     @property
     def constrained_faces(self) -> tuple[str, ...]:
-        """Friction interfaces between constrained bodies: shrouds, roots, a platform pressed on the ground."""
+        """Friction interfaces between constrained bodies: shrouds, roots, a platform pressed on the
+        ground.
+        """
         free = self.free_bodies
         return tuple(
             face.name
@@ -369,27 +405,33 @@ class Settings(validation.Answering):
     @property
     def loaded(self) -> tuple[str, ...]:
         """Names of bodies with a load and of friction interfaces between constrained bodies."""
-        return (
-            *(name for name, body in self.model.bodies.items() if body.load is not None),
-            *self.constrained_faces,
-        )
+        bodies = [name for name, body in self.model.bodies.items() if body.load is not None]
+        return (*bodies, *self.constrained_faces)
 
     def given_loads(self, item: str) -> dict[str, Any]:
-        """Return ``load_per_preload`` (by default 1 on every loaded body) or ``constant_loads``, by name."""
-        given = getattr(self, item)
-        if given is None and item == "load_per_preload":
+        """Return ``load_per_preload`` or ``constant_loads`` by name.
+
+        The default of ``load_per_preload`` is 1 on every loaded body.
+        """
+        loads = getattr(self, item)
+        if loads is not None:
+            return dict(loads)
+        if item == "load_per_preload":
             return {name: 1.0 for name in self.loaded if name in self.model.bodies}
-        return dict(given or {})
+        return {}
 
     def _check_loads(self) -> None:
         bodies = [name for name in self.loaded if name in self.model.bodies]
         for item in ("load_per_preload", "constant_loads"):
-            given = getattr(self, item)
+            loads = getattr(self, item)
+            if loads is None:
+                continue
             words = "bodies with a load and friction interfaces between constrained bodies"
-            names = () if given is None else validation.mapping(item, given, self.loaded, words)
-            for name in names:
-                if np.ndim(given[name]) == 0 or item == "load_per_preload" or name in bodies:
-                    validation.number(f"{item} of '{name}'", given[name], least=0.0)
+            for name in validation.mapping(item, loads, self.loaded, words):
+                # constant loads of the points of an interface are checked with its points
+                single = np.ndim(loads[name]) == 0 or item == "load_per_preload" or name in bodies
+                if single:
+                    validation.number(f"{item} of '{name}'", loads[name], least=0.0)
         if self.load_per_preload is not None:
             validation.check(
                 any(self.load_per_preload.values()),
@@ -397,91 +439,94 @@ class Settings(validation.Answering):
                 "at least one above 0",
                 dict(self.load_per_preload),
             )
-        if self.speed is not None:
-            expected = "none at a rotor speed, where mass times radius of the bodies decides (vary damper_mass_factor)"
-            validation.check(
-                self.load_per_preload is None, "load_per_preload", expected, self.load_per_preload
-            )
-            held = [name for name in self.constant_loads or () if name in bodies]
-            validation.check(
-                not held, "constant_loads", "those of interfaces alone at a rotor speed", held
-            )
+        if self.speed is None:
+            return
+        validation.check(
+            self.load_per_preload is None,
+            "load_per_preload",
+            "none at a rotor speed, where mass times radius of the bodies decides "
+            "(vary damper_mass_factor)",
+            self.load_per_preload,
+        )
+        on_bodies = [name for name in self.constant_loads or () if name in bodies]
+        expected = "those of interfaces alone at a rotor speed"
+        validation.check(not on_bodies, "constant_loads", expected, on_bodies)
 
     @property
     def holds_preload(self) -> bool:
-        """Whether contacts of lumped masses have a preload, which is independent of the contact stiffness."""
-        faces = self.model.interfaces
-        lumped = [body for body in self.model.bodies.values() if body.kind == "lumped"]
-        return any((faces[port[0]].gap < 0.0).any() for body in lumped for port in body.ports)
+        """Whether contacts of lumped masses have a preload independent of the contact stiffness."""
+        for body in self.model.bodies.values():
+            if body.kind != "lumped":
+                continue
+            faces = [self.model.interfaces[name] for name, _ in body.ports]
+            if any((face.gap < 0.0).any() for face in faces):
+                return True
+        return False
 
     def _check_held(self) -> None:
-        """Check that settings of contacts and modes do not contradict the forces and matrices of a lumped model."""
-        drag = any(
-            basis.drag is not None
-            for body in self.model.bodies.values()
-            for basis in body.bases.values()
-        )
-        expected = "none, since the model carries a damping matrix that couples its modes"
+        """Check that settings do not contradict the forces and matrices of a lumped model."""
+        bases = [basis for body in self.model.bodies.values() for basis in body.bases.values()]
+        has_matrix = any(basis.drag is not None for basis in bases)
         validation.check_value(
-            not drag or self.damping_ratio is None, "damping_ratio", expected, self.damping_ratio
+            not has_matrix or self.damping_ratio is None,
+            "damping_ratio",
+            "none, since the model carries a damping matrix that couples its modes",
+            self.damping_ratio,
         )
-        given_values = (
-            isinstance(self.contact_stiffness, Mapping) and self.contact_stiffness_factor == 1.0
-        )
-        if self.holds_preload and not given_values:
+        values = isinstance(self.contact_stiffness, Mapping)
+        values_of_model = values and self.contact_stiffness_factor == 1.0
+        if self.holds_preload and not values_of_model:
             raise SettingError(
-                "contact_stiffness: expected the values in the model, since the preload of its contacts does not depend on "
-                "them; create the model with other contacts instead"
+                "contact_stiffness: expected the values in the model, since the preload of its "
+                "contacts does not depend on them; create the model with other contacts instead"
             )
 
     @property
     def most_points(self) -> int:
-        """Largest number of contact points of a friction face of the model; 0 without such a face."""
+        """Largest number of contact points of a friction face; 0 without such a face."""
         return max((face.n_points for face in self.friction_faces), default=0)
 
     def most_modes(self, kind: str) -> int:
-        """Return the number of modes that every body of a kind has at every nodal diameter (elastic modes of free
-        bodies).
+        """Return the number of modes that every body of a kind has at every nodal diameter.
+
+        Rigid-body modes of free bodies do not count.
         """
         bodies = [body for body in self.model.bodies.values() if body.kind == kind]
-        modes = min(
-            (basis.n_natural for body in bodies for basis in body.bases.values()), default=0
-        )
-        return modes - len(RIGID_NAMES) if bodies and kind == "free" else modes
+        bases = [basis for body in bodies for basis in body.bases.values()]
+        modes = min((basis.n_natural for basis in bases), default=0)
+        if bodies and kind == "free":
+            return modes - len(RIGID_NAMES)
+        return modes
 
     def _check_friction(self) -> None:
-        given, faces = self.friction_law, [face.name for face in self.friction_faces]
-        if isinstance(given, Mapping) and set(given) != set(faces):
-            raise validation.invalid(
-                "friction_law", f"one of {LAW_NAMES} for each interface {faces}", dict(given)
-            )
-        # user-defined laws require these settings
-        required = {"separation": True, "variable_normal_load": True, "stability": False}
-        for name, value in required.items() if self.own_laws() else ():
-            validation.check_value(
-                getattr(self, name) == value,
-                name,
-                f"{value!r} with a ContactLaw",
-                getattr(self, name),
-            )
+        law = self.friction_law
+        faces = [face.name for face in self.friction_faces]
+        if isinstance(law, Mapping) and set(law) != set(faces):
+            expected = f"one of {LAW_NAMES} for each interface {faces}"
+            raise validation.invalid("friction_law", expected, dict(law))
+        if self.own_laws():
+            required = {"separation": True, "variable_normal_load": True, "stability": False}
+            for name, value in required.items():
+                setting = getattr(self, name)
+                expected = f"{value!r} with a ContactLaw"
+                validation.check_value(setting == value, name, expected, setting)
+
+        # neither law has a closed form
         sampled = {LAW_COUPLED, LAW_USER} & set(self.law_by_interface().values())
-        if (
-            sampled
-            and isinstance(self.contact_forces, str)
-            and self.contact_forces == "event_driven"
-        ):  # neither has a closed form
-            object.__setattr__(
-                self, "contact_forces", AFT(max(128, 8 * self.harmonic_numbers[-1] + 8))
-            )
+        is_default = isinstance(self.contact_forces, str) and self.contact_forces == "event_driven"
+        if sampled and is_default:
+            n_samples = max(128, 8 * self.harmonic_numbers[-1] + 8)
+            object.__setattr__(self, "contact_forces", AFT(n_samples))
+        # raises if a value is missing or not valid
         _ = self.friction_by_interface()
 
     def _laws(self) -> dict[str, str | ContactLaw]:
         """Return the law of each friction interface."""
-        given = self.friction_law
-        return {
-            face.name: given[face.name] if isinstance(given, Mapping) else given
-            for face in self.friction_faces
-        }
+        law = self.friction_law
+        faces = [face.name for face in self.friction_faces]
+        if isinstance(law, Mapping):
+            return {name: law[name] for name in faces}
+        return dict.fromkeys(faces, law)
 
     def own_laws(self) -> dict[str, ContactLaw]:
         """Return the user-defined laws of friction interfaces."""
@@ -489,14 +534,16 @@ class Settings(validation.Answering):
 
     def law_by_interface(self) -> dict[str, int]:
         """Return the law of each friction interface, regardless of its friction coefficient."""
-        return {
-            name: LAW_USER if isinstance(law, ContactLaw) else LAWS[law]
-            for name, law in self._laws().items()
-        }
+        numbers = {}
+        for name, law in self._laws().items():
+            numbers[name] = LAW_USER if isinstance(law, ContactLaw) else LAWS[law]
+        return numbers
 
     @property
     def response_location(self) -> Response:
-        """Location and direction of the response; by default location and direction of the excitation."""
+        """Location and direction of the response; by default location and direction of the
+        excitation.
+        """
         return self.response or Response(self.excitation.location, self.excitation.direction)
 
     def interface_names(self) -> tuple[str, ...]:
@@ -508,60 +555,69 @@ class Settings(validation.Answering):
         )
 
     def friction_by_interface(self) -> dict[str, float | NDArray]:
-        """Return the friction coefficient of each interface in use by name: a number, or one for each point (n_points,).
+        """Return the friction coefficient of each interface in use by name.
 
-        Interfaces without friction have the value 0.
+        It is a number, or has one for each point (n_points,).  Interfaces without friction have
+        the value 0.
         """
-        out: dict[str, float | NDArray] = {}
-        given, own = self.friction_coefficient, self.own_laws()
-        if isinstance(given, Mapping):
-            validation.mapping("friction_coefficient", given, self.model.interfaces, "interfaces")
+        coefficient = self.friction_coefficient
+        if isinstance(coefficient, Mapping):
+            interfaces = self.model.interfaces
+            validation.mapping("friction_coefficient", coefficient, interfaces, "interfaces")
+        values: dict[str, float | NDArray] = {}
         for name in self.interface_names():
             if self.model.interfaces[name].kind != "friction":
-                out[name] = 0.0
-            elif isinstance(given, Mapping):
-                if name not in given and name in own:
-                    out[name] = FRICTION
-                    continue
-                if name not in given:
-                    raise SettingError(
-                        f"friction_coefficient: expected a value for interface '{name}'"
-                    )
-                points = partial(validation.numbers, n=self.model.interfaces[name].n_points)
-                check: Any = validation.number if np.ndim(given[name]) == 0 else points
-                out[name] = check(f"friction_coefficient of '{name}'", given[name], least=0.0)
+                values[name] = 0.0
+            elif isinstance(coefficient, Mapping):
+                values[name] = self._friction_of(name, coefficient)
             else:
-                out[name] = validation.number("friction_coefficient", given, least=0.0)
-        return out
+                values[name] = validation.number("friction_coefficient", coefficient, least=0.0)
+        return values
+
+    def _friction_of(
+        self, name: str, coefficients: Mapping[str, float | NDArray]
+    ) -> float | NDArray:
+        """Return the friction coefficient of one interface."""
+        item = f"friction_coefficient of '{name}'"
+        if name not in coefficients:
+            # a ContactLaw does not use the coefficient
+            if name in self.own_laws():
+                return FRICTION
+            raise SettingError(f"friction_coefficient: expected a value for interface '{name}'")
+        value = coefficients[name]
+        if np.ndim(value) == 0:
+            return validation.number(item, value, least=0.0)
+        return validation.numbers(item, value, self.model.interfaces[name].n_points, least=0.0)
 
     def warn_of_unused_friction(self, given: object) -> None:
-        """Warn if a friction coefficient is given for interfaces that have a ContactLaw and do not use it."""
-        own = self.own_laws()
+        """Warn if a friction coefficient is given for interfaces that do not use it.
+
+        These have a ContactLaw.
+        """
+        user_laws = self.own_laws()
         if isinstance(given, Mapping):
-            unused = [name for name in given if name in own]
+            unused = [name for name in given if name in user_laws]
+        elif len(user_laws) == len(self.friction_faces):
+            unused = list(user_laws)
         else:
-            unused = list(own) if len(own) == len(self.friction_faces) else []
+            unused = []
         if unused:
-            expected = f"none for {', '.join(map(repr, unused))}, because a ContactLaw has its own parameters"
+            names = ", ".join(map(repr, unused))
             warn_implausible(
                 "friction_coefficient",
-                expected,
+                f"none for {names}, because a ContactLaw has its own parameters",
                 "one without effect: parameters of the law suspected",
             )
 
     def friction_values(self) -> list[float]:
         """Return the positive friction coefficients that a law uses, ascending."""
-        of_law = {
-            face
-            for face, law in self.law_by_interface().items()
-            if law in (LAW_SEPARABLE, LAW_COUPLED)
-        }
-        values = [
-            np.atleast_1d(value)
-            for face, value in self.friction_by_interface().items()
-            if face in of_law
-        ]
-        return [mu for mu in np.unique(np.concatenate([*values, [0.0]])).tolist() if mu > 0.0]
+        laws = self.law_by_interface()
+        values = [np.zeros(1)]
+        for face, value in self.friction_by_interface().items():
+            if laws.get(face) in (LAW_SEPARABLE, LAW_COUPLED):
+                values.append(np.atleast_1d(value))
+        distinct = np.unique(np.concatenate(values))
+        return [mu for mu in distinct.tolist() if mu > 0.0]
 
     @property
     def harmonic_numbers(self) -> tuple[int, ...]:
@@ -571,15 +627,18 @@ class Settings(validation.Answering):
     @property
     def active_harmonics(self) -> set[int]:
         """Harmonics with unknowns, including 0 for the mean if it can move."""
-        return {*self.harmonic_numbers, *([0] if self.bias else [])}
+        harmonics = set(self.harmonic_numbers)
+        if self.bias:
+            harmonics.add(0)
+        return harmonics
 
     @property
     def needed_diameters(self) -> set[int]:
         """Nodal diameters of the mean and of the harmonics."""
-        orders = {
-            self.engine_order * (1 if self.fundamental_modes_only else l)
-            for l in {1, *self.active_harmonics}
-        } | {0}
+        orders = {0}
+        for harmonic in {1, *self.active_harmonics}:
+            factor = 1 if self.fundamental_modes_only else harmonic
+            orders.add(self.engine_order * factor)
         return {self.model.folded_nodal_diameter(order)[0] for order in orders}
 
     def record(self, stiffness_method: object, options: object = None) -> dict[str, Any]:
@@ -592,59 +651,77 @@ class Settings(validation.Answering):
         options : dataclass, optional
             Options of the continuation, stored with the settings.
         """
-        places = {"excitation": self.excitation, "response": self.response_location}
-        out = {
+        record = {
             f.name: getattr(self, f.name)
             for f in fields(Settings)
-            if f.name not in ("model", *places)
+            if f.name not in ("model", "excitation", "response")
         }
+        record["harmonics"] = self.harmonic_numbers
         # a ContactLaw does not use the coefficient of its interface
-        own = self.own_laws()
-        used = {name: mu for name, mu in self.friction_by_interface().items() if name not in own}
-        out |= {"harmonics": self.harmonic_numbers, "friction_coefficient": used, **places}
-        out["contact_stiffness"] = _stiffness_setting(stiffness_method)
+        user_laws = self.own_laws()
+        record["friction_coefficient"] = {
+            name: mu for name, mu in self.friction_by_interface().items() if name not in user_laws
+        }
+        record["excitation"] = self.excitation
+        record["response"] = self.response_location
+        record["contact_stiffness"] = _stiffness_setting(stiffness_method)
         if options is not None:
-            out["continuation"] = options
-        settings: dict[str, Any] = json.loads(json.dumps(out, default=_plain))
+            record["continuation"] = options
+        settings: dict[str, Any] = json.loads(json.dumps(record, default=_plain))
         return settings
 
 
 def settings_of(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Return settings by name from the output of :meth:`Settings.record`; other entries are ignored."""
+    """Return settings by name from the output of :meth:`Settings.record`; other entries are
+    ignored.
+    """
     if record.get("friction_axes", "contact") != "contact":
         raise SettingError(
             'friction_axes: expected "contact", the axes of this version, found "major"'
         )
     hints = get_type_hints(Settings)
-    given = {
+    settings = {
         f.name: from_json(hints[f.name], record[f.name])
         for f in fields(Settings)
         if f.name in record
     }
-    if isinstance(given["contact_forces"], Mapping):
-        given["contact_forces"] = AFT(**given["contact_forces"])
-    if isinstance(given["contact_stiffness"], Mapping):
-        ((kind, value),) = given["contact_stiffness"].items()
-        plain: Any = tuple(value) if isinstance(value, list) else _arrays(value)
-        stiffness = PerArea(plain) if kind == "per_area" else plain
-        given["contact_stiffness"] = (
-            ResidualModes(**value) if kind == "residual_modes" else stiffness
-        )
-    law = given.get("friction_law")
+    if isinstance(settings["contact_forces"], Mapping):
+        settings["contact_forces"] = AFT(**settings["contact_forces"])
+    if isinstance(settings["contact_stiffness"], Mapping):
+        settings["contact_stiffness"] = _recorded_stiffness(settings["contact_stiffness"])
+    law = settings.get("friction_law")
     if isinstance(law, Mapping):
-        laws = {
-            name: ContactLaw.of_record(x) if isinstance(x, Mapping) else x
-            for name, x in law.items()
-        }
-        given["friction_law"] = ContactLaw.of_record(law) if "contact_law" in law else laws
-    if given.get("aerodynamic_damping") is not None:
-        given["aerodynamic_damping"] = {
-            int(d): complex(*z) for d, z in given["aerodynamic_damping"].items()
-        }
-    return given | {name: _arrays(given.get(name)) for name in ("gap", "constant_loads")}
+        settings["friction_law"] = _recorded_law(law)
+    damping = settings.get("aerodynamic_damping")
+    if damping is not None:
+        # JSON has neither whole numbers as names nor complex numbers
+        settings["aerodynamic_damping"] = {int(d): complex(*z) for d, z in damping.items()}
+    settings["gap"] = _arrays(settings.get("gap"))
+    settings["constant_loads"] = _arrays(settings.get("constant_loads"))
+    return settings
+
+
+def _recorded_stiffness(record: Mapping[str, Any]) -> Any:
+    """Return residual modes, or values, from the output of :func:`_stiffness_setting`."""
+    ((kind, value),) = record.items()
+    if kind == "residual_modes":
+        return ResidualModes(**value)
+    values: Any = tuple(value) if isinstance(value, list) else _arrays(value)
+    return PerArea(values) if kind == "per_area" else values
+
+
+def _recorded_law(record: Mapping[str, Any]) -> Any:
+    """Return one user-defined law, or the laws of interfaces, from their record."""
+    if "contact_law" in record:
+        return ContactLaw.of_record(record)
+    laws = {}
+    for name, law in record.items():
+        laws[name] = ContactLaw.of_record(law) if isinstance(law, Mapping) else law
+    return laws
 
 
 def _arrays(value: Any) -> Any:
+    """Return a mapping with arrays instead of lists, and other values as they are."""
     if not isinstance(value, Mapping):
         return value
     return {
@@ -652,12 +729,15 @@ def _arrays(value: Any) -> Any:
     }
 
 
-def _stiffness_setting(given: Any) -> Any:
-    if isinstance(given, ResidualModes):
-        return {"residual_modes": given}
-    if isinstance(given, PerArea):
-        return {"per_area": given.stiffness}
-    return given if isinstance(given, str) else {"values": given}
+def _stiffness_setting(method: Any) -> Any:
+    """Return a method or values of the contact stiffness with a name for their kind."""
+    if isinstance(method, str):
+        return method
+    if isinstance(method, ResidualModes):
+        return {"residual_modes": method}
+    if isinstance(method, PerArea):
+        return {"per_area": method.stiffness}
+    return {"values": method}
 
 
 def _plain(value: Any) -> Any:
@@ -668,7 +748,9 @@ def _plain(value: Any) -> Any:
         return value.tolist()
     if isinstance(value, complex):
         return [value.real, value.imag]
-    return dict(value) if isinstance(value, Mapping) else asdict(value)
+    if isinstance(value, Mapping):
+        return dict(value)
+    return asdict(value)
 
 
 def check_history(name: str, history: Sequence[float]) -> tuple[float, ...]:
