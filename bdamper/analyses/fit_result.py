@@ -1,8 +1,8 @@
-"""Parameters identified from measured responses: estimates with intervals, misfits, and predictions.
+"""Parameters identified from measured responses, with intervals, misfits, and predictions.
 
-A misfit is the root mean square of residuals in units of the noise: near 1 if the model is right. The misfit of a test in a
-fit without this test measures the error of a prediction. The identified parameters belong to the settings of their fit, and
-:meth:`Fitted.apply` refuses others.
+A misfit is the root mean square of residuals in units of the noise: near 1 if the model is right.
+The misfit of a test in a fit without this test measures the error of a prediction. The identified
+parameters belong to the settings of their fit, and :meth:`Fitted.apply` refuses others.
 """
 
 from __future__ import annotations
@@ -33,37 +33,44 @@ UNKNOWN = "not determined by these data"
 @short_repr
 @dataclass(frozen=True)
 class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="point"):
-    """Parameters identified from measured responses; they are valid for the settings of the fit only.
+    """Parameters identified from measured responses.
 
-    ``plot`` draws measured and computed responses with the residuals (:func:`bdamper.plot.plot_fit`).
-    :func:`bdamper.plot.plot_information` draws the contribution of each test.
+    They are valid for the settings of the fit only.
+
+    ``plot`` draws measured and computed responses with the residuals
+    (:func:`bdamper.plot.plot_fit`). :func:`bdamper.plot.plot_information` draws the contribution of
+    each test.
 
     Parameters
     ----------
     names : tuple of str
     values, low, high : (k,) float
-        Estimates and their intervals within the ranges: 95 % intervals, or wider ones if the model error exceeds the noise.
+        Estimates and their intervals within the ranges: 95 % intervals, or wider ones if the model
+        error exceeds the noise.
     deviation, left_out : (k,) float
-        Relative standard deviations. ``deviation`` follows from the covariance, scaled by the misfit if it exceeds 1;
-        infinite if the data do not determine the parameter. ``left_out`` follows from the omission of tests; NaN for fewer
-        than two tests.
+        Relative standard deviations. ``deviation`` follows from the covariance, scaled by the
+        misfit if it exceeds 1; infinite if the data do not determine the parameter. ``left_out``
+        follows from the omission of tests; NaN for fewer than two tests.
     information : (k, n_tests) float
-        Share of each test in the information about each parameter. The prior of the parameter has the rest.
+        Share of each test in the information about each parameter. The prior of the parameter has
+        the rest.
     tests : tuple of str
     noise : float
         Relative standard deviation of the measured amplitudes.
     place : (n,) float, Hz
         Frequencies of the points.
     measured, model : (n,) complex, m
-        Measured and computed responses. For resonances over load, the measured amplitude is scaled by the ratio of the
-        computed to the measured amplitude without load. For modes and controlled responses, the computed response is the
-        measured one times measured over computed damping ratio or force.
+        Measured and computed responses. For resonances over load, the measured amplitude is scaled
+        by the ratio of the computed to the measured amplitude without load. For modes and
+        controlled responses, the computed response is the measured one times measured over computed
+        damping ratio or force.
     residual : (n, 2) float
         Residuals in units of the noise.
     test : (n,) int
         Index of the test of each point.
     prediction : (n, 2) float
-        Residuals of each point in a fit without its test and the repetitions of this test; NaN if no test remains.
+        Residuals of each point in a fit without its test and the repetitions of this test; NaN if
+        no test remains.
     status : str
         "complete", or "incomplete: ..." with the reasons for doubt.
     notes : tuple of str
@@ -93,19 +100,21 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
     def check_rows(self) -> None:
         """Raise ValueError unless all fields belong to the same points, parameters and tests."""
         super().check_rows()
-        n, k, n_tests = len(self.place), len(self.names), len(self.tests)
+        n = len(self.place)
+        k = len(self.names)
         expected: dict[str, tuple[int, ...]] = dict.fromkeys(
             ("place", "measured", "model", "test"), (n,)
         )
         expected |= dict.fromkeys(("values", "low", "high", "deviation", "left_out"), (k,))
-        expected |= {"residual": (n, 2), "information": (k, n_tests)}
+        expected["residual"] = (n, 2)
+        expected["information"] = (k, len(self.tests))
         # fits of older versions have none
         if len(self.prediction):
             expected["prediction"] = (n, 2)
         for name, shape in expected.items():
-            found = np.shape(getattr(self, name))
-            if found != shape:
-                raise ValueError(f"'{name}' has the shape {found}, not {shape}")
+            actual = np.shape(getattr(self, name))
+            if actual != shape:
+                raise ValueError(f"'{name}' has the shape {actual}, not {shape}")
 
     def with_present_names(self) -> Self:
         """Return a result of version 3 of the format with the present names of settings."""
@@ -118,28 +127,32 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
 
     @property
     def predictions(self) -> NDArray:
-        """Root mean square of the residuals of each test (n_tests,) in a fit without it, in units of the noise; or NaN."""
-        return self._by_test(
-            self.prediction if len(self.prediction) else np.full_like(self.residual, np.nan)
-        )
+        """Root mean square of the residuals of each test (n_tests,) in a fit without it.
+
+        It is in units of the noise; NaN if it is not known.
+        """
+        if not len(self.prediction):
+            return self._by_test(np.full_like(self.residual, np.nan))
+        return self._by_test(self.prediction)
 
     def _by_test(self, residual: NDArray) -> NDArray:
-        n = len(self.tests)
-        sums = np.bincount(self.test, (residual**2).sum(axis=1), n)
-        return np.sqrt(
-            sums / np.maximum(np.bincount(self.test, np.count_nonzero(residual, axis=1), n), 1)
-        )
+        """Return the root mean square of the residuals (n, 2) of each test."""
+        n_tests = len(self.tests)
+        sums = np.bincount(self.test, (residual**2).sum(axis=1), n_tests)
+        # absent phases have a residual of zero and do not count
+        counts = np.bincount(self.test, np.count_nonzero(residual, axis=1), n_tests)
+        return np.sqrt(sums / np.maximum(counts, 1))
 
     @property
     def misfit(self) -> float:
         """Root mean square of all residuals, in units of the noise."""
-        return float(np.sqrt((self.residual**2).sum() / max(np.count_nonzero(self.residual), 1)))
+        count = max(np.count_nonzero(self.residual), 1)
+        return float(np.sqrt((self.residual**2).sum() / count))
 
     def __getitem__(self, name: str) -> float:
         """Return the estimate of a parameter."""
-        return float(
-            self.values[self.names.index(validation.choice("parameter", name, self.names))]
-        )
+        validation.choice("parameter", name, self.names)
+        return float(self.values[self.names.index(name)])
 
     def apply(self, study: A | Callable[..., A]) -> A:
         """Return a study with the identified parameters, without the force gain of the rig.
@@ -152,17 +165,19 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
         Raises
         ------
         SettingError
-            If the study has another model or other settings than the fit. Contact parameters compensate for
-            omitted modes, contact points and harmonics, and are wrong with other settings.
+            If the study has another model or other settings than the fit. Contact parameters
+            compensate for omitted modes, contact points and harmonics, and are wrong with other
+            settings.
         """
+        # the gain belongs to the rig
+        settings = {
+            name: float(value) for name, value in zip(self.names, self.values) if name != FORCE
+        }
         if callable(study):
-            return study(
-                **{name: float(v) for name, v in zip(self.names, self.values) if name != FORCE}
-            )
-        check_result(problem_of(study), self, f"study (the constants belong to {self._belong()})")
-        return vary(
-            study, {name: float(v) for name, v in zip(self.names, self.values) if name != FORCE}
-        )
+            return study(**settings)
+        constants = f"study (the constants belong to {self._settings_text()})"
+        check_result(problem_of(study), self, constants)
+        return vary(study, settings)
 
     def widen(self, richer: Fitted) -> Fitted:
         """Widen the intervals by the distance to a fit with more detailed settings.
@@ -172,7 +187,8 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
         Parameters
         ----------
         richer : Fitted
-            Fit of the same parameters to the same data with more harmonics, modes or contact points.
+            Fit of the same parameters to the same data with more harmonics, modes or contact
+            points.
 
         Returns
         -------
@@ -181,88 +197,113 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
         validation.check(
             richer.names == self.names, "richer", f"a fit of {self.names}", f"one of {richer.names}"
         )
-        away = np.exp(np.abs(np.log(richer.values / self.values)))
-        low, high = (
-            np.minimum(self.low / away, richer.low),
-            np.maximum(self.high * away, richer.high),
-        )
+        ratio = np.exp(np.abs(np.log(richer.values / self.values)))
         return replace(
             self,
-            low=low,
-            high=high,
-            notes=(*self.notes, f"intervals reach a fit with {richer._belong()}"),
+            low=np.minimum(self.low / ratio, richer.low),
+            high=np.maximum(self.high * ratio, richer.high),
+            notes=(*self.notes, f"intervals reach a fit with {richer._settings_text()}"),
         )
 
-    def _belong(self) -> str:
-        s = self.settings
-        texts = {
-            "harmonics": " ".join(map(str, s["harmonics"])),
-            "blade modes": s["blade_modes"],
-            "contact points": s["contact_points"] or "all of the model",
-            "contact stiffness": s["contact_stiffness"]
-            if isinstance(s["contact_stiffness"], str)
-            else "given",
-        }
-        return ", ".join(f"{name} {value}" for name, value in texts.items())
+    def _settings_text(self) -> str:
+        """Return the settings of the fit that determine its parameters."""
+        harmonics = " ".join(map(str, self.settings["harmonics"]))
+        points = self.settings["contact_points"] or "all of the model"
+        stiffness = self.settings["contact_stiffness"]
+        if not isinstance(stiffness, str):
+            stiffness = "given"
+        return (
+            f"harmonics {harmonics}, blade modes {self.settings['blade_modes']}, contact points "
+            f"{points}, contact stiffness {stiffness}"
+        )
 
     def columns(self) -> dict[str, Column]:
         """Return one row for each measured point."""
-        arrays = {
-            "test": self.test,
-            "place": self.place,
-            "measured": np.abs(self.measured),
-            "model": np.abs(self.model),
-        }
-        return {name: Column(v) for name, v in arrays.items()} | {
-            "residual": Column(self.residual[:, 0])
+        return {
+            "test": Column(self.test),
+            "place": Column(self.place),
+            "measured": Column(np.abs(self.measured)),
+            "model": Column(np.abs(self.model)),
+            "residual": Column(self.residual[:, 0]),
         }
 
     @property
     def wrong(self) -> str:
-        """Statement that the model does not describe the test of largest misfit, with a hint at wrong units; or empty."""
-        worst = int(np.argmax(self.misfits))
-        if not self.misfits[worst] > WRONG:
+        """Statement that the model does not describe the test of largest misfit; or empty.
+
+        It has a hint if the units may be wrong.
+        """
+        misfits = self.misfits
+        worst = int(np.argmax(misfits))
+        if not misfits[worst] > WRONG:
             return ""
         ratio = float(np.nanmedian(np.abs(self.measured / self.model)[self.test == worst]))
-        power = (
-            np.rint(np.log10(ratio) / 3.0) if np.isfinite(ratio) else 0.0
-        )  # of 1000, between m, mm and um
-        factor = f"{1e3**power:g} times those of the model"
-        hint = f"; measured amplitudes are about {factor}: check the units" if power else ""
-        return f"the model does not describe these data (misfit {self.misfits[worst]:.2g} times the noise{hint})"
+        # m, mm and um differ by powers of 1000
+        power = np.rint(np.log10(ratio) / 3.0) if np.isfinite(ratio) else 0.0
+        hint = ""
+        if power:
+            factor = f"{1e3**power:g} times those of the model"
+            hint = f"; measured amplitudes are about {factor}: check the units"
+        misfit = f"misfit {misfits[worst]:.2g} times the noise"
+        return f"the model does not describe these data ({misfit}{hint})"
 
     @property
     def doubts(self) -> str:
-        """Reasons why the fit is incomplete, without the statement of :attr:`wrong`; empty for a complete fit."""
+        """Reasons why the fit is incomplete, without :attr:`wrong`; empty for a complete fit."""
         return self.status.partition(": ")[2].removeprefix(self.wrong).removeprefix("; ")
 
     def _headline(self) -> str:
-        rows = zip(self.names, self.values, self.low, self.high, self.deviation)
-        estimates = "; ".join(
-            f"{spaced(name)} {f'{v:.3g}' if np.isfinite(d) else UNKNOWN} ({a:.3g} to {b:.3g})"
-            for name, v, a, b, d in rows
-        )
-        worst = int(np.argmax(self.misfits))
-        out = [f"{self.wrong[:1].upper()}{self.wrong[1:]}."] if self.wrong else []
-        wrong = ": the model is wrong by more than the noise" if self.misfit > 1.5 else ""
-        most = f"most in {self.tests[worst]} ({self.misfits[worst]:.2g})"
-        constants = f"{estimates[:1].upper()}{estimates[1:]}, with intervals for 95 %."
-        misfit = f"Misfit {self.misfit:.2g} times the noise{wrong}, {most}."
-        out += [misfit, constants] if wrong else [constants, misfit]
-        if np.isfinite(left := self.predictions).any():
-            last = int(np.nanargmax(left))
-            far = f"{left[last]:.2g} times the noise ({percent(left[last] * self.noise)}) in {self.tests[last]}"
-            out.append(
-                f"Tests left out of the fit are predicted within {np.nanmin(left):.2g} to {far}."
+        model_is_wrong = self.misfit > 1.5
+        constants = f"{_capitalised(self._estimates_text())}, with intervals for 95 %."
+        texts = []
+        if self.wrong:
+            texts.append(f"{_capitalised(self.wrong)}.")
+        if model_is_wrong:
+            texts += [self._misfit_text(model_is_wrong), constants]
+        else:
+            texts += [constants, self._misfit_text(model_is_wrong)]
+        if np.isfinite(self.predictions).any():
+            texts.append(self._prediction_text())
+        for note in self.notes:
+            if note.startswith("correlated"):
+                texts.append(f"{_capitalised(note)}.")
+        if model_is_wrong:
+            texts.append(
+                "True constants may lie outside of the intervals: compare a fit with richer "
+                "settings (widen)."
             )
-        out += [
-            f"{note[:1].upper()}{note[1:]}." for note in self.notes if note.startswith("correlated")
-        ]
-        if wrong:
-            out.append(
-                "True constants may lie outside of the intervals: compare a fit with richer settings (widen)."
-            )
-        out.append(f"The constants belong to {self._belong()}, and to no other settings.")
+        texts.append(f"The constants belong to {self._settings_text()}, and to no other settings.")
         if self.doubts:
-            out.append(f"The fit is incomplete: {self.doubts}.")
-        return " ".join(out)
+            texts.append(f"The fit is incomplete: {self.doubts}.")
+        return " ".join(texts)
+
+    def _estimates_text(self) -> str:
+        """Return the parameters with their intervals."""
+        texts = []
+        for i, name in enumerate(self.names):
+            value = f"{self.values[i]:.3g}" if np.isfinite(self.deviation[i]) else UNKNOWN
+            texts.append(f"{spaced(name)} {value} ({self.low[i]:.3g} to {self.high[i]:.3g})")
+        return "; ".join(texts)
+
+    def _misfit_text(self, model_is_wrong: bool) -> str:
+        """Return a sentence on the misfit and the test in which it is largest."""
+        misfits = self.misfits
+        worst = int(np.argmax(misfits))
+        wrong = ": the model is wrong by more than the noise" if model_is_wrong else ""
+        largest = f"most in {self.tests[worst]} ({misfits[worst]:.2g})"
+        return f"Misfit {self.misfit:.2g} times the noise{wrong}, {largest}."
+
+    def _prediction_text(self) -> str:
+        """Return a sentence on the errors of the predictions of tests."""
+        errors = self.predictions
+        worst = int(np.nanargmax(errors))
+        return (
+            f"Tests left out of the fit are predicted within {np.nanmin(errors):.2g} to "
+            f"{errors[worst]:.2g} times the noise ({percent(errors[worst] * self.noise)}) in "
+            f"{self.tests[worst]}."
+        )
+
+
+def _capitalised(text: str) -> str:
+    """Return a text with a capital first letter."""
+    return text[:1].upper() + text[1:]

@@ -1,10 +1,10 @@
-"""Range of the friction coefficient around its value in a study in which the amplitude at a preload stays below twice its
-value.
+"""Range of the friction coefficient in which the amplitude stays below twice its value.
 
-Friction coefficients of turbine dampers are known to a factor of about 1.5. With less friction the amplitude at the optimal
-preload rises steeply, with more friction slowly. Two peaks, at 0.7 and 1.3 times the friction, do not show how close the
-steep rise is: it can begin at 0.69. :func:`find_range` therefore goes away from the friction coefficient of the study in
-both directions, and bisects the interval in which the amplitude doubles.
+Friction coefficients of turbine dampers are known to a factor of about 1.5. With less friction the
+amplitude at the optimal preload rises steeply, with more friction slowly. Two peaks, at 0.7 and 1.3
+times the friction, do not show how close the steep rise is: it can begin at 0.69.
+:func:`find_range` therefore goes away from the friction coefficient of the study in both
+directions, and bisects the interval in which the amplitude doubles.
 """
 
 from __future__ import annotations
@@ -16,15 +16,18 @@ import numpy as np
 from bdamper.response.verification import FRICTION_SPREAD, FrictionPeak, FrictionRange
 
 AWAY = (0.7, 1.0 / FRICTION_SPREAD, 0.4, 0.25), (1.3, FRICTION_SPREAD, 2.5, 4.0)
-"""Factors on the friction coefficients in both directions. The first ones are those of the check of an optimum."""
+"""Factors on the friction coefficients in both directions.
+
+The first ones are those of the check of an optimum.
+"""
 NARROW = 1.15
 """Ratio of two factors between which the amplitude doubles, at which the bisection ends."""
 
 
 def find_range(peak_with: Callable[[float], FrictionPeak]) -> FrictionRange:
-    """Find the range of factors on the friction coefficients in which the amplitude stays below twice its value.
+    """Find the range of friction in which the amplitude stays below twice its value.
 
-    It takes 6 to 13 peaks.
+    It consists of factors on the friction coefficients, and takes 6 to 13 peaks.
 
     Parameters
     ----------
@@ -35,22 +38,25 @@ def find_range(peak_with: Callable[[float], FrictionPeak]) -> FrictionRange:
     -------
     FrictionRange
     """
-    peaks = {1.0: peak_with(1.0)}
-    if not np.isfinite(peaks[1.0].amplitude):
-        return FrictionRange(tuple(peaks.values()))
+    nominal = peak_with(1.0)
+    peaks = {1.0: nominal}
+    if not np.isfinite(nominal.amplitude):
+        return FrictionRange((nominal,))
 
     def low_with(factor: float) -> bool:
         """Return whether the amplitude with a factor is known and below twice its value."""
         peaks[factor] = peak_with(factor)
-        return peaks[factor].compared_with(peaks[1.0]) == "low"
+        return peaks[factor].compared_with(nominal) == "low"
 
     for factors in AWAY:
-        inside, outside = 1.0, None
+        inside = 1.0
+        outside: float | None = None
         for factor in factors:
             if not low_with(factor):
                 outside = factor
                 break
             inside = factor
+        # the amplitude doubles between both factors
         while outside is not None and max(inside / outside, outside / inside) > NARROW:
             middle = float(np.sqrt(inside * outside))
             if low_with(middle):
@@ -61,9 +67,9 @@ def find_range(peak_with: Callable[[float], FrictionPeak]) -> FrictionRange:
 
 
 def tolerates_friction(peak_with: Callable[[float], FrictionPeak]) -> bool:
-    """Return whether the amplitude stays below twice its value with both ends of the usual spread of friction."""
-    own = peak_with(1.0)
-    return np.isfinite(own.amplitude) and all(
-        peak_with(factor).compared_with(own) == "low"
-        for factor in (1.0 / FRICTION_SPREAD, FRICTION_SPREAD)
-    )
+    """Return whether the amplitude stays below twice its value within the spread of friction."""
+    nominal = peak_with(1.0)
+    if not np.isfinite(nominal.amplitude):
+        return False
+    ends = (1.0 / FRICTION_SPREAD, FRICTION_SPREAD)
+    return all(peak_with(factor).compared_with(nominal) == "low" for factor in ends)

@@ -17,6 +17,7 @@ from bdamper.analyses.fit import (
     Objective,
     _predictions,
     _profile,
+    _Stage,
     _stage,
     covariance,
     fit,
@@ -67,7 +68,7 @@ def measured(study, test, noise=0.0, seed=0):
         Variations(lambda _: study.problem, {}), test, (f[0] * (1.0 - 1e-6), f[-1] * (1.0 + 1e-6))
     )
     noise_of = np.random.default_rng(seed).standard_normal((2, len(f))) * noise
-    exact = np.array([swept.first(swept.at(at, factor)) for at, factor in zip(f, test.factors)])
+    exact = np.array([swept.response(swept.at(at, factor)) for at, factor in zip(f, test.factors)])
     response = exact * np.exp(noise_of[0] + 1j * noise_of[1])
     response = response if test.data.response.imag.any() else np.abs(response) + 0j
     return replace(test, data=replace(test.data, response=response))
@@ -345,7 +346,7 @@ def test_repeated_tests_give_the_noise_and_are_left_out_together(jenkins):
 
 def test_predictions_are_those_of_fits_without_a_test(jenkins):
     tests = drawn_tests(np.random.default_rng(6), 4, 6, 3.0)
-    found, _ = _stage(linear(jenkins, tests))
+    found = _stage(linear(jenkins, tests)).result
     for i, (A, b) in enumerate(tests):
         rest = [test for j, test in enumerate(tests) if j != i]
         x = np.linalg.lstsq(
@@ -353,7 +354,7 @@ def test_predictions_are_those_of_fits_without_a_test(jenkins):
         )[0]
         assert found.predictions[i] == pytest.approx(np.sqrt(((A @ x - b) ** 2).mean()), rel=1e-6)
     assert "Tests left out of the fit are predicted within" in found._headline().replace("\n", " ")
-    only, _ = _stage(linear(jenkins, tests[:1]))
+    only = _stage(linear(jenkins, tests[:1])).result
     assert np.isnan(only.predictions).all() and "left out" not in only._headline()
 
 
@@ -362,7 +363,7 @@ def test_priors_are_measurements_of_the_parameters(jenkins):
     tests = drawn_tests(np.random.default_rng(7), 2, 8, 0.5)
     objective = linear(jenkins, tests)
     objective.priors = {"friction_coefficient": (1.2, 1e-5)}
-    found, _ = _stage(objective)
+    found = _stage(objective).result
     A, b = np.concatenate([A for A, _ in tests]), np.concatenate([b for _, b in tests])
     other = A[:, 1] @ (b - A[:, 0] * np.log(1.2)) / (A[:, 1] @ A[:, 1])
     assert found.values == pytest.approx([1.2, np.exp(other)], rel=1e-4)
@@ -388,7 +389,7 @@ def test_priors_that_the_data_contradict_are_named(jenkins):
         mean = float(np.exp(alone + away * deviation))
         objective.priors = {"friction_coefficient": (mean, 1e-6)}
         objective.ranges = dict.fromkeys(objective.ranges, (1e-9, 1e9))
-        status = _stage(objective)[0].status
+        status = _stage(objective).result.status
         prior, distance = (
             f"the prior of friction coefficient ({mean:g} with 1e-06)",
             f"{abs(away):.2g} standard deviations",
@@ -567,7 +568,8 @@ def test_deviations_and_intervals_count_a_misfit_beyond_the_noise(jenkins, sprea
     A, b = np.concatenate([A for A, _ in tests]), np.concatenate([b for _, b in tests])
     best, (square,), _, _ = np.linalg.lstsq(A, b, rcond=None)
     expected = np.sqrt(max(square / (len(b) - 2), 1.0) * np.diag(np.linalg.inv(A.T @ A)))
-    found, C = _stage(linear(jenkins, tests))
+    stage = _stage(linear(jenkins, tests))
+    found, C = stage.result, stage.covariance
     assert np.log(found.values) == pytest.approx(best, abs=1e-6)
     assert found.deviation == pytest.approx(expected, rel=1e-6) and np.sqrt(
         np.diag(C)
@@ -591,7 +593,7 @@ def test_tests_left_out_are_those_of_a_jackknife_by_new_fits(jenkins):
         for some in kept
     ]
     each = np.array([np.linalg.lstsq(A, b, rcond=None)[0] for A, b in ways])
-    found, _ = _stage(linear(jenkins, tests))
+    found = _stage(linear(jenkins, tests)).result
     assert found.left_out == pytest.approx(np.sqrt(3.0 * each.var(axis=0)), rel=1e-5)
     assert (
         np.log(found.high / found.low) / 2.0 >= 3.18 * found.left_out
@@ -622,9 +624,10 @@ def test_coverage_of_linear_fits(jenkins):
     """Of 200 drawn linear fits with the right noise (seed 65) 90 to 99 % of the intervals contain the truth."""
     rng, inside = np.random.default_rng(65), []
     for _ in range(200):
-        found, _ = _stage(
+        stage = _stage(
             linear(jenkins, drawn_tests(rng, int(rng.integers(1, 4)), int(rng.integers(8, 17))))
         )
+        found = stage.result
         inside.append((found.low <= 1.0) & (found.high >= 1.0))
     print(np.mean(inside))
     assert 0.9 <= np.mean(inside) <= 0.99
@@ -634,10 +637,12 @@ def test_coverage_of_linear_fits(jenkins):
 def test_errors_of_held_parameters_move_the_others(jenkins, tests):
     """Compare with new fits at other values of the held parameters, by differences."""
     ranges, step = {"friction_coefficient": (0.1, 0.9)}, 1e-3
-    alone, own = _stage(Objective(jenkins, tests[1:2], ranges, 0.02))
+    first = _stage(Objective(jenkins, tests[1:2], ranges, 0.02))
+    alone, own = first.result, first.covariance
     held = replace(alone, names=tuple(UNLOADED), values=np.ones(3))
     spread = np.diag([0.02, 0.001, 0.03]) ** 2
-    found, C = _stage(Objective(jenkins, tests[1:2], ranges, 0.02), (held, spread))
+    stage = _stage(Objective(jenkins, tests[1:2], ranges, 0.02), _Stage(held, spread))
+    found, C = stage.result, stage.covariance
     moves = []
     for name in UNLOADED:
         objective = Objective(jenkins, tests[1:2], ranges, 0.02, {name: np.exp(step)})
