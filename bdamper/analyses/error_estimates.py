@@ -1,49 +1,56 @@
-"""Comparison of a peak with the peak of a more or less detailed study, and error estimates by source.
+"""Comparison of a peak with the peak of another study, and error estimates by source.
 
 A study with other settings is compared in one of three ways.
 
 Complete curve
-    The response curve of the other study is computed, and its highest point is used (:func:`whole_curve`). If the response
-    is highest at an end of the interval and the first curve is not, the resonance has left the interval. The interval is
-    then widened there by up to 39 % of the frequency.
+    The response curve of the other study is computed, and its highest point is used
+    (:func:`whole_curve`). If the response is highest at an end of the interval and the first curve
+    is not, the resonance has left the interval. The interval is then widened there by up to 39 % of
+    the frequency.
 
 Newton iteration
-    The converged peak is embedded in the other study, and Newton's method continues to the peak there, first at the same
-    phase, or to the response at the same frequency at an end of the interval. Lower peaks that could become the highest are
-    treated in the same way. If an iteration fails, or a peak leaves the interval or changes much, the complete curve
-    follows. For small changes this saves most of the time.
+    The converged peak is embedded in the other study, and Newton's method continues to the peak
+    there, first at the same phase, or to the response at the same frequency at an end of the
+    interval. Lower peaks that could become the highest are treated in the same way. If an iteration
+    fails, or a peak leaves the interval or changes much, the complete curve follows. For small
+    changes this saves most of the time.
 
 Adjoint estimate
-    A converged solution ``y = (u, omega)`` is embedded in the other system: common modes and harmonics keep their
-    amplitudes, others are zero, and the mean keeps its distance from the static state. The residual ``R`` of the other
-    system is not zero there. The amplitude ``A`` is stationary along the curve at a peak, so any nearby point of the other
-    curve may be compared. The phase of the response is held, since it follows a resonance that shifts:
+    A converged solution ``y = (u, omega)`` is embedded in the other system: common modes and
+    harmonics keep their amplitudes, others are zero, and the mean keeps its distance from the
+    static state. The residual ``R`` of the other system is not zero there. The amplitude ``A`` is
+    stationary along the curve at a peak, so any nearby point of the other curve may be compared.
+    The phase of the response is held, since it follows a resonance that shifts:
 
         B = [ J  R_omega ; grad(phase)  0 ],      B^T lambda = (grad A, 0),      B^T mu = (0, 1),
         dA = -lambda . R,                          domega = -mu . R.
 
-    One Jacobian and one factorisation of the other system give both. A second evaluation of ``R`` at ``y - B^-1 R`` with
-    the same weights gives the *defect*, the error of the linear estimate. An estimate with its defect is an order of
-    magnitude that identifies small changes. On a test rig (five harmonics, without separation) the estimated change of
-    amplitude is +5.6 %, its defect 3.7 % and the true change +1.3 %.
+    One Jacobian and one factorisation of the other system give both. A second evaluation of ``R``
+    at ``y - B^-1 R`` with the same weights gives the *defect*, the error of the linear estimate. An
+    estimate with its defect is an order of magnitude that identifies small changes. On a test rig
+    (five harmonics, without separation) the estimated change of amplitude is +5.6 %, its defect 3.7
+    % and the true change +1.3 %.
 
-Error estimates by source compare the peak with a more detailed study in one respect. They draw no conclusions from less
-detailed settings. If the model has no more detail, or the curve cannot be computed, the source is not estimated and the
-reason is given.
+Error estimates by source compare the peak with a more detailed study in one respect. They draw no
+conclusions from less detailed settings. If the model has no more detail, or the curve cannot be
+computed, the source is not estimated and the reason is given.
 
 ``harmonics``
-    Twice as many, at least four more; modes of the fundamental replace modes of a nodal diameter that the model lacks.
+    Twice as many, at least four more; modes of the fundamental replace modes of a nodal diameter
+    that the model lacks.
 ``contact_forces``
     Sampled contact forces against exact events.
 ``contact points``
     Merged contact patches against the patches of the model.
 ``modes``
-    With residual modes twice as many modes, at least the default number of blade modes: the error decreases with the fourth
-    power of the frequency of the first omitted mode. Otherwise all modes of the model, since convergence is slow.
+    With residual modes twice as many modes, at least the default number of blade modes: the error
+    decreases with the fourth power of the frequency of the first omitted mode. Otherwise all modes
+    of the model, since convergence is slow.
 ``residual flexibility``
-    Contact stiffness by a diagonal rule against residual modes, which contain the complete flexibility for stuck modes.
-    For residual modes the reference has one for every force on the mesh, at most 72. Both studies have at least three
-    harmonics: contact forces above the highest harmonic are felt by the diagonal alone, and more vectors make it smaller.
+    Contact stiffness by a diagonal rule against residual modes, which contain the complete
+    flexibility for stuck modes. For residual modes the reference has one for every force on the
+    mesh, at most 72. Both studies have at least three harmonics: contact forces above the highest
+    harmonic are felt by the diagonal alone, and more vectors make it smaller.
 """
 
 from __future__ import annotations
@@ -126,8 +133,8 @@ class Change(NamedTuple):
 def embed(old: Problem, new: Problem, preload: float, y: NDArray) -> NDArray:
     """Embed a point of one study in a study with other settings.
 
-    Modes and harmonics of both studies retain their amplitudes, others are zero. The mean retains its distance from the
-    static state.
+    Modes and harmonics of both studies retain their amplitudes, others are zero. The mean retains
+    its distance from the static state.
 
     Parameters
     ----------
@@ -141,27 +148,33 @@ def embed(old: Problem, new: Problem, preload: float, y: NDArray) -> NDArray:
     (n_unknowns + 1,) float
         Unknowns and angular frequency of the new study.
     """
-    a, b = old.system(preload), new.system(preload)
-    out = np.zeros(b.n_unknowns + 1)
-    out[-1] = y[-1]
-    if b.n_mean:
-        before, after = old.static(preload).q, new.static(preload).q
-        out[: b.n_mean] = after
-        if a.n_mean:
-            at, to = _common(a.structure.bases[0].coordinates, b.structure.bases[0].coordinates)
-            out[to] += y[at] - before[at]
-    for l in range(1, min(a.n_harmonics, b.n_harmonics) + 1):
-        at, to = _common(a.structure.bases[l].coordinates, b.structure.bases[l].coordinates)
-        for from_part, to_part in zip(a.layout.slices(l), b.layout.slices(l)):
-            out[to_part.start + to] = y[from_part.start + at]
-    return out
+    old_system = old.system(preload)
+    new_system = new.system(preload)
+    old_bases = old_system.structure.bases
+    new_bases = new_system.structure.bases
+    embedded = np.zeros(new_system.n_unknowns + 1)
+    embedded[-1] = y[-1]
+    if new_system.n_mean:
+        static = new.static(preload).q
+        embedded[: new_system.n_mean] = static
+        if old_system.n_mean:
+            source, target = _common(old_bases[0].coordinates, new_bases[0].coordinates)
+            embedded[target] += y[source] - old.static(preload).q[source]
+    for l in range(1, min(old_system.n_harmonics, new_system.n_harmonics) + 1):
+        source, target = _common(old_bases[l].coordinates, new_bases[l].coordinates)
+        # cosine and sine amplitudes
+        for old_part, new_part in zip(old_system.layout.slices(l), new_system.layout.slices(l)):
+            embedded[new_part.start + target] = y[old_part.start + source]
+    return embedded
 
 
 @lru_cache(maxsize=256)
-def _common(a: tuple[Any, ...], b: tuple[Any, ...]) -> tuple[NDArray, NDArray]:
-    place = {c: i for i, c in enumerate(b)}
-    pairs = [(i, place[c]) for i, c in enumerate(a) if c in place]
-    return np.array([i for i, _ in pairs], int), np.array([j for _, j in pairs], int)
+def _common(source: tuple[Any, ...], target: tuple[Any, ...]) -> tuple[NDArray, NDArray]:
+    """Return the indices of the coordinates that both have, in the first and in the second."""
+    index_in_target = {coordinate: j for j, coordinate in enumerate(target)}
+    in_source = [i for i, coordinate in enumerate(source) if coordinate in index_in_target]
+    in_target = [index_in_target[source[i]] for i in in_source]
+    return np.array(in_source, int), np.array(in_target, int)
 
 
 def estimate_change(system: Equations, y: NDArray) -> Change:
@@ -179,33 +192,39 @@ def estimate_change(system: Equations, y: NDArray) -> Change:
     Change
         Unknown if the equations are not finite or singular.
     """
-    n, unknown = system.n_unknowns, Change(how="no estimate")
-    if system.core.evaluate(np.ascontiguousarray(y), r := np.empty(n)) != OK:
+    n = system.n_unknowns
+    unknown = Change(how="no estimate")
+    residual = np.empty(n)
+    if system.core.evaluate(np.ascontiguousarray(y), residual) != OK:
         return unknown
-    grow, _, amplitude = amplitude_and_phase(system, y[:-1])
+    gradient, _, amplitude = amplitude_and_phase(system, y[:-1])
     border, scale = phase_row(system, y)
-    weights = np.zeros((2, n + 1))  # d ln(amplitude) and d ln(frequency)
-    weights[0, :n], weights[1, n] = grow / max(amplitude, 1e-300) * scale[:n], 1.0
+    # derivatives of ln(amplitude) and of ln(frequency)
+    weights = np.zeros((2, n + 1))
+    weights[0, :n] = gradient / max(amplitude, 1e-300) * scale[:n]
+    weights[1, n] = 1.0
     try:
         dual = system.solve_linear(y, border, scale, weights, transposed=True)[:, :n]
-        step = system.solve_linear(y, border, scale, np.append(-r, 0.0)[None])[0]
+        step = system.solve_linear(y, border, scale, np.append(-residual, 0.0)[None])[0]
     except FloatingPointError:
         return unknown
-    change = -(dual @ r)
-    new = y + step * scale
-    again = np.empty(n)
-    if not new[-1] > 0.0 or system.core.evaluate(new, again) != OK:
+    change = -(dual @ residual)
+    # the residual after a step of Newton's method is the defect of the linear estimate
+    after_step = y + step * scale
+    remaining = np.empty(n)
+    if not after_step[-1] > 0.0 or system.core.evaluate(after_step, remaining) != OK:
         return unknown
-    missed = dual @ again
-    return Change(float(change[0]), float(change[1]), float(np.abs(missed).max()), "estimated")
+    defect = dual @ remaining
+    return Change(float(change[0]), float(change[1]), float(np.abs(defect).max()), "estimated")
 
 
 NEARLY_HIGHEST = 0.7
 """Relative height from which lower peaks are followed along with the highest.
 
-The complete curve is computed if a peak rises by more than 30 %, or falls by more than 10 %, since it may then be below a
-peak that is not followed: on a small wedge it falls by 18 % and the highest point of the complete curve by 12 %. All other
-changes on 24 scenes of ``benchmarks.bench_effects`` agree with the complete curves to 1e-9.
+The complete curve is computed if a peak rises by more than 30 %, or falls by more than 10 %, since
+it may then be below a peak that is not followed: on a small wedge it falls by 18 % and the highest
+point of the complete curve by 12 %. All other changes on 24 scenes of ``benchmarks.bench_effects``
+agree with the complete curves to 1e-9.
 """
 WIDER = 1.05, 1.1, 1.2
 """Successive factors on the interval if the resonance has left it: 39 % in total."""
@@ -240,46 +259,45 @@ def evaluate_peak(problem: Problem, solve: Callable[[Problem], Any]) -> PeakOutc
     ----------
     problem : Problem
     solve : callable
-        Function of the problem that returns a response curve, a peak, or amplitude (m) and frequency (Hz).
+        Function of the problem that returns a response curve, a peak, or amplitude (m) and
+        frequency (Hz).
 
     Returns
     -------
     PeakOutcome
     """
-    begin, result = time.thread_time(), None
+    start = time.thread_time()
+    result = None
     try:
         result = solve(problem)
         amplitude, frequency, reason = _read(problem, result)
     except (BdamperError, ArithmeticError, np.linalg.LinAlgError) as error:
-        amplitude, frequency, reason = np.nan, np.nan, str(error)
-    return PeakOutcome(
-        float(amplitude), float(frequency), reason, time.thread_time() - begin, result
-    )
+        amplitude = frequency = np.nan
+        reason = str(error)
+    seconds = time.thread_time() - start
+    return PeakOutcome(float(amplitude), float(frequency), reason, seconds, result)
 
 
 def _read(problem: Problem, result: Any) -> tuple[float, float, str]:
     """Return amplitude (m), frequency (Hz) and reason of a failure."""
-    if not isinstance(result, ResponseCurve | Peak):
-        try:
-            amplitude, frequency = (float(value) for value in result)
-        except (TypeError, ValueError):
-            what = "a ResponseCurve, a Peak, or amplitude (m) and frequency (Hz)"
-            raise SettingError(f"answer: expected {what}, found {short_text(result)}") from None
-        return amplitude, frequency, ""
     if isinstance(result, Peak):
-        known = result.converged and status_word(result.search_status) in ("", COMPLETE)
-        reason = f"status '{result.status}', search {result.search_status}"
-    else:
-        known, reason = result.complete, f"{result.status}: {result.reason}"
-    if not known:
-        return np.nan, np.nan, reason
+        if result.converged and status_word(result.search_status) in ("", COMPLETE):
+            return result.amplitude, result.frequency, ""
+        return np.nan, np.nan, f"status '{result.status}', search {result.search_status}"
     if isinstance(result, ResponseCurve):
-        result = (
-            highest_of_curve(problem.system(result.preload), result).peak
-            if result.peak_at_end
-            else result.peak
-        )
-    return result.amplitude, result.frequency, ""
+        if not result.complete:
+            return np.nan, np.nan, f"{result.status}: {result.reason}"
+        peak = result.peak
+        if result.peak_at_end:
+            # a corner near the end may be higher
+            peak = highest_of_curve(problem.system(result.preload), result).peak
+        return peak.amplitude, peak.frequency, ""
+    try:
+        amplitude, frequency = (float(value) for value in result)
+    except (TypeError, ValueError):
+        expected = "a ResponseCurve, a Peak, or amplitude (m) and frequency (Hz)"
+        raise SettingError(f"answer: expected {expected}, found {short_text(result)}") from None
+    return amplitude, frequency, ""
 
 
 def whole_curve(
@@ -299,8 +317,8 @@ def whole_curve(
     at_end : bool
         Accept a response that is highest at an end of the interval.
     wider : tuple of float, optional
-        Successive factors that widen the interval at the end with the highest response. If given, an end that is higher
-        than every maximum is an error.
+        Successive factors that widen the interval at the end with the highest response. If given,
+        an end that is higher than every maximum is an error.
 
     Raises
     ------
@@ -308,18 +326,24 @@ def whole_curve(
         If the curve has no point, or no maximum within the interval.
     """
     curve = uninterrupted(frequency_response(problem, preload, frequency))
-    why = "" if len(curve) else curve.reason
-    if not why and not at_end and curve.peak_at_end:
+    reason = ""
+    if not len(curve):
+        reason = curve.reason
+    if not reason and curve.peak_at_end and not at_end:
         if wider:
             low, high = frequency
-            upward = 2.0 * curve.peak.frequency > low + high
-            frequency = (low, high * wider[0]) if upward else (low / wider[0], high)
+            if 2.0 * curve.peak.frequency > low + high:
+                frequency = low, high * wider[0]
+            else:
+                frequency = low / wider[0], high
             return whole_curve(problem, preload, frequency, wider=wider[1:])
+        # an empty tuple: the interval was widened without success
         if wider is not None or highest_of_curve(problem.system(preload), curve).kind == "end":
-            why = "the response is highest at an end"
-    if why:
+            reason = "the response is highest at an end"
+    if reason:
         raise BdamperError(
-            f"no peak at {preload:g} N between {frequency[0]:.6g} and {frequency[1]:.6g} Hz: {why}"
+            f"no peak at {preload:g} N between {frequency[0]:.6g} and {frequency[1]:.6g} Hz: "
+            f"{reason}"
         )
     return curve
 
@@ -337,8 +361,8 @@ class Tops:
     at_end : bool
         Whether the highest point is an end of the interval.
     follow : bool
-        Whether to widen the interval if the peak leaves it. This is wrong if an end is already higher, on the flank of
-        another resonance.
+        Whether to widen the interval if the peak leaves it. This is wrong if an end is already
+        higher, on the flank of another resonance.
     """
 
     peaks: tuple[Peak, ...]
@@ -350,13 +374,31 @@ class Tops:
     def of(cls, problem: Problem, curve: ResponseCurve) -> Tops:
         """Refine the highest point of a response curve and the nearly highest peaks."""
         system = problem.system(curve.preload)
-        top = highest_of_curve(system, curve)
-        lower = (p for p in maxima(system, curve, NEARLY_HIGHEST) if not same_peak(p, top.peak))
+        highest = highest_of_curve(system, curve)
+        lower = [
+            peak
+            for peak in maxima(system, curve, NEARLY_HIGHEST)
+            if not same_peak(peak, highest.peak)
+        ]
         return cls(
-            (top.peak, *lower),
-            (float(curve.frequency.min()), float(curve.frequency.max())),
-            top.kind == "end",
+            peaks=(highest.peak, *lower),
+            interval=(float(curve.frequency.min()), float(curve.frequency.max())),
+            at_end=highest.kind == "end",
         )
+
+    def curve_with(self, problem: Problem, preload: float) -> ResponseCurve:
+        """Compute the complete response curve of another study around the highest peak."""
+        return whole_curve(
+            problem, preload, self.search_interval, self.at_end, WIDER if self.follow else None
+        )
+
+    @property
+    def search_interval(self) -> tuple[float, float]:
+        """Interval (low, high) of a curve of another study, Hz."""
+        if self.interval is not None:
+            return self.interval
+        frequency = self.peaks[0].frequency
+        return 0.85 * frequency, 1.2 * frequency
 
 
 def compare(
@@ -377,59 +419,68 @@ def compare(
     -------
     Change
     """
-    state, peak = other.static(preload), tops.peaks[0]
+    state = other.static(preload)
     if not state.converged:
         return Change(how=f"no static state: {state.note}")
+    peak = tops.peaks[0]
     if by_newton:
         system = other.system(preload)
         embedded = [embed(problem, other, preload, top.y) for top in tops.peaks]
-        signs = [sign_of_jacobian(problem.system(preload), top.y) for top in tops.peaks]
-        change = (
-            _at_frequency(system, embedded, peak)
-            if tops.at_end
-            else _solved(system, embedded, signs, tops)
-        )
+        if tops.at_end:
+            change = _at_frequency(system, embedded, peak)
+        else:
+            signs = [sign_of_jacobian(problem.system(preload), top.y) for top in tops.peaks]
+            change = _solved(system, embedded, signs, tops)
         if change is not None:
             return change
-    interval = tops.interval or (0.85 * peak.frequency, 1.2 * peak.frequency)
-    wider = WIDER if tops.follow else None
-    outcome = evaluate_peak(other, lambda p: whole_curve(p, preload, interval, tops.at_end, wider))
+    outcome = evaluate_peak(other, lambda study: tops.curve_with(study, preload))
     if outcome.reason:
         return Change(how=f"no complete response curve: {outcome.reason}")
-    outside = "" if interval[0] <= outcome.frequency <= interval[1] else ", outside the interval"
+    low, high = tops.search_interval
+    outside = "" if low <= outcome.frequency <= high else ", outside the interval"
     return Change.between(peak, outcome, f"computed by a complete response curve{outside}")
 
 
 def _solved(
     system: Equations, embedded: list[NDArray], signs: list[int], tops: Tops
 ) -> Change | None:
-    """Return the change to the highest peak found by Newton's method; None if it fails or finds another peak."""
-    peaks, (low, high) = [], tops.interval or (0.0, np.inf)
+    """Return the change to the highest peak found by Newton's method.
+
+    The result is None if it fails or finds another peak.
+    """
+    low, high = tops.interval or (0.0, np.inf)
+    most_fall = 0.1
+    most_rise = 1.0 - NEARLY_HIGHEST
+    solved = []
     for y, sign, peak in zip(embedded, signs, tops.peaks):
-        found, _ = peak_of_sign(
+        solution, _ = peak_of_sign(
             system, y, sign, options=PeakOptions(), parameter=peak.parameter, patient=False
         )
-        most_fall = 0.1
-        if isinstance(found, str) or not low <= found.frequency <= high:
+        if isinstance(solution, str) or not low <= solution.frequency <= high:
             return None
-        if not -most_fall <= found.amplitude / peak.amplitude - 1.0 <= 1.0 - NEARLY_HIGHEST:
+        change = solution.amplitude / peak.amplitude - 1.0
+        if not -most_fall <= change <= most_rise:
             return None
-        peaks.append(found)
-    return Change.between(tops.peaks[0], max(peaks, key=lambda p: p.amplitude), "solved")
+        solved.append(solution)
+    highest = max(solved, key=lambda peak: peak.amplitude)
+    return Change.between(tops.peaks[0], highest, "solved")
 
 
 def _at_frequency(system: Equations, embedded: list[NDArray], peak: Peak) -> Change | None:
-    """Return the change of the response at the frequency of ``embedded``, for a highest point at an end of the interval.
+    """Return the change of a highest point at an end of the interval, at the same frequency.
 
     The result is None if Newton's method fails, or if another peak may become the highest.
     """
+    if len(embedded) > 1:
+        return None
     y = embedded[0]
-    for search in (False, True) if len(embedded) == 1 else ():
-        c = system.correct_at(
-            y[:-1], float(y[-1]), system.units(y, y[-1]), 1e-9, 60 if search else 20, search
-        )
+    scale = system.units(y, y[-1])
+    # without line search first, because it rarely needs one
+    for most, line_search in ((20, False), (60, True)):
+        c = system.correct_at(y[:-1], float(y[-1]), scale, 1e-9, most, line_search)
         if c.status == OK:
-            change = float(abs(system.response(c.y[:-1])[1])) / peak.amplitude - 1.0
+            amplitude = float(abs(system.response(c.y[:-1])[1]))
+            change = amplitude / peak.amplitude - 1.0
             return Change(change, 0.0, 0.0, "solved at the end of the interval")
     return None
 
@@ -453,29 +504,32 @@ def estimate_errors(
         tops = replace(Tops.of(problem, result), follow=not result.peak_at_end)
     else:
         check_peak(problem, result)
-        preload, tops = result.parameter, Tops((result,))
-    top = tops.peaks[0]
-    items = tuple(
-        item for s in sources if (item := _of_source(problem, s, preload, tops)) is not None
-    )
-    return ErrorEstimates(preload, top.frequency, top.amplitude, items)
+        preload = result.parameter
+        tops = Tops((result,))
+    errors = []
+    for source in sources:
+        error = _of_source(problem, source, preload, tops)
+        if error is not None:
+            errors.append(error)
+    highest = tops.peaks[0]
+    return ErrorEstimates(preload, highest.frequency, highest.amplitude, tuple(errors))
 
 
 def _of_source(problem: Problem, source: str, preload: float, tops: Tops) -> SourceError | None:
+    """Return the error of a peak from one source; None if the source does not apply."""
     try:
         if source == "residual flexibility":
             problem, tops = _with_three_harmonics(problem, preload, tops)
-        found = richer_study(problem, source)
-        if found is None:
+        richer = richer_study(problem, source)
+        if richer is None:
             return None
-        richer, text = found
-        change = compare(
-            problem, richer, preload, tops, richer.harmonic_numbers != problem.harmonic_numbers
-        )
-        how = f"{text}; {change.how}" if change.known else change.how
+        richer_problem, text = richer
+        more_harmonics = richer_problem.harmonic_numbers != problem.harmonic_numbers
+        change = compare(problem, richer_problem, preload, tops, by_newton=more_harmonics)
     except BdamperError as error:
-        change, how = Change(), str(error)
-    return SourceError(source, *change[:3], how)
+        change = Change(how=str(error))
+    how = f"{text}; {change.how}" if change.known else change.how
+    return SourceError(source, change.amplitude, change.frequency, change.uncertainty, how)
 
 
 def _with_three_harmonics(problem: Problem, preload: float, tops: Tops) -> tuple[Problem, Tops]:
@@ -483,10 +537,7 @@ def _with_three_harmonics(problem: Problem, preload: float, tops: Tops) -> tuple
     if problem.harmonic_numbers[-1] >= 3 or not isinstance(problem.contact.residual, ResidualSet):
         return problem, tops
     richer = with_stand_ins(problem, 3)
-    peak = tops.peaks[0]
-    interval = tops.interval or (0.85 * peak.frequency, 1.2 * peak.frequency)
-    wider = WIDER if tops.follow else None
-    curve = whole_curve(richer, preload, interval, tops.at_end, wider)
+    curve = tops.curve_with(richer, preload)
     return richer, replace(Tops.of(richer, curve), follow=tops.follow)
 
 
@@ -502,57 +553,65 @@ def richer_study(problem: Problem, source: str) -> Richer | None:
     BdamperError
         If there is no such study; the message contains the reason.
     """
-    return {
+    more_detailed: dict[str, Callable[[Problem], Richer | None]] = {
         "harmonics": _more_harmonics,
         "contact_forces": _exact_events,
         "contact points": _more_points,
         "modes": _more_modes,
         "residual flexibility": _residual_modes,
-    }[source](problem)
+    }
+    return more_detailed[source](problem)
 
 
 def nodal_diameter(problem: Problem, harmonic: int) -> int:
     """Return the nodal diameter of the modes of a harmonic."""
-    order = problem.engine_order * (1 if problem.settings.fundamental_modes_only else harmonic)
+    order = problem.engine_order
+    if not problem.settings.fundamental_modes_only:
+        order = order * harmonic
     return problem.model.folded_nodal_diameter(order)[0]
 
 
 def missing_harmonics(problem: Problem, top: int) -> list[int]:
     """Return the harmonics up to ``top`` for which the model has no modes."""
     bases = [body.bases for body in problem.model.bodies.values() if body.kind == "constrained"]
-    return [
-        l
-        for l in range(2, top + 1)
-        if any(nodal_diameter(problem, l) not in by_diameter for by_diameter in bases)
-    ]
+    missing = []
+    for l in range(2, top + 1):
+        diameter = nodal_diameter(problem, l)
+        if any(diameter not in by_diameter for by_diameter in bases):
+            missing.append(l)
+    return missing
 
 
 def with_stand_ins(problem: Problem, harmonics: int | tuple[int, ...]) -> Problem:
-    """Return the study with more harmonics; modes of the fundamental replace modes that the model lacks."""
-    lacking = missing_harmonics(problem, harmonic_numbers(harmonics)[-1])
-    if not lacking:
+    """Return the study with more harmonics.
+
+    Modes of the fundamental replace modes that the model lacks.
+    """
+    missing = missing_harmonics(problem, harmonic_numbers(harmonics)[-1])
+    if not missing:
         return problem.replace(harmonics=harmonics)
-    model, bodies = problem.model, {}
-    fundamental, *others = (nodal_diameter(problem, l) for l in (1, *lacking))
+    model = problem.model
+    fundamental = nodal_diameter(problem, 1)
+    diameters = [nodal_diameter(problem, l) for l in missing]
+    bodies = {}
     for name, body in model.bodies.items():
-        lent = {
-            d: body.bases[fundamental]
-            for d in others
-            if body.kind == "constrained" and d not in body.bases
-        }
-        bodies[name] = replace(body, bases={**body.bases, **lent})
+        bases = dict(body.bases)
+        if body.kind == "constrained":
+            for diameter in diameters:
+                bases.setdefault(diameter, body.bases[fundamental])
+        bodies[name] = replace(body, bases=bases)
     return problem.replace(model=replace(model, bodies=bodies), harmonics=harmonics)
 
 
 def _more_harmonics(problem: Problem) -> Richer:
-    numbers = problem.harmonic_numbers
-    top = min(numbers[-1] + max(4, numbers[-1]), MAX_HARMONIC)
-    if top == numbers[-1]:
+    highest = problem.harmonic_numbers[-1]
+    top = min(highest + max(4, highest), MAX_HARMONIC)
+    if top == highest:
         raise BdamperError(f"there are no more than {MAX_HARMONIC} harmonics")
-    lacking = missing_harmonics(problem, top)
-    text = f"harmonics 1 to {top}" + (
-        f", with the modes of the first for {lacking[0]} and more" if lacking else ""
-    )
+    text = f"harmonics 1 to {top}"
+    missing = missing_harmonics(problem, top)
+    if missing:
+        text += f", with the modes of the first for {missing[0]} and more"
     return with_stand_ins(problem, top), text
 
 
@@ -563,36 +622,44 @@ def _exact_events(problem: Problem) -> Richer | None:
     try:
         return problem.replace(contact_forces="event_driven"), "exact events"
     except SettingError:  # coupled friction has no event-driven evaluation
-        return problem.replace(
-            contact_forces=AFT(4 * sampling.n_time)
-        ), f"{4 * sampling.n_time} samples"
+        n_time = 4 * sampling.n_time
+        return problem.replace(contact_forces=AFT(n_time)), f"{n_time} samples"
 
 
 def _more_points(problem: Problem) -> Richer:
-    full = problem.settings.most_points
-    if problem.settings.contact_points is None or problem.settings.contact_points >= full:
+    n_points = problem.settings.contact_points
+    all_points = problem.settings.most_points
+    if n_points is None or n_points >= all_points:
         raise BdamperError("the model has no more contact points")
-    return problem.replace(contact_points=None), f"{full} contact points on a face"
+    return problem.replace(contact_points=None), f"{all_points} contact points on a face"
 
 
 def _more_modes(problem: Problem) -> Richer:
-    s = problem.settings
-    damper_modes, blade = s.by_body("damper_modes"), s.most_modes("constrained")
-    rich = {
-        name: problem.model.bodies[name].bases[0].n_natural - len(RIGID_NAMES)
-        for name in damper_modes
+    settings = problem.settings
+    blade_modes = settings.most_modes("constrained")
+    present = settings.by_body("damper_modes")
+    damper_modes = {
+        name: problem.model.bodies[name].bases[0].n_natural - len(RIGID_NAMES) for name in present
     }
-    if isinstance(s.contact_stiffness, ResidualModes) or s.contact_stiffness == "residual_modes":
-        blade = min(blade, max(BLADE_MODES, 2 * s.blade_modes))
-        rich = {
-            name: min(most, max(BLADE_MODES, 2 * damper_modes[name])) for name, most in rich.items()
-        }
-    if blade <= s.blade_modes and rich == damper_modes:
+    stiffness = settings.contact_stiffness
+    if isinstance(stiffness, ResidualModes) or stiffness == "residual_modes":
+        # residual modes represent the others already
+        blade_modes = min(blade_modes, max(BLADE_MODES, 2 * settings.blade_modes))
+        for name, most in damper_modes.items():
+            damper_modes[name] = min(most, max(BLADE_MODES, 2 * present[name]))
+    if blade_modes <= settings.blade_modes and damper_modes == present:
         raise BdamperError("the model has no more modes")
-    counts = " and ".join(map(str, sorted(set(rich.values()) - {0})))
-    text = f"{blade} modes" + (f", {counts} elastic modes of the damper" if counts else "")
-    modes = rich if len(set(rich.values())) > 1 else max(rich.values(), default=0)
-    return problem.replace(blade_modes=max(blade, s.blade_modes), damper_modes=modes), text
+    text = f"{blade_modes} modes"
+    counts = sorted(set(damper_modes.values()) - {0})
+    if counts:
+        text += f", {' and '.join(map(str, counts))} elastic modes of the damper"
+    # one number is enough if all dampers have the same number
+    several = len(set(damper_modes.values())) > 1
+    replaced = problem.replace(
+        blade_modes=max(blade_modes, settings.blade_modes),
+        damper_modes=damper_modes if several else max(damper_modes.values(), default=0),
+    )
+    return replaced, text
 
 
 MOST_VECTORS = 72
@@ -601,18 +668,20 @@ MOST_VECTORS = 72
 
 def _residual_modes(problem: Problem) -> Richer | None:
     method = problem.stiffness_method
-    if isinstance(method, str) and method == "residual_modes":
-        method = ResidualModes()
-    if isinstance(method, ResidualModes):
-        if method.n_vectors == "all" or method.n_vectors + method.n_soft >= MOST_VECTORS:
-            return None
-        assert problem.contact.residual is not None
-        n_forces = int(problem.contact.residual.active.sum())
-        if n_forces <= MOST_VECTORS:
-            more = replace(method, n_vectors="all", n_soft=0)
-            return problem.replace(contact_stiffness=more), "all residual modes"
-        more = replace(method, n_soft=MOST_VECTORS - method.n_vectors)
-        return problem.replace(contact_stiffness=more), f"{MOST_VECTORS} residual modes"
     if isinstance(method, str) and method in ("unit_traction", "cigeroglu2009"):
         return problem.replace(contact_stiffness="residual_modes"), "residual modes"
-    return None
+    if isinstance(method, str) and method == "residual_modes":
+        method = ResidualModes()
+    if not isinstance(method, ResidualModes):
+        return None
+    if method.n_vectors == "all" or method.n_vectors + method.n_soft >= MOST_VECTORS:
+        return None
+    assert problem.contact.residual is not None
+    n_forces = int(problem.contact.residual.active.sum())
+    if n_forces <= MOST_VECTORS:
+        richer = replace(method, n_vectors="all", n_soft=0)
+        text = "all residual modes"
+    else:
+        richer = replace(method, n_soft=MOST_VECTORS - method.n_vectors)
+        text = f"{MOST_VECTORS} residual modes"
+    return problem.replace(contact_stiffness=richer), text
