@@ -46,6 +46,7 @@ from bdamper.harmonic_balance.checks import (
     check_question,
     check_settings,
     check_unloaded,
+    needs_contacts,
 )
 from bdamper.harmonic_balance.effects import BLADE_MODES, HARMONICS, Effects
 from bdamper.harmonic_balance.problem import Problem
@@ -215,6 +216,7 @@ class Study(Comparable):
         return self if problem is self.problem else self._with_problem(problem)
 
     @partial(validation.check_arguments, name="static")
+    @needs_contacts
     def static(self, preload: float, history: Sequence[float] | None = None) -> PreloadState:
         """Compute the quasi-static contact state under a load on the damper (paper, section 3.1).
 
@@ -261,6 +263,7 @@ class Study(Comparable):
         return checks.response_at(self.problem, result, location, direction)
 
     @partial(validation.check_arguments, name="wedge_friction")
+    @needs_contacts
     def wedge_friction(self, preload: float = 1.0) -> WedgeFriction:
         """Return the range of normal forces that statics and friction allow; it identifies a self-locking wedge.
 
@@ -355,6 +358,7 @@ class Study(Comparable):
         return linear_limits.free(self.problem, frequency)
 
     @partial(validation.check_arguments, name="stuck")
+    @needs_contacts
     def stuck(self, frequency: tuple[float, float], preload: float | None = None) -> ResponseCurve:
         """Compute the response with all closed points stuck, the limit of high preload.
 
@@ -419,6 +423,7 @@ class Study(Comparable):
     # stability and time integration
 
     @partial(validation.check_arguments, name="with_stability")
+    @needs_contacts
     def with_stability(
         self, curve: ResponseCurve, in_time: bool = False, progress: bool | None = None
     ) -> ResponseCurve:
@@ -443,6 +448,7 @@ class Study(Comparable):
         return floquet.with_stability(self.problem, curve, in_time, progress)
 
     @partial(validation.check_arguments, name="motion_in_time")
+    @needs_contacts
     def motion_in_time(
         self,
         curve: ResponseCurve,
@@ -507,6 +513,7 @@ class Study(Comparable):
         )
 
     @partial(validation.check_arguments, name="frequency_sweep")
+    @needs_contacts
     def frequency_sweep(
         self,
         preload: float,
@@ -563,6 +570,7 @@ class Study(Comparable):
         )
 
     @partial(validation.check_arguments, name="time_response")
+    @needs_contacts
     def time_response(
         self,
         result: ResponseCurve | Peak,
@@ -658,6 +666,7 @@ class Study(Comparable):
         )
 
     @validation.check_arguments
+    @needs_contacts
     @one_thread
     def optimal_curve(
         self,
@@ -738,6 +747,7 @@ class Study(Comparable):
         return check_optimum(problem, curve, check, material if margin else None, progress)
 
     @partial(validation.check_arguments, name="peak_sensitivities")
+    @needs_contacts
     def peak_sensitivities(
         self, peak: Peak, parameters: Sequence[str] = sensitivity.PARAMETERS
     ) -> Sensitivities:
@@ -768,6 +778,7 @@ class Study(Comparable):
         return sensitivity.peak_sensitivities(self.problem, peak, parameters)
 
     @partial(validation.check_arguments, name="curve_sensitivities")
+    @needs_contacts
     def curve_sensitivities(
         self, curve: ResponseCurve, parameters: Sequence[str] = sensitivity.PARAMETERS
     ) -> dict[str, CurveSensitivity]:
@@ -793,6 +804,7 @@ class Study(Comparable):
         return sensitivity.curve_sensitivities(self.problem, curve, parameters)
 
     @partial(validation.check_arguments, name="with_time_response")
+    @needs_contacts
     def with_time_response(
         self,
         curve: OptimalCurve,
@@ -829,6 +841,7 @@ class Study(Comparable):
     # free vibration
 
     @partial(validation.check_arguments, name="nonlinear_mode")
+    @needs_contacts
     def nonlinear_mode(
         self,
         preload: float,
@@ -874,6 +887,7 @@ class Study(Comparable):
         )
 
     @partial(validation.check_arguments, name="flutter")
+    @needs_contacts
     def flutter(
         self,
         preload: float | tuple[float, float] | Sequence[float] | NDArray,
@@ -1048,6 +1062,7 @@ class Study(Comparable):
         return margins.margin(self.problem, result, judge, index, time_response=time_response)
 
     @partial(validation.check_arguments, name="best_margin")
+    @needs_contacts
     def best_margin(
         self,
         curve: OptimalCurve,
@@ -1087,6 +1102,7 @@ class Study(Comparable):
     # importance of physical effects
 
     @partial(validation.check_arguments, name="effect_significance")
+    @needs_contacts
     def effect_significance(
         self,
         preload: float,
@@ -1137,6 +1153,7 @@ class Study(Comparable):
     # contact behaviour in a cycle
 
     @partial(validation.check_arguments, name="hysteresis")
+    @needs_contacts
     def hysteresis(
         self, result: Solved, index: int | None = None, *, n_theta: int = 720
     ) -> Hysteresis:
@@ -1164,6 +1181,7 @@ class Study(Comparable):
         return cycles.hysteresis(self.problem, result, index, n_theta=n_theta)
 
     @partial(validation.check_arguments, name="dissipation")
+    @needs_contacts
     def dissipation(self, result: Solved) -> Hysteresis:
         """Compute dissipated energy, equivalent stiffness and damping along a result.
 
@@ -1284,6 +1302,7 @@ class Study(Comparable):
         )
 
     @partial(validation.check_arguments, name="resonance_crossings")
+    @needs_contacts
     def resonance_crossings(
         self,
         speeds: tuple[float, float] | Sequence[float] | NDArray | None = None,
@@ -1409,6 +1428,7 @@ class Study(Comparable):
     # accuracy
 
     @partial(validation.check_arguments, name="harmonic_convergence")
+    @needs_contacts
     def harmonic_convergence(
         self,
         peak: Peak,
@@ -1446,6 +1466,7 @@ class Study(Comparable):
         )
 
     @partial(validation.check_arguments, name="estimate_errors")
+    @needs_contacts
     def estimate_errors(
         self, result: ResponseCurve | Peak, *, sources: Sequence[str] = error_estimates.SOURCES
     ) -> ErrorEstimates:

@@ -287,7 +287,8 @@ def damper_motion(
     Sectors are relative to the blade.  Points in contact with the ground or another blade have zero
     motion.
     """
-    motions, sectors = [], []
+    # a blisk has no ports
+    motions, sectors = [np.zeros((0, 6))], [np.zeros(0, int)]
     for name, side in ports:
         face = interfaces[name]
         if side == "a":

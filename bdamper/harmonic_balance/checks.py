@@ -372,6 +372,23 @@ def _effective(problem: Problem, name: str) -> Any:
     return getattr(settings, name)
 
 
+def check_contacts(problem: Problem, name: str) -> None:
+    """Raise SettingError if the model has no contacts, which the analysis ``name`` needs."""
+    found = "none; use free, campbell, run_up, peak(0.0), frequency_response(0.0) or a BladedDisk"
+    validation.check(bool(problem.coupling.interfaces), name, "a model with contacts", found)
+
+
+def needs_contacts(method: Callable[Concatenate[A, P], R]) -> Callable[Concatenate[A, P], R]:
+    """Decorate a method of a study, so that it refuses a model without contacts."""
+
+    @wraps(method)
+    def of_contacts(study: A, /, *given: P.args, **named: P.kwargs) -> R:
+        check_contacts(problem_of(study), method.__name__)
+        return method(study, *given, **named)
+
+    return of_contacts
+
+
 @one_thread
 def check_question(
     problem: Problem, preload: Sequence[float] | NDArray, frequency: tuple[float, float] | None

@@ -193,7 +193,7 @@ def gaps(coupling: Coupling, settings: Settings) -> NDArray:
     if settings.gap is not None:
         interfaces = coupling.interfaces
         gap_by_name = validation.mapping("gap", settings.gap, interfaces, "interfaces")
-    parts = []
+    parts = [np.zeros(0)]
     for name in coupling.interfaces:
         face = coupling.model.interfaces[name]
         gap = face.gap
@@ -264,6 +264,8 @@ def contact_of(settings: Settings, coupling: Coupling, friction: NDArray) -> Con
     The default is residual modes.  If the model lacks the data for them, the stiffness in the model
     is used, or unit tractions if the model has no stiffness.
     """
+    if not coupling.interfaces:
+        return Contact({}, method="none")
     if settings.contact_stiffness is not None:
         return _contact_by(settings, coupling, friction, settings.contact_stiffness)
     try:

@@ -364,7 +364,8 @@ class Problem:
     @made_once
     def point_stiffness(self) -> NDArray:
         """Contact stiffness (n_points, 3) along t1, t2, n, N/m."""
-        return np.concatenate([self.stiffness[name].stiffness for name in self.coupling.interfaces])
+        stiffness = [self.stiffness[name].stiffness for name in self.coupling.interfaces]
+        return np.concatenate([np.zeros((0, 3)), *stiffness])
 
     @made_once
     def point_gaps(self) -> NDArray:
@@ -410,7 +411,7 @@ class Problem:
 
         Its friction coefficient may be 0.
         """
-        parts = []
+        parts = [np.zeros(0, bool)]
         for name in self.coupling.interfaces:
             face = self.coupling.model.interfaces[name]
             parts.append(np.full(face.n_points, face.kind == "friction"))
@@ -549,9 +550,9 @@ class Problem:
         """Geometry and friction of the contact points, for static states."""
         faces = [self.coupling.model.interfaces[name] for name in self.coupling.interfaces]
         return {
-            "points": np.concatenate([face.points for face in faces]),
-            "frame": np.concatenate([face.frame for face in faces]),
-            "area": np.concatenate([face.area for face in faces]),
+            "points": np.concatenate([np.zeros((0, 3)), *(face.points for face in faces)]),
+            "frame": np.concatenate([np.zeros((0, 3, 3)), *(face.frame for face in faces)]),
+            "area": np.concatenate([np.zeros(0), *(face.area for face in faces)]),
             "friction": self.friction,
             "on_friction_face": self.friction_points,
             "interface": self.coupling.interface_of,

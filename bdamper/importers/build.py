@@ -262,7 +262,7 @@ def build_model(
         One sector (or a whole structure with ``Sector(n_blades=1)``), and optional free bodies in
         contact with a blade.
     contacts : sequence of ContactFaces
-        Pairs of faces in contact.
+        Pairs of faces in contact; none for a blisk, whose linear response can be computed.
     sector : Sector
         Number of sectors, their faces, clamped nodes, the blade, nodes with stress.
     placement : Placement
@@ -350,12 +350,12 @@ def _counts(free: Sequence[str], reduction: Reduction) -> dict[str, int]:
 
 def _checked_contacts(contacts: Sequence[ContactFaces]) -> tuple[ContactFaces, ...]:
     """Check type and name of each contact."""
+    expected = "a sequence of ContactFaces"
+    is_sequence = isinstance(contacts, Iterable) and not isinstance(contacts, str)
+    validation.check_value(is_sequence, "contacts", expected, contacts)
     checked: list[ContactFaces] = []
-    if isinstance(contacts, Iterable) and not isinstance(contacts, str):
-        for contact in contacts:
-            checked.append(validation.instance("contacts", contact, ContactFaces))
-    expected = "a sequence of one or more ContactFaces"
-    validation.check_value(checked, "contacts", expected, contacts)
+    for contact in contacts:
+        checked.append(validation.instance("contacts", contact, ContactFaces))
     names = [contact.name for contact in checked]
     validation.check_value(len(set(names)) == len(names), "contacts", "each name once", names)
     return tuple(checked)

@@ -213,7 +213,11 @@ def check_corners(body: PreparedBody) -> None:
 
 
 def check_radial(body: PreparedBody, n_blades: int) -> None:
-    """Check that a sector narrower than a half circle lies in the direction ``radial``."""
+    """Check that a sector narrower than a half circle lies in the direction ``radial``.
+
+    The middle is the centre of the box around the nodes of its elements, along the axes of the
+    model.
+    """
     pitch = 360.0 / n_blades
     limit = max(pitch, BOUNDS.radial_angle)
     nodes = body.nodes[body.used]
@@ -227,12 +231,15 @@ def check_radial(body: PreparedBody, n_blades: int) -> None:
     middle_text = ", ".join(f"{component:.3g}" for component in middle)
     radial_text = ", ".join(f"{component:.3g}" for component in body.placement.radial)
     expected = (
-        f"the direction from the axis to the blade, within {limit:.3g} degrees of the middle of "
-        f"the sector, ({middle_text}) in the axes of the file"
+        f"the direction from the axis to the blade, within {limit:.3g} degrees of ({middle_text}) "
+        "in the axes of the file, the middle of the box around all elements of the sector"
     )
     found = f"({radial_text}), {abs(angle):.3g} degrees off"
     body.require(abs(angle) <= limit, "radial", expected, found)
-    body.passed(f"{body.name}: the middle of the sector is {abs(angle):.2g} degrees from radial")
+    body.passed(
+        f"{body.name}: the middle of the box around all elements is {abs(angle):.2g} degrees from "
+        "radial"
+    )
 
 
 def check_not_swapped(body: PreparedBody) -> None:

@@ -25,6 +25,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from bdamper.analyses.sweep import SweepResult, sweep
+from bdamper.harmonic_balance.checks import check_contacts, problem_of
 from bdamper.harmonic_balance.equations import OK, Fixed
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.mistuning.disk_equations import DiskSystem
@@ -106,6 +107,7 @@ def optimal_curve(
         the dampers, error of the amplitude (:class:`~bdamper.mistuning.peak.DiskPeak`), and tuned
         amplitude.
     """
+    check_contacts(problem_of(disk.study), "optimal_curve")
     values = validation.numbers("preloads", preloads, above=0.0, unit="N")
     task = partial(_highest, disk=disk, options=options)
     result = sweep(disk.study, {"preload": values}, task, executor=executor, progress=progress)
@@ -314,6 +316,7 @@ def time_response(
         If the disk has more than thirteen blades, or the peak was not found or belongs to another
         disk.
     """
+    check_contacts(problem_of(disk.study), "time_response")
     meter = CostMeter()
     peak = validation.instance("peak", peak, DiskPeak)
     system = disk.system(peak.preload)

@@ -600,8 +600,8 @@ class DiskScene:
         coordinates."""
         s = self.structure
         stiffness = np.concatenate([self.points.kt, self.points.kn[:, None]], axis=1)
-        stiffness = stiffness.reshape(s.n_blades, -1)
-        damper_rows = s.rows[..., s.n :].reshape(stiffness.shape[1], -1)
+        stiffness = stiffness.reshape(s.n_blades, 3 * len(s.sector))
+        damper_rows = s.rows[..., s.n :].reshape(stiffness.shape[1], s.n_damper)
         springs = stiffness @ damper_rows**2
         # missing dampers and coordinates without contact get weak springs
         return np.maximum(springs, 1e-6 * springs.max(initial=1e-300))

@@ -298,7 +298,7 @@ class Coupling:
     def spring_points(self) -> NDArray:
         """Whether each point is a linear spring that is part of the bodies, (n_points,) bool."""
         faces = [self.model.interfaces[name] for name in self.interfaces]
-        is_spring = [face.kind == "spring" for face in faces]
+        is_spring = np.array([face.kind == "spring" for face in faces], bool)
         return np.repeat(is_spring, [face.n_points for face in faces])
 
     def _moving(self, harmonic: int) -> Iterator[tuple[Body, ModalBasis, NDArray]]:

@@ -329,6 +329,8 @@ def sectors_shown(model: Model) -> list[tuple[str, int, NDArray]]:
     """Return bodies with a mesh, the sectors that show them, and rotations (3, 3) into these."""
     bodies = {(face.body_a, face.sector_a) for face in model.interfaces.values()}
     bodies |= {(face.body_b, face.sector_b) for face in model.interfaces.values()}
+    # without contacts every body is in its own sector
+    bodies = bodies or {(name, 0) for name in model.meshes}
     shown = sorted((name, sector) for name, sector in bodies if name in model.meshes)
     return [(name, sector, turn(2.0 * np.pi * sector / model.n_blades)) for name, sector in shown]
 

@@ -75,7 +75,7 @@ def test_page(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("MPLBACKEND", "Agg")
     text = PAGE.read_text()
     blocks = re.findall(r"```python\n(.*?)```", text, re.S)
-    assert len(blocks) == text.count("```") // 2 == 6
+    assert len(blocks) == text.count("```") // 2 == 7
     space = {}
     exec(compile("\n".join(blocks), str(PAGE), "exec"), space)
     for name in ("report.png", "curve.png", "optimum.png"):
