@@ -2,6 +2,9 @@
 
     M x'' + C x' + K x + contact forces = Re(f exp(i omega t)) + P s + r_n^T N_0
 
+An acceleration ``a`` of the ground acts as the force ``f = -M r a`` on the relative motion ``x``, with the motion ``r`` of
+all degrees of freedom if they follow a unit motion of the ground.
+
 The modal coordinates are all modes of M and K, so the modal model is exact.  Modes of frequency 0 are free masses.  A
 contact is a point with the relative motion ``u = r_t x`` tangentially and the closing ``v = r_n x`` normally.  Its forces
 act on the degrees of freedom by the same rows, ``-(r_t^T T + r_n^T N)``.  A static force balances its preload ``N_0``.
@@ -25,7 +28,7 @@ from numpy.typing import NDArray
 
 from bdamper.contact.laws import power_law_sliders
 from bdamper.harmonic_balance.settings import Settings
-from bdamper.model.loads import Excitation, Response
+from bdamper.model.loads import BASE, Excitation, Response
 from bdamper.model.structure import Body, BodyLoad, Interface, Location, ModalBasis, Model
 from bdamper.study import Study
 from bdamper.util import validation
@@ -117,10 +120,12 @@ def lumped(
     *,
     contacts: Sequence[Contact] = (),
     cubic: Mapping[Any, float] | None = None,
-    forces: Mapping[int | str, complex],
+    forces: Mapping[int | str, complex] | None = None,
+    base: float | complex | Mapping[int | str, complex] | None = None,
     load_per_preload: Mapping[int | str, float] | None = None,
     locations: Mapping[str, int] | None = None,
     response: int | str | Mapping[int | str, float] | None = None,
+    absolute: bool = False,
     **settings: Any,
 ) -> Study:
     """Create a study of lumped masses from the matrices of their equation of motion.
@@ -137,14 +142,21 @@ def lumped(
         Cubic springs ``k u^3`` on motions as in :class:`Contact`: ``{0: 0.5, (1, 0): -2.0}``.
     forces : mapping of degree of freedom to float or complex, N
         Harmonic forces ``Re(f exp(i omega t))``.  ``excitation.amplitude`` is the largest of them and scales all.
+    base : float, complex or mapping of degree of freedom to these, m/s2, optional
+        Harmonic acceleration of the ground, instead of forces.  A number applies to all degrees of
+        freedom.  A mapping has the acceleration of each degree of freedom that follows the ground
+        rigidly, with 0 for missing ones.  The response is then the motion relative to the ground.
     load_per_preload : mapping of degree of freedom to float, optional
         Static forces per newton of the preload in an analysis: with ``{1: 1.0}``, ``study.frequency_response(200.0, ...)``
         applies 200 N to degree of freedom 1.  Without it the preload must be 0.
     locations : mapping of name to degree of freedom, optional
         By default "x0", "x1" ...
     response : degree of freedom or mapping, optional
-        Degree of freedom of the response; by default the one with the largest force.  A mapping is
-        a sum with factors, ``{0: 1.2, 1: -0.7}``: a point of a model in modal coordinates.
+        Degree of freedom of the response; by default the one with the largest force or
+        acceleration.  A mapping is a sum with factors, ``{0: 1.2, 1: -0.7}``: a point of a model in
+        modal coordinates.
+    absolute : bool
+        Response in space instead of the motion relative to the ground, with ``base``.
     **settings
         Other settings of the study: ``harmonics``, ``contact_forces`` ...
 
@@ -180,18 +192,27 @@ def lumped(
     )
     validation.check(contacts or cubic, "contacts", "at least one contact or cubic spring", "none")
     faces = _faces(contacts, cubic, modes)
-    amplitudes = _forces(modes, forces)
-    excitation, fields_of_forces = _excitation(modes, amplitudes)
+    expected = "forces or an acceleration of the base"
+    given = [name for name, value in (("forces", forces), ("base", base)) if value is not None]
+    validation.check(len(given) == 1, "excitation", expected, " and ".join(given) or "neither")
+    validation.check(base is not None or not absolute, "absolute", "base= for True", "forces")
+    if base is None:
+        amplitudes = _forces(modes, "forces", forces)
+        excitation, fields_of_forces = _excitation(modes, amplitudes)
+    else:
+        everywhere = base if isinstance(base, Mapping) else dict.fromkeys(range(modes.n), base)
+        amplitudes = _forces(modes, "base", everywhere)
+        excitation, fields_of_forces = _base_excitation(modes, amplitudes)
     location, points = _response(modes, response, amplitudes)
     coefficients = {c.mu for c in contacts} or {0.0}
     return Study(
-        _model(modes, faces, fields_of_forces | points, load_per_preload),
+        _model(modes, faces, fields_of_forces | points, load_per_preload, base is not None),
         excitation,
         friction_coefficient=coefficients.pop()
         if len(coefficients) == 1
         else dict(zip(faces, [c.mu for c in contacts])),
         contact_stiffness={name: np.array([face.stiffness]) for name, face in faces.items()},
-        response=Response(location),
+        response=Response(location, absolute=absolute),
         **settings,
     )
 
@@ -302,7 +323,7 @@ class _Modes:
     def __init__(
         self, mass: Any, damping: Any, stiffness: Any, locations: Mapping[str, int] | None
     ) -> None:
-        M = _matrix("mass", mass)
+        self.mass = M = _matrix("mass", mass)
         self.n = len(M)
         C, K = _matrix("damping", damping, self.n), _matrix("stiffness", stiffness, self.n)
         least, largest = float(np.linalg.eigvalsh(M)[0]), float(np.abs(M).max())
@@ -452,12 +473,13 @@ def _matrix(name: str, value: Any, n: int | None = None) -> NDArray:
     return 0.5 * (A + A.T)
 
 
-def _forces(modes: _Modes, forces: Any) -> dict[Any, complex]:
+def _forces(modes: _Modes, what: str, forces: Any) -> dict[Any, complex]:
+    """Return the amplitudes of forces (N), or of an acceleration of the base (m/s2)."""
+    unit, item = ("N", "a force on") if what == "forces" else ("m/s2", "an acceleration of")
+    expected = f"a mapping of degrees of freedom to numbers in {unit}"
     out = {}
-    for key, value in validation.instance(
-        "forces", forces, Mapping, "a mapping of degrees of freedom to newtons"
-    ).items():
-        modes.freedom(key, "forces")
+    for key, value in validation.instance(what, forces, Mapping, expected).items():
+        modes.freedom(key, what)
         number = value.item() if isinstance(value, np.generic) else value
         if (
             isinstance(number, bool)
@@ -465,10 +487,12 @@ def _forces(modes: _Modes, forces: Any) -> dict[Any, complex]:
             or not np.isfinite(number)
         ):
             raise validation.invalid(
-                f"force on {key!r}", "a finite real or complex number in N", value
+                f"{item.partition(' ')[2]} {key!r}",
+                f"a finite real or complex number in {unit}",
+                value,
             )
         out[key] = complex(number)
-    validation.check(out, "forces", "a force on at least one degree of freedom", "none")
+    validation.check(out, what, f"{item} at least one degree of freedom", "none")
     return out
 
 
@@ -485,6 +509,28 @@ def _excitation(
     )
     name = modes.free("forces")
     return Excitation(name, amplitude=largest), {name: np.conj(field)}
+
+
+def _base_excitation(
+    modes: _Modes, accelerations: Mapping[Any, complex]
+) -> tuple[Excitation, dict[str, NDArray]]:
+    """Return the excitation by the base, and the inertia forces under its unit acceleration."""
+    largest = max(accelerations.values(), key=abs)
+    validation.check(largest != 0.0, "base", "an acceleration other than 0", "0")
+    carried = np.zeros(modes.n)
+    for key, value in accelerations.items():
+        ratio = value / largest
+        validation.check(
+            abs(ratio.imag) < ROUNDING,
+            "base",
+            "accelerations of one phase",
+            f"{value} beside {largest}",
+        )
+        carried[modes.freedom(key, "base")] += ratio.real
+    validation.check(BASE not in modes.locations, "base", "no location of this name", "one")
+    inertia = -(modes.shapes.T @ (modes.mass @ carried))
+    phase = float(np.angle(largest))
+    return Excitation(BASE, amplitude=abs(largest), phase=phase), {BASE: inertia}
 
 
 def _response(
@@ -504,6 +550,7 @@ def _model(
     faces: Mapping[str, _Face],
     combined_rows: Mapping[str, NDArray],
     load_per_preload: Mapping[int | str, float] | None,
+    base: bool = False,
 ) -> Model:
     """Return a model of one body with all masses and a rigid ground; ports have the relative motions."""
     zero, pressing = np.zeros(modes.n), np.zeros(modes.n)
@@ -555,4 +602,6 @@ def _model(
         GROUND: Body(GROUND, "ground", tuple((name, "a") for name in faces)),
     }
     locations = {name: Location(name, BODY, np.zeros(3)) for name in rows}
+    if base:
+        locations[BASE] = Location(BASE, BODY, np.zeros(3), "base")
     return Model(1, bodies, interfaces, locations, provenance={"source": "lumped masses"})

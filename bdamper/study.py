@@ -239,7 +239,12 @@ class Study(Comparable):
 
     @partial(validation.check_arguments, name="response_at")
     def response_at(
-        self, result: SomeResult, location: str, direction: Direction = "tangential"
+        self,
+        result: SomeResult,
+        location: str,
+        direction: Direction = "tangential",
+        *,
+        absolute: bool = False,
     ) -> NDArray:
         """Compute the response of a peak or a curve at any location, from its solutions.
 
@@ -249,6 +254,8 @@ class Study(Comparable):
             Result of this study.
         location : str
         direction : {"tangential", "radial", "axial"} or three floats
+        absolute : bool
+            Motion in space instead of the motion relative to the base, if the response of the study is absolute.
 
         Returns
         -------
@@ -260,7 +267,7 @@ class Study(Comparable):
         SettingError
             If there is no such location, or the result belongs to another study.
         """
-        return checks.response_at(self.problem, result, location, direction)
+        return checks.response_at(self.problem, result, Response(location, direction, absolute))
 
     @partial(validation.check_arguments, name="wedge_friction")
     @needs_contacts
@@ -305,15 +312,17 @@ class Study(Comparable):
         def shown(value: Any) -> str:
             return f"{value:.6g}" if isinstance(value, float) else text_of(value)
 
+        absolute = ", absolute" if seen.absolute else ""
+
         def force(e: Excitation) -> str:
-            return f"{e.amplitude:g} N {e.shown}, order {e.engine_order or s.engine_order}"
+            return f"{e.amplitude:g} {s.unit_of(e)} {e.shown}, order {e.engine_order or s.engine_order}"
 
         return (
             Fact("model", f"{sectors}{', '.join(s.model.bodies)} ({s.model.hash})"),
-            Fact("excitation", float(at.amplitude), f"N {at.shown}"),
+            Fact("excitation", float(at.amplitude), f"{s.unit_of(at)} {at.shown}"),
             Fact("beside it", "; ".join(map(force, at.beside))),
             Fact("engine order", int(s.engine_order)),
-            Fact("response", f"{seen.location} {text_of(seen.direction)}"),
+            Fact("response", f"{seen.location} {text_of(seen.direction)}{absolute}"),
             Fact("harmonics", " ".join(map(str, s.harmonic_numbers))),
             Fact("friction coefficient", ", ".join(f"{mu:g}" for mu in friction) or "none"),
             Fact("contact stiffness", text_of(self.problem.stiffness_method)),

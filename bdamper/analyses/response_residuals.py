@@ -92,13 +92,16 @@ class MeasuredResponse(Summarised, validation.Checked):
     force : float, N, optional
         Nominal amplitude of the excitation; by default the force of the data at each point,
         otherwise the amplitude in the settings of the study.
+    base_acceleration : float, m/s2, optional
+        The same for an excitation by the base.
     sweep : {"up", "down"}
         Direction of the frequency sweep.
     control : {"force", "response", "phase"}
-        Quantity that the rig controls. "response": the force, measured at each point, is compared
-        at the measured frequency and amplitude. "phase": force and frequency are compared at the
-        measured amplitude and phase, of a displacement 90 degrees behind the force if no phase was
-        measured.
+        Quantity that the rig controls. "force": the force, or the acceleration of the base.
+        "response": the force, measured at each point, is compared at the measured frequency and
+        amplitude. "phase": force and frequency are compared at the measured amplitude and phase.
+        Without a measured phase, the displacement is 90 degrees behind the force, and ahead of the
+        acceleration of a base.
 
     Raises
     ------
@@ -111,6 +114,7 @@ class MeasuredResponse(Summarised, validation.Checked):
     data: Measurement
     preload: validation.Force = 0.0
     force: Annotated[float, validation.Limits(above=0.0, unit="N")] | None = None
+    base_acceleration: Annotated[float, validation.Limits(above=0.0, unit="m/s2")] | None = None
     sweep: Literal["up", "down"] = "up"
     control: Literal["force", "response", "phase"] = "force"
 
@@ -129,34 +133,53 @@ class MeasuredResponse(Summarised, validation.Checked):
             validation.check(several, name, "three frequencies or more", "fewer")
         if self.control != "force":
             expected = f"a measured force at each point under {self.control} control"
-            validation.check(self._force_is_measured, name, expected, "none")
+            validation.check(self._excitation_is_measured, name, expected, "none")
+        one = self.force is None or self.base_acceleration is None
+        validation.check(one, name, "force or base_acceleration", "both")
         least = min(self.data.frequency.min(), self.data.amplitude.min())
         validation.check(least > 0.0, name, "frequencies and amplitudes above 0", f"{least:g}")
 
     @property
-    def _force_is_measured(self) -> bool:
-        """Whether the force was measured at each point, and no nominal amplitude replaces it."""
-        return self.force is None and self.data.force is not None
+    def _given(self) -> float | None:
+        """Nominal amplitude of the user: a force (N) or an acceleration of the base (m/s2)."""
+        return self.force if self.base_acceleration is None else self.base_acceleration
+
+    @property
+    def _excitation_is_measured(self) -> bool:
+        """Whether it was measured at each point, and no nominal amplitude replaces it."""
+        return self._given is None and self.data.excitation is not None
+
+    @property
+    def at_base(self) -> bool | None:
+        """Whether the base was shaken; None without a measured or nominal excitation."""
+        if self._given is not None:
+            return self.base_acceleration is not None
+        if self.data.excitation is None:
+            return None
+        return self.data.base_acceleration is not None
 
     @property
     def nominal(self) -> float | None:
-        """Nominal force (N); None if the amplitude of the study applies.
+        """Nominal force (N) or acceleration of the base (m/s2).
 
-        It is the median of forces that were measured at each point.
+        It is the median of values that were measured at each point, and None if the amplitude of
+        the study applies.
         """
-        if self._force_is_measured:
-            return float(np.median(self.data.force))  # type: ignore[arg-type]
-        return self.force
+        if self._excitation_is_measured:
+            return float(np.median(self.data.excitation))  # type: ignore[arg-type]
+        return self._given
 
     @property
     def factors(self) -> NDArray:
-        """Force at each point over the nominal force, (n,)."""
-        if not self._force_is_measured:
+        """Excitation at each point over the nominal excitation, (n,)."""
+        if not self._excitation_is_measured:
             return np.ones(len(self.data.frequency))
-        return np.asarray(self.data.force) / self.nominal
+        return np.asarray(self.data.excitation) / self.nominal
 
     def __str__(self) -> str:
         force = "" if self.force is None else f", {self.force:g} N"
+        if self.base_acceleration is not None:
+            force = f", {self.base_acceleration:g} m/s2"
         return f"{self.data.name} ({self.preload:g} N{force}, {self.sweep})"
 
 
@@ -291,6 +314,11 @@ def attempt(compute: Callable[[], T]) -> tuple[T | None, str]:
 
 def of_test(varied: Variations, test: MeasuredResponse, noise: float) -> Separation:
     """Return the residuals of a swept response; a point without computed response has ``LOST``."""
+    settings = varied.own.settings
+    expected = f"the excitation of the study in {settings.unit_of(settings.excitation)}"
+    fits = test.at_base is None or test.at_base == settings.at_base(settings.excitation)
+    found = "accelerations of the base" if test.at_base else "forces"
+    validation.check(fits, test.data.name, expected, found)
     # under phase control the frequency of a solution may differ from the measured frequency
     margin = BESIDE if test.control == "phase" else EDGE
     f = test.data.frequency
@@ -470,8 +498,9 @@ class _OtherControl:
         self.points: dict[int, _ControlledPoint] = {}
         target = self.measured
         if self.free_frequency and not self.has_phase:
-            # phase resonance: the displacement is 90 degrees behind the force
-            target = -1j * self.measured
+            # phase resonance: the displacement is 90 degrees behind the force, which is opposite to
+            # the acceleration of the base
+            target = (1j if test.at_base else -1j) * self.measured
         for i in range(n):
             held = search.held(self.frequency[i], target[i], self.free_frequency)
             if held is not None:

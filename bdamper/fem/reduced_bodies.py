@@ -187,22 +187,24 @@ def needed_nodal_diameters(n_blades: int, engine_order: int, harmonics: int) -> 
 
 
 Place = int | NDArray
-"""Index of a node, or field (n_nodes, 3) complex of forces (N)."""
+"""Index of a node, field (n_nodes, 3) complex of forces (N), or three fields (n_nodes, 3, 3) of forces."""
 
 
 def nodes_of(place: Place) -> NDArray:
     """Return the indices of the nodes with forces."""
     if isinstance(place, np.ndarray):
-        return np.flatnonzero(place.any(axis=1))
+        return np.flatnonzero(place.reshape(len(place), -1).any(axis=1))
     return np.array([place])
 
 
 def place_loads(place: Place, n_dof: int) -> sp.csc_matrix:
     """Return three loads (n_dof, 3) at a location.
 
-    They are unit forces along X, Y and Z at a node, or real part, imaginary part and zeros of a
-    field.
+    They are unit forces along X, Y and Z at a node; real part, imaginary part and zeros of a field;
+    or three fields.
     """
+    if isinstance(place, np.ndarray) and place.ndim == 3:
+        return sp.csc_matrix(place.reshape(n_dof, 3))
     if isinstance(place, np.ndarray):
         columns = [place.real.ravel(), place.imag.ravel(), np.zeros(place.size)]
         return sp.csc_matrix(np.stack(columns, axis=1))

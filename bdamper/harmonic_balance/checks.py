@@ -24,7 +24,7 @@ from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.problem import LoadCase, Problem
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.harmonic_balance.settings import FRICTION
-from bdamper.model.loads import Direction, Response
+from bdamper.model.loads import Response
 from bdamper.model.structure import Model
 from bdamper.util import plausible_ranges, validation
 from bdamper.util.errors import SettingError, warn, warn_implausible
@@ -196,14 +196,16 @@ def solutions_of(problem: Problem, result: SomeResult) -> Solutions:
     )
 
 
-def response_at(
-    problem: Problem, result: SomeResult, location: str, direction: Direction = "tangential"
-) -> NDArray:
+def response_at(problem: Problem, result: SomeResult, place: Response) -> NDArray:
     """See :meth:`bdamper.Study.response_at`."""
     locations = problem.model.locations
-    # other kinds are force fields
-    places = sorted(name for name, place in locations.items() if place.kind is None)
-    rows = problem.rows_at(Response(validation.choice("location", location, places), direction))
+    # other kinds are force fields, and the base
+    places = sorted(name for name, at in locations.items() if at.kind is None)
+    validation.choice("location", place.location, places)
+    possible = problem.settings.response_location.absolute or not place.absolute
+    expected = "a study whose response is absolute, bd.Response(..., absolute=True)"
+    validation.check(possible, "absolute", expected, "a relative one")
+    rows = problem.rows_at(place)
     unknowns = unknowns_of(problem, result)
     harmonics = [
         problem.layout.amplitudes(unknowns, harmonic) @ row for harmonic, row in enumerate(rows)

@@ -46,7 +46,7 @@ from bdamper.model.kinematics import (
     in_flow,
     standard_rigid_modes,
 )
-from bdamper.model.loads import Response, direction_vector
+from bdamper.model.loads import BASE, Response, direction_vector
 from bdamper.model.residual_vectors import completed
 from bdamper.model.structure import ContactStiffness, Model
 from bdamper.util import validation
@@ -240,6 +240,23 @@ class Problem:
         factor = float(self.settings.contact_stiffness_factor)
         return joined(basis, replace(modes, omega2=factor * modes.omega2))
 
+    def _with_base(self, basis: HarmonicBasis, harmonic: int) -> HarmonicBasis:
+        """Append the translations of the base if it moves at this harmonic and the response is absolute.
+
+        They are free masses of 1 kg, which no contact moves.  A force on them is their acceleration.
+        """
+        kinds = {name: place.kind for name, place in self.model.locations.items()}
+        forces = self.settings.excited.get(harmonic, ())
+        moves = any(kinds.get(at) == "base" for at, *_ in forces)
+        if not (self.settings.response_location.absolute and moves):
+            return basis
+        zero, no_motion = np.zeros(3), np.zeros((*basis.G.shape[:2], 3), basis.G.dtype)
+        coordinates = tuple(Coordinate(BASE, i, f"base {axis}") for i, axis in enumerate("XYZ"))
+        translations = HarmonicBasis(
+            coordinates, zero, zero, no_motion, basis.nodal_diameter, mass=np.ones(3)
+        )
+        return joined(basis, translations)
+
     @made_once
     def modal_bases(self) -> list[HarmonicBasis]:
         """Modes of the bodies for the mean and each harmonic."""
@@ -259,7 +276,7 @@ class Problem:
         bases = []
         for harmonic, basis in enumerate(self.modal_bases):
             if harmonic in active:
-                basis = self._with_residual(basis, harmonic)
+                basis = self._with_residual(self._with_base(basis, harmonic), harmonic)
             wave = int(self.engine_order) * harmonic if harmonic else None
             bases.append(self.damped(basis, wave))
         return bases
@@ -455,6 +472,8 @@ class Problem:
         Residual modes do not move it.
         """
         modes = self.coupling.location_modes(location, harmonic)
+        if any(coordinate.body == BASE for coordinate in self.bases[harmonic].coordinates):
+            modes = np.hstack([modes, self.coupling.carried_by_base(location, BASE)])
         n_residual = self.bases[harmonic].n_modes - modes.shape[1]
         return np.pad(modes, ((0, 0), (0, n_residual)))
 
@@ -484,7 +503,9 @@ class Problem:
         rows = []
         for harmonic in range(self.harmonic_numbers[-1] + 1):
             if harmonic in active:
-                rows.append(direction @ self.location_modes(place.location, harmonic))
+                row = direction @ self.location_modes(place.location, harmonic)
+                moves_base = [c.body == BASE for c in self.bases[harmonic].coordinates]
+                rows.append(row if place.absolute else np.where(moves_base, 0.0, row))
             else:
                 rows.append(np.zeros(0))
         rows[0] = rows[0].real
@@ -824,9 +845,10 @@ class LoadCase:
         least, most = FORCES
         if not least <= np.abs(forces[1]).max() <= vibration <= most:
             excitation = problem.settings.excitation
+            unit = problem.settings.unit_of(excitation)
             raise SettingError(
                 "excitation: expected a force that works on the modes of harmonic 1, with modal "
-                f"forces from {least:g} to {most:g}, found {excitation.amplitude:g} N at "
+                f"forces from {least:g} to {most:g}, found {excitation.amplitude:g} {unit} at "
                 f"'{excitation.location}', {excitation.direction}"
             )
 

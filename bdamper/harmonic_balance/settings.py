@@ -288,7 +288,7 @@ class Settings(validation.Answering):
 
     def _check_places(self) -> None:
         locations = self.model.locations
-        # other kinds are force fields
+        # other kinds are force fields, and the base
         places = sorted(name for name, place in locations.items() if place.kind is None)
         modes = [f"mode {number + 1}" for number in range(self.most_modes("constrained"))]
         for force in self._forces:
@@ -296,8 +296,9 @@ class Settings(validation.Answering):
             if force.location.startswith("mode ") and force.location not in locations:
                 choices += modes
             validation.choice("excitation location", force.location, tuple(choices))
+            has_direction = force.location in places or self.at_base(force)
             validation.check_value(
-                force.location in places or force.direction == "tangential",
+                has_direction or force.direction == "tangential",
                 "excitation direction",
                 f"none, which '{force.location}' does not have",
                 force.direction,
@@ -307,6 +308,10 @@ class Settings(validation.Answering):
                 "a Response(location, direction), since the excitation is no force at a location"
             )
             validation.check(self.acts_at_location, "response", expected, "none")
+        elif self.response.absolute:
+            moves = any(map(self.at_base, self._forces))
+            expected = "an excitation at the base, bd.Excitation('base', ...), for absolute=True"
+            validation.check(moves, "response", expected, f"one {self.excitation.shown}")
         validation.choice("response location", self.response_location.location, places)
 
     def _check_orders(self) -> None:
@@ -326,6 +331,15 @@ class Settings(validation.Answering):
             "a force of the study's own engine_order",
             f"harmonics {harmonics} alone",
         )
+
+    def at_base(self, excitation: Excitation) -> bool:
+        """Whether an excitation is an acceleration (m/s2) of the held nodes."""
+        place = self.model.locations.get(excitation.location)
+        return place is not None and place.kind == "base"
+
+    def unit_of(self, excitation: Excitation) -> str:
+        """Return the unit of the amplitude of an excitation."""
+        return "m/s2" if self.at_base(excitation) else "N"
 
     @property
     def _forces(self) -> tuple[Excitation, ...]:
@@ -351,7 +365,7 @@ class Settings(validation.Answering):
         for force in self._forces:
             place = self.model.locations.get(force.location)
             direction = FIELD
-            if place is not None and place.kind is None:
+            if place is not None and place.kind != "forces":
                 direction = direction_vector(force.direction, "excitation direction")
             # engine order 0 excites the first harmonic
             harmonic = self._order_of(force) // (self.engine_order or 1) or 1
@@ -748,6 +762,10 @@ def _plain(value: Any) -> Any:
         return value.tolist()
     if isinstance(value, complex):
         return [value.real, value.imag]
+    if isinstance(value, Response):
+        # a response without further choices has the record of earlier versions
+        own = ("location", "direction")
+        return {name: each for name, each in asdict(value).items() if each or name in own}
     if isinstance(value, Mapping):
         return dict(value)
     return asdict(value)

@@ -57,6 +57,7 @@ from bdamper.importers.options import (
 from bdamper.importers.plausibility import check_bodies, check_lowest
 from bdamper.importers.prepared_body import ImportReport, PreparedBody, Ring
 from bdamper.importers.stress_sets import stress_rows
+from bdamper.model.loads import BASE
 from bdamper.model.model_file import save_model
 from bdamper.model.structure import Body, Location, ModalBasis, Model
 from bdamper.model.validation import check_model
@@ -251,6 +252,7 @@ def build_model(
     reduction: Reduction = Reduction(),
     locations: Mapping[str, object] | None = None,
     forces: Mapping[str, object] | None = None,
+    base: bool = False,
     checks: Checks = Checks(),
     progress: bool | None = None,
 ) -> BuiltModel:
@@ -274,6 +276,9 @@ def build_model(
         a body and one of these.
     forces : mapping of name to (node numbers, forces) or to a CSV file
         Fields of nodal forces (:func:`force_fields`).
+    base : bool
+        Add the location "base": ``bd.Excitation("base", direction, a)`` accelerates the held nodes
+        of a structure without sectors by ``a`` m/s2.
     checks : Checks
         Frequencies of another program for comparison, and the treatment of failures.
     progress : bool, optional
@@ -304,6 +309,9 @@ def build_model(
     contacts, bodies = from_first_sector(contacts, bodies, n_blades)
     laid = lay_contacts(contacts, bodies, n_blades)
     places = _locations(locations, bodies, forces)
+    if base:
+        validation.check(BASE not in places, "base", "no other location 'base'", "one")
+        places[BASE] = ("blade", _inertia_forces(bodies["blade"], n_blades))
     rows = stress_rows(bodies["blade"], sector, laid, ring)
     with _shown(progress, len(bodies), ring, sector.blade_nodes is not None, report):
         made, shapes = _reduced(bodies, laid, places, ring, sector, reduction, rows)
@@ -631,10 +639,26 @@ def _locations(
     return places
 
 
+def _inertia_forces(body: PreparedBody, n_blades: int) -> NDArray:
+    """Return the forces (n_nodes, 3, 3) on the nodes under unit accelerations of the held nodes
+    along X, Y and Z, in the motion relative to these.
+
+    The mass matrix couples held nodes and others, so that its held rows count.
+    """
+    whole = n_blades == 1 and body.has_matrices
+    found = "modes alone" if n_blades == 1 else f"{n_blades} sectors"
+    validation.check(whole, "base", "a structure without sectors and with its matrices", found)
+    n_nodes = len(body.nodes)
+    translations = np.tile(np.eye(3), (n_nodes, 1))
+    return np.asarray(-(body.structure.mass @ translations)).reshape(n_nodes, 3, 3)
+
+
 def _location(name: str, body: PreparedBody, place: Place) -> Location:
     """Return the location of a node, or of a field of forces at their mean position."""
     if not isinstance(place, np.ndarray):
         return Location(name, body.name, body.nodes[place].copy())
+    if place.ndim == 3:
+        return Location(name, body.name, body.nodes.mean(axis=0), "base")
     sizes = np.linalg.norm(place, axis=1)
     return Location(name, body.name, sizes @ body.nodes / sizes.sum(), "forces")
 

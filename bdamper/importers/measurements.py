@@ -18,7 +18,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any, Literal
@@ -88,6 +88,8 @@ OTHER_NAMES = {
 """Names of columns that mean another name, unless the file has a column of that name."""
 DECIBEL = re.compile(r"dB(?: re\.?)? ?(?:1 ?)?(.+)", re.IGNORECASE)
 """Unit of a level: decibel relative to 1 of a unit."""
+EXCITATIONS = ("force", "base acceleration")
+"""Optional columns of a response, with the excitation at each point."""
 FREQUENCY = 18
 """Number of the data type "frequency" in universal files."""
 
@@ -111,6 +113,8 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
         File, for messages.
     force : (n,) float, N, optional
         Amplitude of the measured force at each point.
+    base_acceleration : (n,) float, m/s2, optional
+        Amplitude of the measured acceleration of the base at each point, instead of a force.
 
     Raises
     ------
@@ -131,23 +135,33 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
     unit: str = ""
     source: str = ""
     force: NDArray | None = None
+    base_acceleration: NDArray | None = None
 
     def __post_init__(self) -> None:
         item = self.source or self.name
-        for field, unit in (("frequency", "Hz"), ("response", ""), ("force", "N")):
+        units = {"frequency": "Hz", "response": "", "force": "N", "base_acceleration": "m/s2"}
+        for field, unit in units.items():
             validation.check_attributes(self, quantities.in_lists, field, unit=unit)
         n_points = len(self.frequency)
         frequency, response = np.asarray(self.frequency), np.asarray(self.response)
         if response.shape != (n_points,) or n_points == 0:
             expected = "as many responses as frequencies, at least one"
             raise mismatch(item, expected, response.shape)
-        if self.force is not None:
-            force = np.asarray(self.force)
-            complete = force.shape == (n_points,)
-            check(complete, item, "a force for each frequency", str(force.shape))
-            check_all(force > 0.0, force, "forces above 0", item)
+        one = self.force is None or self.base_acceleration is None
+        check(one, item, "forces or accelerations of the base", "both")
+        if self.excitation is not None:
+            excitation = np.asarray(self.excitation)
+            complete = excitation.shape == (n_points,)
+            what = "force" if self.base_acceleration is None else "acceleration of the base"
+            check(complete, item, f"a {what} for each frequency", str(excitation.shape))
+            check_all(excitation > 0.0, excitation, f"values of the {what} above 0", item)
         for values in (frequency, response):
             check_all(np.isfinite(values), values, "finite frequencies and responses", item)
+
+    @property
+    def excitation(self) -> NDArray | None:
+        """Amplitude of the measured force (N) or base acceleration (m/s2) at each point; None if neither was measured."""
+        return self.force if self.base_acceleration is None else self.base_acceleration
 
     @property
     def amplitude(self) -> NDArray:
@@ -505,11 +519,12 @@ def read_response(
     header to values.
 
     The header names the columns with their units in brackets: ``frequency (Hz)``, and ``amplitude
-    (mm)`` with or without ``phase (deg)``, or ``real (m)`` and ``imag (m)``.  ``displacement``,
+    (mm)`` with or without ``phase (deg)``, or ``real (m)`` and ``imag (m)``. ``displacement``,
     ``velocity`` and ``acceleration`` are other names of the amplitude; its unit determines which of
-    these it is, and ``dB re 1 mm/s`` is a level.  A column ``force (N)`` contains the force at each
-    point.  Rows with an empty value, other columns and lines that start with ``#`` are ignored.
-    Separators, decimal commas and encodings are detected.  Files of ``curve.to_csv`` can be read.
+    these it is, and ``dB re 1 mm/s`` is a level. A column ``force (N)`` contains the force at each
+    point, a column ``base acceleration (g)`` the acceleration of a shaken base. Rows with an empty
+    value, other columns and lines that start with ``#`` are ignored. Separators, decimal commas and
+    encodings are detected. Files of ``curve.to_csv`` can be read.
 
     Parameters
     ----------
@@ -589,6 +604,7 @@ def _responses(
         "frequency": HERTZ,
         "phase": ANGLES,
         "force": FORCES,
+        "base acceleration": ACCELERATIONS,
         "amplitude": sizes,
         "real": sizes,
         "imag": sizes,
@@ -598,7 +614,7 @@ def _responses(
         units[by] = {"": 1.0, "-": 1.0}
     every = tuple(units)
     found = read_columns(
-        path, *sets, units=units, blank=every, optional=("force",), columns=columns
+        path, *sets, units=units, blank=every, optional=EXCITATIONS, columns=columns
     )
     source = "table" if hasattr(path, "keys") else str(path)
     table = {name: values for name, (values, _) in found.items()}
@@ -618,20 +634,23 @@ def _responses(
         response = response * 1j**order
     title = name or Path(source).stem
     frequency = table["frequency"]
-    force = table.get("force")
+    force, base = (table.get(name) for name in EXCITATIONS)
+    whole = Measurement(
+        title, frequency, response, unit=stated, source=source, force=force, base_acceleration=base
+    )
     if by is None:
-        return (Measurement(title, frequency, response, unit=stated, source=source, force=force),)
+        return (whole,)
     measurements = []
     for value in np.unique(table[by]):
         rows = table[by] == value
         measurements.append(
-            Measurement(
-                f"{title}, {by} {value:g}",
-                frequency[rows],
-                response[rows],
-                unit=stated,
-                source=source,
+            replace(
+                whole,
+                name=f"{title}, {by} {value:g}",
+                frequency=frequency[rows],
+                response=response[rows],
                 force=None if force is None else force[rows],
+                base_acceleration=None if base is None else base[rows],
             )
         )
     return tuple(measurements)

@@ -409,8 +409,9 @@ class Coupling:
     def location_modes(self, location: str, harmonic: int) -> NDArray:
         """Return the motion of a location for unit modal coordinates, (3, n_modes).
 
-        The rows are along X, Y, Z.  For a field of forces these are its rows.  For "mode 1" the
-        first row selects the coordinate of this mode of the constrained body.
+        The rows are along X, Y, Z.  For a field of forces these are its rows, and for the base the
+        inertia forces under its unit accelerations.  For "mode 1" the first row selects the
+        coordinate of this mode of the constrained body.
         """
         columns = []
         if location not in self.model.locations:
@@ -420,11 +421,27 @@ class Coupling:
                     selected[0] = [f"mode {i + 1}" == location for i in keep]
                 columns.append(selected)
             return np.concatenate(columns, axis=1)
-        moving = self.model.locations[location].body
+        place = self.model.locations[location]
         for body, basis, keep in self._moving(harmonic):
-            modes = basis.locations[location] if body.name == moving else None
+            modes = None
+            if body.name == place.body:
+                modes = basis.locations[location]
+            elif place.kind == "base" and body.kind == "free":
+                modes = inertia_of_free_body(body)
             columns.append(_picked(modes, keep, (3,)))
         return np.concatenate(columns, axis=1)
+
+    def carried_by_base(self, location: str, base: str) -> NDArray:
+        """Return the motion (3, 3) of a location along X, Y, Z for unit translations of the base.
+
+        The degrees of freedom of a lumped model are not along X, Y, Z: their motion follows from
+        the inertia forces, because its modes are complete and mass-normalised.
+        """
+        body = self.model.bodies[self.model.locations[location].body]
+        if location == base or body.kind != "lumped":
+            return np.eye(3)
+        rows = body.bases[0].locations
+        return np.asarray(-rows[location] @ rows[base].T)
 
     def residual_flexibility(self, harmonic: int) -> NDArray:
         """Return the flexibility of the omitted modes for (u1, u2, v), m/N.
@@ -525,6 +542,18 @@ class Coupling:
             if body.spin is not None:
                 displacement += self.placed(body, body.spin.contact[..., None], 0)[..., 0].real
         return displacement
+
+
+def inertia_of_free_body(body: Body) -> NDArray:
+    """Return the modal inertia forces (3, n_modes) of a free body under unit accelerations of the
+    base along X, Y, Z.
+
+    Its elastic modes are orthogonal to a translation in the mass matrix.
+    """
+    assert body.mass is not None
+    rows = np.zeros((3, body.bases[0].n_modes))
+    rows[:, :3] = -np.sqrt(body.mass) * body_axes(body).T
+    return rows
 
 
 def _picked(array: NDArray | None, keep: NDArray, before: tuple[int, ...] = ()) -> NDArray:

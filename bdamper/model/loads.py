@@ -57,6 +57,8 @@ def _excitations(name: str, value: Sequence[Excitation]) -> tuple[Excitation, ..
     return tuple(value)
 
 
+BASE = "base"
+"""Location of the held nodes, whose acceleration is an excitation."""
 FIELD = np.array([1.0, -1.0j, 0.0])
 """Direction for a field of forces: its rows are the real and the imaginary part."""
 Direction = Annotated[str | tuple[float, float, float], _direction]
@@ -74,12 +76,13 @@ class Excitation:
     ----------
     location : str
         Location of the model, name of a field of nodal forces (``forces`` of
-        :func:`bdamper.importers.build_model`), or "mode 1", "mode 2", ... for a modal force on one
-        mode of the constrained body.
+        :func:`bdamper.importers.build_model`), "mode 1", "mode 2", ... for a modal force on one
+        mode of the constrained body, or "base" for an acceleration of the held nodes (``base`` of
+        :func:`bdamper.importers.build_model` and of :func:`bdamper.lumped`).
     direction : {"tangential", "radial", "axial"} or three floats
-        Direction of a force at a location; without effect on fields and modes.
+        Direction of a force at a location, or of the base; without effect on fields and modes.
     amplitude : float, N
-        Factor for a field; N kg^-1/2 for a modal force.
+        Factor for a field; N kg^-1/2 for a modal force; m/s2 for the base.
     phase : float, rad
         Phase of the force on the reference blade, ``amplitude cos(omega t + phase)``, from -2 pi to
         2 pi.
@@ -124,10 +127,13 @@ class Response:
     ----------
     location : str
     direction : {"tangential", "radial", "axial"} or three floats
+    absolute : bool
+        Motion in space instead of the motion relative to the base, for an excitation at the base.
     """
 
     location: Location
     direction: Direction = "tangential"
+    absolute: bool = False
 
     def __post_init__(self) -> None:
         validation.check_fields(self, "response ")

@@ -272,16 +272,18 @@ class Location(Record):
     ----------
     name, body : str
     position : (3,) float, m
-    kind : {"forces"}, optional
-        Field of nodal forces.  The rows of its real and imaginary part replace the motion along X
-        and Y, zeros the motion along Z.  The position is the mean of the nodes, weighted by the
-        size of their forces.
+    kind : {"forces", "base"}, optional
+        "forces" is a field of nodal forces.  The rows of its real and imaginary part replace the
+        motion along X and Y, zeros the motion along Z.  The position is the mean of the nodes,
+        weighted by the size of their forces.  "base" is the rigid translation of all held nodes.
+        Its rows are the modal inertia forces under unit accelerations along X, Y and Z, in the
+        motion relative to these nodes.
     """
 
     name: GroupName
     body: str
     position: Annotated[NDArray, Data("m", (3,))]
-    kind: Literal["forces"] | None = None
+    kind: Literal["forces", "base"] | None = None
 
 
 @short_repr

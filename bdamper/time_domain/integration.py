@@ -872,8 +872,13 @@ def ring_of(problem: Problem, preload: float, blades: int | None = None) -> Ring
     ------
     SettingError
         If the number of blades of the disk is not a multiple of ``blades``, if ``blades`` is not a
-        multiple of the period of the excitation, or if the model lacks nodal diameters of the ring.
+        multiple of the period of the excitation, if the model lacks nodal diameters of the ring, or
+        if the response is absolute.
     """
+    is_relative = not problem.settings.response_location.absolute
+    expected = "a response relative to the base"
+    found = "an absolute one; integrate study.replace(response=bd.Response(location, direction))"
+    validation.check(is_relative, "time integration", expected, found)
     N = problem.model.n_blades
     order = int(problem.engine_order)
     system = problem.system(preload)
