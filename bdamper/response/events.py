@@ -126,8 +126,6 @@ def is_drift(tangent: NDArray, n_mean: int) -> bool:
 # ---- events within a step ----
 
 
-StepPoint = tuple[float, NDArray, NDArray]
-"""Point within a step: distance along the initial tangent, point and tangent."""
 ITERATIONS_BEYOND = 3
 """Newton iterations for a trial after a plane has missed the curve.
 
@@ -147,30 +145,52 @@ def turns_twice(first: float, last: float, rise: float, margin: float = 0.02) ->
     if first * last <= 0.0:
         return False
     if first < 0.0:
-        first, last, rise = -first, -last, -rise
-    b, c = 6.0 * rise - 4.0 * first - 2.0 * last, 3.0 * (first + last) - 6.0 * rise
+        first = -first
+        last = -last
+        rise = -rise
+    b = 6.0 * rise - 4.0 * first - 2.0 * last
+    c = 3.0 * (first + last) - 6.0 * rise
+    # the smallest slope is at -b/(2 c), which must lie within the step
     if c <= 0.0 or not -2.0 * c < b < 0.0:
         return False
-    return first - 0.25 * b * b / c < -margin * max(first, last)
+    smallest_slope = first - 0.25 * b * b / c
+    return smallest_slope < -margin * max(first, last)
+
+
+class StepPoint(NamedTuple):
+    """Point within a step.
+
+    Parameters
+    ----------
+    s : float
+        Distance along the initial tangent.
+    y, tangent : (n_unknowns + 1,) float
+    """
+
+    s: float
+    y: NDArray
+    tangent: NDArray
 
 
 def _on_cubic(near: StepPoint, far: StepPoint, s: float, a: Correction) -> NDArray:
-    """Return a point of the cubic through two points of a step.
+    """Return a point of the cubic through two points of a step that starts at ``a``.
 
     If the far tangent turns away, it is a point of the near tangent.
     """
-    h = far[0] - near[0]
-    along = [float(tangent @ a.tangent) for _, _, tangent in (near, far)]
-    if h <= 0.0 or min(along) < 0.5:
-        ahead = near[2] / along[0] if along[0] > 0.5 else a.tangent
-        return np.asarray(near[1] + (s - near[0]) * ahead * a.scale)
-    t = (s - near[0]) / h
-    first, last = (h * a.scale * point[2] / cosine for point, cosine in zip((near, far), along))
-    rise = far[1] - near[1]
-    return np.asarray(
-        near[1]
-        + t * (first + t * (3.0 * rise - 2.0 * first - last + t * (first + last - 2.0 * rise)))
-    )
+    length = far.s - near.s
+    near_cosine = float(near.tangent @ a.tangent)
+    far_cosine = float(far.tangent @ a.tangent)
+    if length <= 0.0 or min(near_cosine, far_cosine) < 0.5:
+        ahead = near.tangent / near_cosine if near_cosine > 0.5 else a.tangent
+        return np.asarray(near.y + (s - near.s) * ahead * a.scale)
+    t = (s - near.s) / length
+    # slopes and rise over the unit interval
+    first = length * a.scale * near.tangent / near_cosine
+    last = length * a.scale * far.tangent / far_cosine
+    rise = far.y - near.y
+    quadratic = 3.0 * rise - 2.0 * first - last
+    cubic = first + last - 2.0 * rise
+    return np.asarray(near.y + t * (first + t * (quadratic + t * cubic)))
 
 
 class Step(NamedTuple):
@@ -191,6 +211,11 @@ class Step(NamedTuple):
     end: float
 
 
+def _distance(a: Correction, y: NDArray) -> float:
+    """Return the distance of a point along the tangent at the start of a step."""
+    return float(a.tangent @ ((y - a.y) / a.scale))
+
+
 class Events:
     """Events of the steps along one curve.
 
@@ -204,7 +229,9 @@ class Events:
         self.system = system
         self.options = options
         self.iterations = 0
-        self.sense = 0.0  # last nonzero sign of the change of frequency
+        # last nonzero sign of the change of frequency
+        self.sense = 0.0
+        # a tilted border is not by chance normal to the null vector at a corner
         self._tilt = np.random.default_rng(1).standard_normal(system.n_unknowns + 1)
         self._tilt *= 0.3 / norm2(self._tilt)
 
@@ -213,11 +240,14 @@ class Events:
     def over_resonance(self, a: NDArray, b: NDArray) -> bool:
         """Return whether the phase of a modal coordinate jumps at its linear resonance."""
         for omega, width, row in self.system.watched:
-            if (a[-1] - omega) * (b[-1] - omega) < 0.0 and abs(b[-1] - a[-1]) > width:
-                before = self.system.layout.amplitudes(a[:-1], 1) @ row
-                after = self.system.layout.amplitudes(b[:-1], 1) @ row
-                if (before.conjugate() * after).real < 0.5 * abs(before * after):
-                    return True
+            crosses = (a[-1] - omega) * (b[-1] - omega) < 0.0
+            if not crosses or not abs(b[-1] - a[-1]) > width:
+                continue
+            before = self.system.layout.amplitudes(a[:-1], 1) @ row
+            after = self.system.layout.amplitudes(b[:-1], 1) @ row
+            # the phase changes by more than 60 degrees
+            if (before.conjugate() * after).real < 0.5 * abs(before * after):
+                return True
         return False
 
     def over_pair(self, here: Correction, c: Correction) -> bool:
@@ -226,21 +256,23 @@ class Events:
         Without this check 3 of 240 ordinary curves lose a pair of folds; it takes half a per cent
         of the evaluations.
         """
-        n, y, tangent, scale = self.system.n_mean, here.y, here.tangent, here.scale
-        if is_drift(tangent, n) or is_drift(c.tangent, n):
+        n = self.system.n_mean
+        if is_drift(here.tangent, n) or is_drift(c.tangent, n):
             return False
-        length = norm2((c.y - y) / scale)
-        if turns_twice(length * tangent[-1], length * c.tangent[-1], (c.y[-1] - y[-1]) / scale[-1]):
+        scale = here.scale
+        length = norm2((c.y - here.y) / scale)
+        first = length * here.tangent[-1]
+        last = length * c.tangent[-1]
+        if turns_twice(first, last, (c.y[-1] - here.y[-1]) / scale[-1]):
             return True
-        (g_before, before), (g_after, after) = (
-            self.system.rows.squared_gradient(p) for p in (y, c.y)
-        )
-        first, last = (
-            length * float(g @ (t * scale)) for g, t in ((g_before, tangent), (g_after, c.tangent))
-        )
-        return max(abs(first), abs(last)) > LEVEL_RISE * before and turns_twice(
-            first, last, 0.5 * (after - before)
-        )
+        # half the squared amplitude; on a level stretch the sign of its slope is rounding
+        gradient_before, squared_before = self.system.rows.squared_gradient(here.y)
+        gradient_after, squared_after = self.system.rows.squared_gradient(c.y)
+        slope_before = length * float(gradient_before @ (here.tangent * scale))
+        slope_after = length * float(gradient_after @ (c.tangent * scale))
+        if max(abs(slope_before), abs(slope_after)) <= LEVEL_RISE * squared_before:
+            return False
+        return turns_twice(slope_before, slope_after, 0.5 * (squared_after - squared_before))
 
     # ---- folds and maxima ----
 
@@ -254,39 +286,44 @@ class Events:
         str
             Kind of the end of the step: the kind of an event that could not be located.
         """
-        n, (a, b, end) = self.system.n_mean, step
-        sense = 0.0 if is_drift(b.tangent, n) else float(np.sign(b.tangent[-1]))
+        a, b, end = step
+        starts_with_drift = is_drift(a.tangent, self.system.n_mean)
+        ends_with_drift = is_drift(b.tangent, self.system.n_mean)
+        sense = 0.0 if ends_with_drift else float(np.sign(b.tangent[-1]))
         turned = sense * self.sense < 0.0
-        self.sense = sense or self.sense
+        if sense != 0.0:
+            self.sense = sense
         if not self.options.locate or end == 0.0:
             return [], "regular"
-        drift = is_drift(a.tangent, n)
-        kinds, missed = [], "regular"
-        if turned and not drift and a.tangent[-1] * b.tangent[-1] < 0.0:
+        kinds = []
+        missed = "regular"
+        if turned and not starts_with_drift and a.tangent[-1] * b.tangent[-1] < 0.0:
             kinds.append("fold")
-        elif turned:  # a drift has one frequency, so the fold is at its end
+        elif turned:
+            # a drift has one frequency, so the fold is at its end
             missed = "fold"
-        rises = [self._value("maximum", p.y, p.tangent, a.scale) for p in (a, b)]
-        level = LEVEL_RISE * self.system.rows.squared_gradient(a.y)[1]
-        if not drift and not is_drift(b.tangent, n) and rises[0] > level and rises[1] < -level:
-            kinds.append("maximum")
+        if not starts_with_drift and not ends_with_drift:
+            rise_at_start = self._value("maximum", a.y, a.tangent, a.scale)
+            rise_at_end = self._value("maximum", b.y, b.tangent, a.scale)
+            _, squared = self.system.rows.squared_gradient(a.y)
+            if rise_at_start > LEVEL_RISE * squared and rise_at_end < -LEVEL_RISE * squared:
+                kinds.append("maximum")
         located = []
         for kind in kinds:
-            at = self.locate(step, kind, self.options.locate_tolerance * end)
-            if at is None:
+            event = self.locate(step, kind, self.options.locate_tolerance * end)
+            if event is None:
                 missed = kind
             else:
-                located.append(replace(at, kind=kind))
-        located.sort(key=lambda p: float(a.tangent @ ((p.y - a.y) / a.scale)))
+                located.append(replace(event, kind=kind))
+        located.sort(key=lambda event: _distance(a, event.y))
         return located, missed
 
     def _value(self, kind: str, y: NDArray, tangent: NDArray, scale: NDArray) -> float:
         """Return the quantity that changes sign at a fold or a maximum."""
-        return float(
-            tangent[-1]
-            if kind == "fold"
-            else self.system.rows.squared_gradient(y)[0] @ (tangent * scale)
-        )
+        if kind == "fold":
+            return float(tangent[-1])
+        gradient, _ = self.system.rows.squared_gradient(y)
+        return float(gradient @ (tangent * scale))
 
     def locate(self, step: Step, kind: str, tolerance: float) -> Correction | None:
         """Locate a fold or maximum, by Newton's method on a smooth step, otherwise by bracketing.
@@ -306,35 +343,42 @@ class Events:
             converges.
         """
         a, b, end = step
-        values = (
-            self._value(kind, a.y, a.tangent, a.scale),
-            self._value(kind, b.y, b.tangent, a.scale),
-        )
-        chord, ahead = (b.y - a.y) / a.scale, a.tangent + b.tangent
+        first = self._value(kind, a.y, a.tangent, a.scale)
+        last = self._value(kind, b.y, b.tangent, a.scale)
+        chord = (b.y - a.y) / a.scale
+        ahead = a.tangent + b.tangent
         # difference of chord and mean tangent, relative to the difference of the tangents, below
         # which a step counts as smooth.  Of 129 folds and maxima of curves with friction, 47 of 73
         # smooth ones are below, and 9 of 56 at corners, where Newton's method fails
         even = 0.05
         bend = norm2(chord / norm2(chord) - ahead / max(norm2(ahead), even))
         if bend < even * norm2(b.tangent - a.tangent):
-            part = values[0] / (values[0] - values[1])
+            # the quantity changes about linearly over the step
+            part = first / (first - last)
             tangent = a.tangent + part * (b.tangent - a.tangent)
-            condition, weight = (
-                (Fold, 1.0) if kind == "fold" else (Peak, self.system.rows.squared_gradient(a.y)[1])
-            )
-            curvature = (values[1] - values[0]) / (end * weight)
+            condition = Fold if kind == "fold" else Peak
+            curvature = (last - first) / (end * self._weight(kind, a.y))
             target = condition(tangent / norm2(tangent), curvature, tolerance, 0.5 * end)
-            guess = _on_cubic((0.0, a.y, a.tangent), (end, b.y, b.tangent), part * end, a)
-            c = self.system.solve(
+            near = StepPoint(0.0, a.y, a.tangent)
+            far = StepPoint(end, b.y, b.tangent)
+            guess = _on_cubic(near, far, part * end, a)
+            event = self.system.solve(
                 guess, target, a.scale, self.options.tolerance, self.options.max_iterations
             )
-            self.iterations += c.iterations
-            if c.status == OK and 0.0 <= float(a.tangent @ ((c.y - a.y) / a.scale)) <= end:
-                return c
-        return self._bracketed(step, values, kind, tolerance)
+            self.iterations += event.iterations
+            if event.status == OK and 0.0 <= _distance(a, event.y) <= end:
+                return event
+        return self._bracketed(step, first, last, kind, tolerance)
+
+    def _weight(self, kind: str, y: NDArray) -> float:
+        """Return the divisor that makes the slope of half the squared amplitude one of its ln."""
+        if kind == "fold":
+            return 1.0
+        _, squared = self.system.rows.squared_gradient(y)
+        return squared
 
     def _bracketed(
-        self, step: Step, values: tuple[float, float], kind: str, tolerance: float
+        self, step: Step, first: float, last: float, kind: str, tolerance: float
     ) -> Correction | None:
         """Locate a fold or a maximum as the root of a function that changes sign over a step.
 
@@ -343,45 +387,57 @@ class Events:
         lies beyond a corner, and so beyond the event.
         """
         a, b, end = step
-        around, last = [(0.0, values[0]), (end, values[1])], values[1]
-        near, far = (0.0, a.y, a.tangent), (end, b.y, b.tangent)
-        trials = root_trials(around[0], around[1], tolerance)
-        event, most = None, self.options.max_iterations
+        # position and value on both sides of the event
+        before = 0.0, first
+        after = end, last
+        near = StepPoint(0.0, a.y, a.tangent)
+        far = StepPoint(end, b.y, b.tangent)
+        event: Correction | None = None
+        max_iterations = self.options.max_iterations
+        trials = root_trials(before, after, tolerance)
         s = next(trials)
-        try:
-            while True:
-                guess = _on_cubic(near, far, s, a)
-                c = self.system.solve(
-                    guess, Plane(a.tangent), a.scale, self.options.tolerance, most
-                )
-                self.iterations += c.iterations
+        while True:
+            guess = _on_cubic(near, far, s, a)
+            c = self.system.solve(
+                guess, Plane(a.tangent), a.scale, self.options.tolerance, max_iterations
+            )
+            self.iterations += c.iterations
+            if c.status == OK and norm2((c.y - a.y) / a.scale) <= 2.0 * s:
+                value = self._value(kind, c.y, c.tangent, a.scale)
+                point = StepPoint(s, c.y, c.tangent)
+                if value * last >= 0.0:
+                    other_position, other_value = before
+                    after = s, value
+                    far = point
+                else:
+                    other_position, other_value = after
+                    before = s, value
+                    near = point
+                curvature = (value - other_value) / (s - other_position)
+                weight = self._weight(kind, c.y)
+                event = replace(c, slope=value / weight, curvature=curvature / weight)
+            else:
+                # beyond a corner: assume the curve as close to the last point as the plane
                 value = last
-                if c.status == OK and norm2((c.y - a.y) / a.scale) <= 2.0 * s:
-                    value = self._value(kind, c.y, c.tangent, a.scale)
-                    beyond = value * last >= 0.0
-                    across = around[not beyond]
-                    weight = 1.0 if kind == "fold" else self.system.rows.squared_gradient(c.y)[1]
-                    around[beyond] = s, value
-                    near, far = (
-                        (near, (s, c.y, c.tangent)) if beyond else ((s, c.y, c.tangent), far)
-                    )
-                    curvature = (value - across[1]) / (s - across[0])
-                    event = replace(c, slope=value / weight, curvature=curvature / weight)
-                else:  # beyond a corner: assume the curve as close to the last point as the plane
-                    far, most = (s, near[1], -a.tangent), ITERATIONS_BEYOND
+                far = StepPoint(s, near.y, -a.tangent)
+                max_iterations = ITERATIONS_BEYOND
+            try:
                 s = trials.send(value)
-        except StopIteration:
-            return event
+            except StopIteration:
+                return event
 
     # ---- corners ----
 
     def _direction(self, y: NDArray, scale: NDArray, border: NDArray, sign: int) -> NDArray | None:
         """Return the tangent from the Jacobian at y, also off the curve; None if singular."""
-        any_residual = 1e300  # every point counts as converged
+        # every point counts as converged
+        any_residual = 1e300
         c = self.system.solve(y, Plane(border), scale, any_residual, 1)
         if c.status != OK or not c.orientation:
             return None
-        return c.orientation * sign * c.tangent if sign else c.tangent
+        if not sign:
+            return c.tangent
+        return c.orientation * sign * c.tangent
 
     def around_corner(
         self, here: Correction, step: float, sign: int
@@ -405,31 +461,39 @@ class Events:
         y, tangent, scale = here.y, here.tangent, here.scale
         border = tangent + self._tilt
         near, far = 0.0, step
-        first, beyond = tangent, self._direction(y + far * tangent * scale, scale, border, sign)
-        if beyond is None:
+        near_direction = tangent
+        far_direction = self._direction(y + far * tangent * scale, scale, border, sign)
+        if far_direction is None:
             return None
-        total = norm2(beyond - tangent)
-        if total < 0.2:
+        jump = norm2(far_direction - tangent)
+        if jump < 0.2:
             return None
         bisections = 7
         for _ in range(bisections):
             middle = 0.5 * (near + far)
-            t = self._direction(y + middle * tangent * scale, scale, border, sign)
-            if t is None:
+            direction = self._direction(y + middle * tangent * scale, scale, border, sign)
+            if direction is None:
                 return None
-            if norm2(t - tangent) < 0.5 * total:
-                near, first = middle, t
+            if norm2(direction - tangent) < 0.5 * jump:
+                near = middle
+                near_direction = direction
             else:
-                far, beyond = middle, t
-            if norm2(beyond - first) < 0.4 * total:
-                return None  # curvature
-        for sense in (1.0,) if sign else (1.0, -1.0):
-            direction = sense * beyond
+                far = middle
+                far_direction = direction
+            smooth = norm2(far_direction - near_direction) < 0.4 * jump
+            if smooth:
+                return None
+        # without a sign the sense of the null vector is unknown
+        senses = (1.0,) if sign else (1.0, -1.0)
+        for sense in senses:
+            direction = sense * far_direction
             for part in (0.5, 0.1, 0.01):
-                guess = y + (far * tangent + part * step * direction) * scale
-                c = self._solution_near(guess, direction, scale, 0.5 * part * step + far - near)
-                if c is not None and self._continues(here, c, sign):
-                    return c, part * step
+                beyond_corner = part * step
+                guess = y + (far * tangent + beyond_corner * direction) * scale
+                reach = 0.5 * beyond_corner + far - near
+                solution = self._solution_near(guess, direction, scale, reach)
+                if solution is not None and self._continues(here, solution, sign):
+                    return solution, beyond_corner
         return None
 
     def _solution_near(
@@ -450,8 +514,11 @@ class Events:
             reach=2.0 * reach,
         )
         self.iterations += c.iterations
-        near = c.status == OK and norm2((c.y - guess) / scale) <= reach
-        return c if near and float(c.tangent @ direction) >= np.cos(self.options.max_turn) else None
+        if c.status != OK or not norm2((c.y - guess) / scale) <= reach:
+            return None
+        if not float(c.tangent @ direction) >= np.cos(self.options.max_turn):
+            return None
+        return c
 
     def _continues(self, here: Correction, c: Correction, sign: int) -> bool:
         """Return whether a solution beyond a corner continues the path in its direction."""

@@ -176,19 +176,25 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
 
     @property
     def converged(self) -> bool:
-        """Whether this maximum solves the equations, and no higher response is known or possible."""
+        """Whether this maximum solves the equations, and no higher one is known or possible."""
         return status_word(self.status) == COMPLETE
 
     def _facts(self) -> tuple[Fact, ...]:
         """Return the peak and its reliability, or only the reason if there is none."""
         if not self.converged:
             return (Fact("peak", self.status),)
-        named = exceeds(self.half_range, self.amplitude)
-        return (*super()._facts(), *[Fact("half of the range", self.half_range, "m")] * named)
+        facts = super()._facts()
+        if exceeds(self.half_range, self.amplitude):
+            return (*facts, Fact("half of the range", self.half_range, "m"))
+        return facts
 
     def _unprinted(self) -> tuple[str, ...]:
         """Return the names of fields that are not printed."""
-        return (*super()._unprinted(), *["parameter"] * ("limit" in self.settings))
+        names = super()._unprinted()
+        # the preload of a linear limit only closes contact points
+        if "limit" in self.settings:
+            return (*names, "parameter")
+        return names
 
     def _headline(self) -> str:
         notes = "".join(f" {note[:1].upper()}{note[1:]}." for note in self.notes)
@@ -198,25 +204,26 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
             bound = peak_text(self.lower_bound, self.frequency)
             return f"No peak: {self.status}. Lower bound of the amplitude: {bound}.{notes}"
         limit = self.settings.get("limit", "")
-        depends = np.isfinite(self.parameter) and not limit
-        load = f" under {preload_text(self.parameter, self.settings)}" if depends else ""
-        certain = self.search_status in ("", "complete")
-        open_ = (
-            ""
-            if certain
-            else f" There may be a higher one, the curve ended as: {self.search_status}."
-        )
-        peak = peak_and_range(self.amplitude, self.frequency, self.half_range)
-        what = f"{limit} resonance".strip().capitalize()
-        return f"{what} of {peak}{load}.{'' if limit else f' {NOT_IN_TIME}'}{open_}{notes}"
+        kind = f"{limit} resonance".strip().capitalize()
+        text = f"{kind} of {peak_and_range(self.amplitude, self.frequency, self.half_range)}"
+        if np.isfinite(self.parameter) and not limit:
+            text += f" under {preload_text(self.parameter, self.settings)}"
+        text += "."
+        if not limit:
+            text += f" {NOT_IN_TIME}"
+        if self.search_status not in ("", "complete"):
+            text += f" There may be a higher one, the curve ended as: {self.search_status}."
+        return text + notes
 
 
 def vibration_width(y: NDArray, tangent: NDArray, scale: NDArray, n_mean: int) -> float:
     """Return the change of frequency (rad/s) over which the vibration changes by its size."""
-    raw = tangent * scale
-    change = max(norm2(raw[n_mean:-1]), 1e-300)
-    width = abs(float(raw[-1])) * norm2(y[n_mean:-1]) / change
-    return min(max(width, 1e-7 * float(y[-1])), 0.2 * float(y[-1]))
+    direction = tangent * scale
+    change_of_vibration = max(norm2(direction[n_mean:-1]), 1e-300)
+    vibration = norm2(y[n_mean:-1])
+    width = abs(float(direction[-1])) * vibration / change_of_vibration
+    omega = float(y[-1])
+    return min(max(width, 1e-7 * omega), 0.2 * omega)
 
 
 def amplitude_and_phase(system: Equations, u: NDArray) -> tuple[NDArray, NDArray, float]:
@@ -238,8 +245,8 @@ def amplitude_at(system: Equations, y: NDArray) -> float:
 
 def slope_along(system: Equations, y: NDArray, tangent: NDArray, scale: NDArray) -> float:
     """Return the derivative of ln(amplitude) along a direction in scaled unknowns."""
-    gradient, square = system.rows.squared_gradient(y)
-    return float(gradient @ (tangent * scale)) / max(square, 1e-300)
+    gradient, squared = system.rows.squared_gradient(y)
+    return float(gradient @ (tangent * scale)) / max(squared, 1e-300)
 
 
 class _Search:
@@ -261,26 +268,24 @@ class _Search:
     ) -> Correction | None:
         """Run Newton's method to the tolerance of the options or a larger one; None if it fails."""
         self.trials += 1
-        options = self.options
-        c = self.system.solve(
-            y, condition, self.scale, max(options.tolerance, tolerance), options.max_iterations
-        )
+        tolerance = max(self.options.tolerance, tolerance)
+        c = self.system.solve(y, condition, self.scale, tolerance, self.options.max_iterations)
         self.iterations += c.iterations
         self.reason = STATUS_TEXT[c.status]
         return c if c.status == OK else None
 
     def vibration(self, difference: NDArray) -> float:
         """Return the norm of a difference of two points in scaled unknowns without the mean."""
-        n = self.system.n_mean
-        return norm2(difference[n:] / self.scale[n:])
+        n_mean = self.system.n_mean
+        return norm2(difference[n_mean:] / self.scale[n_mean:])
 
     def newton(self, y: NDArray, tangent: NDArray, curvature: float) -> Correction | None:
         """Return the peak by Newton's method from a close guess, or None."""
         options = self.options
-        peak = equations.Peak(
+        condition = equations.Peak(
             tangent, curvature, options.position_tolerance, 0.5 * options.max_step
         )
-        c = self.solve(y, peak)
+        c = self.solve(y, condition)
         if c is None:
             return None
         moved = self.vibration(c.y - y)
@@ -297,40 +302,37 @@ class _Search:
         if not c.curvature < 0.0:
             return None
         slope = slope_along(self.system, c.y, c.tangent, self.scale)
-        near = abs(slope / c.curvature) <= options.position_tolerance
-        return (
-            c if near else self.solve(c.y, replace(peak, tangent=c.tangent, curvature=c.curvature))
-        )
+        distance = abs(slope / c.curvature)
+        if distance <= options.position_tolerance:
+            return c
+        with_curvature = replace(condition, tangent=c.tangent, curvature=c.curvature)
+        return self.solve(c.y, with_curvature)
 
     def first(self, y: NDArray, tangent: NDArray | None) -> Correction | None:
         """Return a point of the curve near a guess."""
-        nearby = 1e-6  # sufficient residual of a first point
-        return self.solve(
-            y, equations.Fixed() if tangent is None else equations.Plane(tangent), nearby
-        )
+        # sufficient residual of a first point
+        nearby = 1e-6
+        condition = equations.Fixed() if tangent is None else equations.Plane(tangent)
+        return self.solve(y, condition, nearby)
 
     def in_local_units(self, c: Correction) -> Correction:
         """Return the same point with the unit of frequency from the direction of the curve."""
-        raw = c.tangent * self.scale
-        self.scale = self.system.units(
-            c.y, vibration_width(c.y, c.tangent, self.scale, self.system.n_mean)
-        )
-        t = raw / self.scale
-        return replace(c, tangent=t / norm2(t), scale=self.scale)
+        direction = c.tangent * self.scale
+        width = vibration_width(c.y, c.tangent, self.scale, self.system.n_mean)
+        self.scale = self.system.units(c.y, width)
+        tangent = direction / self.scale
+        return replace(c, tangent=tangent / norm2(tangent), scale=self.scale)
 
     def uphill(self, start: Correction) -> Correction | None:
         """Follow the curve uphill until the slope changes sign, and locate the maximum there."""
         options = self.options
-        sense = float(
-            np.copysign(1.0, slope_along(self.system, start.y, start.tangent, self.scale))
-        )
-        follower = Follower(
-            self.system,
-            (0.0, np.inf),
-            ContinuationOptions(tolerance=options.tolerance, max_step=options.max_step),
-        )
+        slope = slope_along(self.system, start.y, start.tangent, self.scale)
+        sense = float(np.copysign(1.0, slope))
+        along_curve = ContinuationOptions(tolerance=options.tolerance, max_step=options.max_step)
+        follower = Follower(self.system, (0.0, np.inf), along_curve)
         follower.sign = int(sense) * start.orientation
-        here, step = replace(start, tangent=sense * start.tangent), follower.options.step
+        here = replace(start, tangent=sense * start.tangent)
+        step = along_curve.step
         while self.trials < options.max_trials:
             self.trials += 1
             new, step, end, refused = follower.advance(here, step)
@@ -342,10 +344,10 @@ class _Search:
                 self.reason = FAR
                 return None
             if slope_along(self.system, new.y, new.tangent, self.scale) <= 0.0:
-                top = follower.events.locate(
-                    Step(here, new, end), "maximum", options.position_tolerance
-                )
+                last_step = Step(here, new, end)
+                top = follower.events.locate(last_step, "maximum", options.position_tolerance)
                 self.iterations += follower.events.iterations
+                # holds if the result is None
                 self.reason = "the maximum of a step could not be located"
                 return top
             turn = float(np.arccos(np.clip(new.tangent @ here.tangent, -1.0, 1.0)))
@@ -357,8 +359,10 @@ class _Search:
 
 def rounding(system: Equations, y: NDArray) -> float:
     """Return the relative residual that rounding of its terms can cause at a point."""
-    J = system.evaluate(y[:-1], y[-1])[1]
-    return float(np.finfo(float).eps * (np.abs(J) @ np.abs(y[:-1]) * system.row_scale).max())
+    _, J, _ = system.evaluate(y[:-1], y[-1])
+    # size of the terms of each equation, relative to the excitation
+    terms = np.abs(J) @ np.abs(y[:-1]) * system.row_scale
+    return float(np.finfo(float).eps * terms.max())
 
 
 def find_peak(
@@ -399,43 +403,59 @@ def find_peak(
     """
     options = options or PeakOptions()
     guess = np.asarray(guess, float)
-    search = _Search(
-        system, system.units(guess, 0.01 * guess[-1]) if scale is None else scale, options, reach
-    )
-    top = start = None
+    units = system.units(guess, 0.01 * guess[-1]) if scale is None else scale
+    search = _Search(system, units, options, reach)
+    top: Correction | None = None
+    start: Correction | None = None
     if tangent is not None and scale is not None and curvature < 0.0:
         top = search.newton(guess, tangent, curvature)
-    # initial curvature of ln(amplitude) along the curve, typical of a resonance in scaled unknowns
-    curved = -1.0
     if top is None:
         start = search.first(guess, tangent)
-        if start is not None:
-            start = search.in_local_units(start) if scale is None else start
-            top = search.newton(start.y, start.tangent, min(curvature, curved)) or search.uphill(
-                start
-            )
-        else:
+        if start is None:
             search.reason = f"no solution near the guess: {search.reason}"
-    exact = top is None and start is not None and options.tolerance < LOOSEST
-    if (
-        exact
-        and start is not None
-        and options.tolerance < (floor := min(rounding(system, start.y), LOOSEST))
-    ):
-        return find_peak(
-            system, guess, tangent=tangent, scale=scale, curvature=curvature, options=replace(options, tolerance=floor),
-            parameter=parameter, reach=reach,
-        )  # fmt: skip
-    at = (
-        top
-        or start
-        or Correction(NOT_CONVERGED, guess, np.zeros(len(guess)), search.scale, 0, np.nan, 0)
-    )
+        else:
+            if scale is None:
+                start = search.in_local_units(start)
+            # curvature of ln(amplitude) along the curve, typical of a resonance in scaled unknowns
+            typical = -1.0
+            top = search.newton(start.y, start.tangent, min(curvature, typical))
+            if top is None:
+                top = search.uphill(start)
+    if top is None and start is not None and options.tolerance < LOOSEST:
+        # rounding alone may exceed the tolerance
+        floor = min(rounding(system, start.y), LOOSEST)
+        if options.tolerance < floor:
+            return find_peak(
+                system,
+                guess,
+                tangent=tangent,
+                scale=scale,
+                curvature=curvature,
+                options=replace(options, tolerance=floor),
+                parameter=parameter,
+                reach=reach,
+            )
+    last = top or start
+    if last is None:
+        no_tangent = np.zeros(len(guess))
+        last = Correction(NOT_CONVERGED, guess, no_tangent, search.scale, 0, np.nan, 0)
     return Peak(
-        parameter, float(at.y[-1] / (2.0 * np.pi)), amplitude_at(system, at.y), at.y, at.tangent, search.scale, at.slope,
-        at.curvature, np.array(at.shares), at.residual, search.iterations, search.trials, at.rank_deficiency,
-        top is not None and at.curvature < -JUMP, with_reason(NOT_FOUND, search.reason) if top is None else COMPLETE,
-    )  # fmt: skip
+        parameter=parameter,
+        frequency=float(last.y[-1] / (2.0 * np.pi)),
+        amplitude=amplitude_at(system, last.y),
+        y=last.y,
+        tangent=last.tangent,
+        scale=search.scale,
+        slope=last.slope,
+        curvature=last.curvature,
+        shares=np.array(last.shares),
+        residual=last.residual,
+        iterations=search.iterations,
+        trials=search.trials,
+        rank_deficiency=last.rank_deficiency,
+        corner=top is not None and last.curvature < -JUMP,
+        status=with_reason(NOT_FOUND, search.reason) if top is None else COMPLETE,
+    )
 
 
 def with_tangent(system: Equations, peak: Peak) -> Peak:
@@ -462,13 +482,15 @@ def check_peak(problem: Problem, peak: Peak, name: str = "peak") -> None:
 
 def sign_of_jacobian(system: Equations, y: NDArray) -> int:
     """Return the sign of det J at a solution, which changes at every fold; 0 if unknown."""
-    return system.correct_at(y[:-1], float(y[-1]), system.units(y, y[-1]), LOOSEST, 2).orientation
+    scale = system.units(y, y[-1])
+    return system.correct_at(y[:-1], float(y[-1]), scale, LOOSEST, 2).orientation
 
 
 def phase_row(system: Equations, y: NDArray) -> tuple[NDArray, NDArray]:
     """Return the unit row (n_unknowns + 1,) that keeps the phase of the response, and the units."""
     scale = system.units(y, y[-1])
-    row = np.append(amplitude_and_phase(system, y[:-1])[1], 0.0) * scale
+    _, phase_gradient, _ = amplitude_and_phase(system, y[:-1])
+    row = np.append(phase_gradient, 0.0) * scale
     return row / max(norm2(row), 1e-300), scale
 
 
@@ -504,20 +526,27 @@ def peak_of_sign(
     iterations : int
     """
     row, scale = phase_row(system, guess)
-    iterations, reason = 0, ""
+    iterations = 0
+    reason = ""
     # at the phase 151 guesses needed up to 18 iterations; at the frequency with more harmonics up
     # to 37
-    starts = (equations.Plane(row), 20), (equations.Fixed(), 40)
-    for condition, most_iterations in starts if patient else starts[:1]:
-        c = system.solve(guess, condition, scale, options.tolerance, most_iterations, 2)
+    attempts: list[tuple[equations.Condition, int]] = [(equations.Plane(row), 20)]
+    if patient:
+        attempts.append((equations.Fixed(), 40))
+    for condition, max_iterations in attempts:
+        c = system.solve(guess, condition, scale, options.tolerance, max_iterations, 2)
         iterations += c.iterations
-        reason = STATUS_TEXT[c.status]
-        if c.status == OK:
-            peak = find_peak(system, c.y, tangent=c.tangent, options=options, parameter=parameter)
-            iterations += peak.iterations
-            if peak.converged and sign_of_jacobian(system, peak.y) == sign:
-                return peak, iterations
-            reason = ANOTHER if peak.converged else peak.status
+        if c.status != OK:
+            reason = STATUS_TEXT[c.status]
+            continue
+        peak = find_peak(system, c.y, tangent=c.tangent, options=options, parameter=parameter)
+        iterations += peak.iterations
+        if not peak.converged:
+            reason = peak.status
+        elif sign_of_jacobian(system, peak.y) != sign:
+            reason = ANOTHER
+        else:
+            return peak, iterations
     return reason, iterations
 
 
@@ -535,4 +564,6 @@ def coarse_options() -> ContinuationOptions:
 
 def same_peak(a: Peak, b: Peak) -> bool:
     """Return whether two peaks of the same equations agree in frequency and amplitude."""
-    return np.allclose((a.frequency, a.amplitude), (b.frequency, b.amplitude), rtol=1e-5, atol=0.0)
+    first = a.frequency, a.amplitude
+    second = b.frequency, b.amplitude
+    return np.allclose(first, second, rtol=1e-5, atol=0.0)
