@@ -88,9 +88,8 @@ LIMITS: dict[str, dict[str, Any]] = {
 
 def broken(branch: NDArray, *columns: NDArray) -> list[NDArray]:
     """Return columns of numbers with a NaN between branches, so that no line connects these."""
-    return [
-        np.insert(column, np.flatnonzero(np.diff(branch)) + 1, np.nan, axis=0) for column in columns
-    ]
+    starts = np.flatnonzero(np.diff(branch)) + 1
+    return [np.insert(column, starts, np.nan, axis=0) for column in columns]
 
 
 class Picture(Figure):
@@ -110,17 +109,22 @@ def new_axes(
     Axes below each other share the x axis.
     """
     options = {"sharex": columns == 1, **options}
+    size = (width, height)
     with plt.rc_context(STYLE):
-        return plt.subplots(rows, columns, figsize=(width, height), FigureClass=Picture, **options)[
-            1
-        ]
+        _, axes = plt.subplots(rows, columns, figsize=size, FigureClass=Picture, **options)
+    return axes
 
 
 @contextmanager
 def drawing(
-    ax: Axes | Figure | Sequence[Axes] | NDArray | None = None, *, size: tuple[float, float] = (COLUMN, 2.4),
-    title: str = "", legend: float | None = None, rows: int = 1, shown: Summarised | None = None,
-) -> Iterator[Any]:  # fmt: skip
+    ax: Axes | Figure | Sequence[Axes] | NDArray | None = None,
+    *,
+    size: tuple[float, float] = (COLUMN, 2.4),
+    title: str = "",
+    legend: float | None = None,
+    rows: int = 1,
+    shown: Summarised | None = None,
+) -> Iterator[Any]:
     """Provide axes for a plot; set their title, units, legend and names at the end.
 
     Parameters
@@ -136,24 +140,10 @@ def drawing(
         Result whose headline fills a frame without data.
     """
     with plt.rc_context(STYLE):
-        given = (
-            ax.axes[:rows]
-            if isinstance(ax, Figure)
-            else new_axes(*size, rows)
-            if ax is None
-            else ax
-        )
-        axes = np.ravel(np.asarray(given, object))
-        figure: Any = getattr(axes[0], "figure", None)
-        outer = not getattr(
-            figure, "unfinished", False
-        )  # whether no other plot draws into this figure at present
-        if len(axes) != rows or not all(isinstance(each, Axes) for each in axes):
-            raise validation.invalid(
-                "ax",
-                f"{('one', 'two', 'three')[rows - 1]} axes",
-                [type(each).__name__ for each in axes],
-            )
+        axes = _axes_of(ax, size, rows)
+        figure: Any = axes[0].figure
+        # another plot that draws into this figure at present finishes it
+        is_outer = not getattr(figure, "unfinished", False)
         figure.unfinished = True
         try:
             yield axes if rows > 1 else axes[0]
@@ -162,36 +152,57 @@ def drawing(
                 plt.close(figure)
             raise
         finally:
-            figure.unfinished = not outer
+            figure.unfinished = not is_outer
         if title:
             axes[0].set_title(title)
-        if legend is not None and outer:
+        if legend is not None and is_outer:
             legend_beside(axes[-1], legend, *legend_entries(axes))
-        for each in axes:
-            known = np.isfinite(each.dataLim.get_points()).all()
-            if (
-                shown is not None
-                and not known
-                and "note" not in [text.get_gid() for text in each.texts]
-            ):
-                note(each, shown._headline(), empty=True)
-        if outer:
+        if shown is not None:
+            for one in axes:
+                _note_if_empty(one, shown)
+        if is_outer:
             finish(figure)
+
+
+def _axes_of(
+    ax: Axes | Figure | Sequence[Axes] | NDArray | None, size: tuple[float, float], rows: int
+) -> NDArray:
+    """Return the axes to draw into as an array (rows,): given, the first of a figure, or new."""
+    chosen: Any = ax
+    if ax is None:
+        chosen = new_axes(*size, rows)
+    elif isinstance(ax, Figure):
+        chosen = ax.axes[:rows]
+    axes = np.ravel(np.asarray(chosen, object))
+    if len(axes) != rows or not all(isinstance(one, Axes) for one in axes):
+        expected = f"{('one', 'two', 'three')[rows - 1]} axes"
+        raise validation.invalid("ax", expected, [type(one).__name__ for one in axes])
+    return axes
+
+
+def _note_if_empty(ax: Axes, shown: Summarised) -> None:
+    """Write the headline of a result into axes without data."""
+    has_data = np.isfinite(ax.dataLim.get_points()).all()
+    has_note = "note" in [text.get_gid() for text in ax.texts]
+    if not has_data and not has_note:
+        note(ax, shown._headline(), empty=True)
 
 
 def finish(figure: Figure) -> None:
     """Fit the units of all axes, break long titles, and place legends and names."""
-    for each in figure.axes:
-        fit_units(each)
+    for ax in figure.axes:
+        fit_units(ax)
     _lay_out(figure)
-    if sum(map(_break_texts, figure.axes)):
+    # line breaks move the axes, so that every title is broken before the next layout
+    broken_in = [_break_texts(ax) for ax in figure.axes]
+    if any(broken_in):
         _lay_out(figure)
-    for each in figure.axes:
-        _move_legend(each)
-    if any(text.get_gid() == "name" for each in figure.axes for text in each.texts):
+    for ax in figure.axes:
+        _move_legend(ax)
+    if any(text.get_gid() == "name" for ax in figure.axes for text in ax.texts):
         _lay_out(figure)
-        for each in figure.axes:
-            place_names(each)
+        for ax in figure.axes:
+            place_names(ax)
 
 
 def _lay_out(figure: Any) -> None:
@@ -205,25 +216,35 @@ def _lay_out(figure: Any) -> None:
 
 def _break_texts(ax: Axes) -> bool:
     """Break a title and labels that do not fit; return whether there is one."""
-    box, width, labels = ax.bbox, ax.figure.bbox.width, (ax.xaxis.label, ax.yaxis.label)
-    middle = 0.5 * (box.x0 + box.x1)
+    width = ax.figure.bbox.width
+    middle = 0.5 * (ax.bbox.x0 + ax.bbox.x1)
+    # a centred text reaches equally far to both sides; a fiftieth of the figure stays free
     room = 2.0 * min(middle, width - middle) - 0.02 * width
-    sizes = [text.get_window_extent() for text in (ax.title, *labels)]
-    excess = (sizes[0].width / room, sizes[1].width / room, sizes[2].height / box.height)
-    long = [
-        (text, k)
-        for text, k in zip((ax.title, *labels), excess)
-        if k > 1.0 and "\n" not in text.get_text()
+    label_x = ax.xaxis.label
+    label_y = ax.yaxis.label
+    length_in_room = [
+        (ax.title, ax.title.get_window_extent().width / room),
+        (label_x, label_x.get_window_extent().width / room),
+        (label_y, label_y.get_window_extent().height / ax.bbox.height),
     ]
-    for text, k in long:
-        text.set_text(wrapped(text.get_text(), len(text.get_text()) // int(np.ceil(k)) + 4))
-    return bool(long)
+    is_broken = False
+    for text, length in length_in_room:
+        content = text.get_text()
+        if length > 1.0 and "\n" not in content:
+            n_lines = int(np.ceil(length))
+            text.set_text(wrapped(content, len(content) // n_lines + 4))
+            is_broken = True
+    return is_broken
 
 
 def picture(
-    shown: type = object, kind: str = "plot", *, size: tuple[float, float] = (COLUMN, 2.4), legend: float | None = SMALL,
+    shown: type = object,
+    kind: str = "plot",
+    *,
+    size: tuple[float, float] = (COLUMN, 2.4),
+    legend: float | None = SMALL,
     rows: int = 1,
-) -> Callable[[Callable[..., None]], Callable[..., Any]]:  # fmt: skip
+) -> Callable[[Callable[..., None]], Callable[..., Any]]:
     """Return a decorator that registers a plot function for a type of result and provides its axes.
 
     The decorated function accepts ``ax`` (new axes if omitted) and ``title``, and returns the
@@ -236,9 +257,16 @@ def picture(
         @wraps(function)
         def drawn(*arguments: Any, title: str = "", **options: Any) -> Any:
             bound = signature.bind(*arguments, **options)
-            look: dict[str, Any] = {"size": size, "title": title, "legend": legend, "rows": rows}
-            subject = bound.args[0] if hasattr(bound.args[0], "_headline") else None
-            with drawing(bound.arguments.get("ax"), **look, shown=subject) as axes:
+            result = bound.args[0]
+            subject = result if hasattr(result, "_headline") else None
+            with drawing(
+                bound.arguments.get("ax"),
+                size=size,
+                title=title,
+                legend=legend,
+                rows=rows,
+                shown=subject,
+            ) as axes:
                 bound.arguments["ax"] = axes
                 function(*bound.args, **bound.kwargs)
             return axes
@@ -253,11 +281,11 @@ def picture(
 
 def legend_entries(axes: Sequence[Axes] | NDArray) -> tuple[list[Any], list[str]]:
     """Return the artists with a label in all axes, and their labels, each label once."""
-    entries: dict[str, Any] = {}
-    for each in axes:
-        for handle, name in zip(*each.get_legend_handles_labels()):
-            entries.setdefault(name, handle)
-    return list(entries.values()), list(entries)
+    handle_of: dict[str, Any] = {}
+    for ax in axes:
+        for handle, label in zip(*ax.get_legend_handles_labels()):
+            handle_of.setdefault(label, handle)
+    return list(handle_of.values()), list(handle_of)
 
 
 def legend_beside(
@@ -278,11 +306,13 @@ def legend_beside(
     if not handles:
         return
     labels = labels or [str(h.get_label()) for h in handles]
-    longest = max(len(line) for name in labels for line in str(name).split("\n"))
-    width = 0.55 * size * (longest + 8) * ax.figure.dpi / 72.0
-    columns = max(1, min(len(labels), int(ax.figure.bbox.width / width)))
+    longest = max(len(line) for label in labels for line in str(label).split("\n"))
+    # a character is about 0.55 of the font size wide; a line and its distances, as eight characters
+    column_width = 0.55 * size * (longest + 8) * ax.figure.dpi / 72.0
+    n_fitting = int(ax.figure.bbox.width / column_width)
+    n_columns = max(1, min(len(labels), n_fitting))
     legend = ax.legend(
-        handles, labels, fontsize=size, ncols=columns, loc="upper center", columnspacing=1.2
+        handles, labels, fontsize=size, ncols=n_columns, loc="upper center", columnspacing=1.2
     )
     legend.set_gid("below")
     _move_legend(ax, 0.36)  # about the height of numbers and label
@@ -297,12 +327,14 @@ def _move_legend(ax: Axes, margin: float | None = None) -> None:
     if legend is None or legend.get_gid() != "below":
         return
     if margin is None:
-        box = ax.xaxis.get_tightbbox()
-        margin = 0.02 + (0.0 if box is None else max(0.0, ax.bbox.y0 - box.y0) / ax.figure.dpi)
+        margin = 0.02
+        numbers_and_label = ax.xaxis.get_tightbbox()
+        if numbers_and_label is not None:
+            margin += max(0.0, ax.bbox.y0 - numbers_and_label.y0) / ax.figure.dpi
     below = ax.transAxes + ScaledTranslation(0.0, -margin, ax.figure.dpi_scale_trans)
-    if (
-        place := ax.get_subplotspec()
-    ) is None or place.get_gridspec().ncols == 1:  # in the middle of the figure
+    place = ax.get_subplotspec()
+    if place is None or place.get_gridspec().ncols == 1:
+        # in the middle of the figure
         below = blended_transform_factory(ax.figure.transFigure, below)
     legend.set_bbox_to_anchor((0.5, 0.0), below)
 
@@ -313,22 +345,30 @@ def note(ax: Axes, text: str, height: float = 0.5, *, empty: bool = False) -> No
     An empty frame has no numbers.
     """
     if empty:
-        ax.set(
-            yticks=[], **{} if len(ax.get_shared_x_axes().get_siblings(ax)) > 1 else {"xticks": []}
-        )
-    look: dict[str, Any] = {
-        "fontsize": SMALL,
-        "ha": "center",
-        "va": "center" if height == 0.5 else "bottom",
-    }
-    ax.text(0.5, height, wrapped(text, 44), transform=ax.transAxes, bbox={"facecolor": "w", "edgecolor": "0.6"}, zorder=9.0,
-            gid="note", **look)  # fmt: skip
+        ax.set(yticks=[])
+        shares_x = len(ax.get_shared_x_axes().get_siblings(ax)) > 1
+        if not shares_x:
+            ax.set(xticks=[])
+    ax.text(
+        0.5,
+        height,
+        wrapped(text, 44),
+        transform=ax.transAxes,
+        bbox={"facecolor": "w", "edgecolor": "0.6"},
+        zorder=9.0,
+        gid="note",
+        fontsize=SMALL,
+        ha="center",
+        va="center" if height == 0.5 else "bottom",
+    )
 
 
 def wrapped(text: str, columns: int) -> str:
     """Break a text into lines, but not between a number and its unit."""
-    joined = re.sub(r"(\d) (?=\S{1,3}\b)", "\\1\xa0", text)
-    return textwrap.fill(joined, max(columns, 10), break_on_hyphens=False).replace("\xa0", " ")
+    no_break = "\xa0"
+    joined = re.sub(r"(\d) (?=\S{1,3}\b)", rf"\1{no_break}", text)
+    filled = textwrap.fill(joined, max(columns, 10), break_on_hyphens=False)
+    return filled.replace(no_break, " ")
 
 
 def name_point(ax: Axes, text: str, at: tuple[float, float], **style: Any) -> None:
@@ -338,9 +378,24 @@ def name_point(ax: Axes, text: str, at: tuple[float, float], **style: Any) -> No
     """
     if not np.isfinite(at).all():
         return
-    line = {"arrowstyle": "-", "color": "0.6", "linewidth": 0.4, "shrinkA": 0.0, "shrinkB": 2.0}
-    ax.annotate(text, at, xytext=(0, 3), textcoords="offset points", gid="name", fontsize=SMALL, ha="center",
-                arrowprops=line, **{"color": "0.25", **style})  # fmt: skip
+    look: dict[str, Any] = {"color": "0.25", **style}
+    ax.annotate(
+        text,
+        at,
+        xytext=(0, 3),
+        textcoords="offset points",
+        gid="name",
+        fontsize=SMALL,
+        ha="center",
+        arrowprops={
+            "arrowstyle": "-",
+            "color": "0.6",
+            "linewidth": 0.4,
+            "shrinkA": 0.0,
+            "shrinkB": 2.0,
+        },
+        **look,
+    )
 
 
 def place_names(ax: Axes) -> None:
@@ -348,55 +403,86 @@ def place_names(ax: Axes) -> None:
     names = [text for text in ax.texts if text.get_gid() == "name"]
     if not names:
         return
-    taken = [text.get_window_extent() for text in ax.texts if text.get_gid() != "name"]
+    others = [text.get_window_extent() for text in ax.texts if text.get_gid() != "name"]
     drawn = np.concatenate([_on_screen(line) for line in ax.lines] or [np.empty((0, 3))])
-    points, radius = drawn[:, :2], drawn[:, 2:]
-    sides = [(0, 1), (1, 1), (-1, 1), (1, 0), (-1, 0), (0, -1), (1, -1), (-1, -1)]
     for text in names:
-
-        def cost(place: Any, text: Any = text) -> float:
-            distance, (right, up) = place
-            text.set(position=(distance * right, distance * up), ha=("center", "left", "right")[right],
-                     va=("center", "bottom", "top")[up])  # fmt: skip
-            box = Text.get_window_extent(text).padded(1.0)  # without its line
-            inside = (points + radius >= box.min) & (points - radius <= box.max)
-            outside = np.maximum(
-                [np.subtract(ax.bbox.min, box.min), np.subtract(box.max, ax.bbox.max)], 0.0
-            )
-            overlaps = sum(box.overlaps(other) for other in taken)
-            covered = np.where(radius[:, 0] > 0.0, 40.0, 4.0)[
-                inside.all(axis=1)
-            ].sum()  # markers count more than lines
-            return float(100.0 * overlaps + 10.0 * outside.sum() + covered + 0.5 * distance)
-
-        cost(
-            min(
-                ((distance, side) for distance in (3, 8, 14, 22, 34, 50) for side in sides),
-                key=cost,
-            )
+        cheapest = min(
+            NAME_PLACES, key=lambda place: _cost_of_place(ax, text, place, others, drawn)
         )
-        taken.append(Text.get_window_extent(text))
+        _move_name(text, cheapest)
+        others.append(Text.get_window_extent(text))
+
+
+NAME_PLACES = [
+    (distance, right, up)
+    for distance in (3, 8, 14, 22, 34, 50)
+    for right, up in ((0, 1), (1, 1), (-1, 1), (1, 0), (-1, 0), (0, -1), (1, -1), (-1, -1))
+]
+"""Places of a name: distance from its point (points), and its side to the right and upward."""
+
+
+def _move_name(text: Any, place: tuple[int, int, int]) -> None:
+    distance, right, up = place
+    text.set(
+        position=(distance * right, distance * up),
+        ha=("center", "left", "right")[right],
+        va=("center", "bottom", "top")[up],
+    )
+
+
+def _cost_of_place(
+    ax: Axes, text: Any, place: tuple[int, int, int], others: Sequence[Any], drawn: NDArray
+) -> float:
+    """Move a name, and return the cost of the place.
+
+    Overlaps, the excess beyond the axes, and the distance increase the cost.
+
+    Parameters
+    ----------
+    ax : matplotlib axes
+    text : matplotlib annotation
+    place : tuple of int
+        One of :data:`NAME_PLACES`.
+    others : sequence of bounding boxes
+        Texts that keep their places.
+    drawn : (n, 3) float
+        Points of lines and markers, with the radius of the marker (pixels).
+    """
+    _move_name(text, place)
+    # the extent of the text alone, without the line to its point
+    box = Text.get_window_extent(text).padded(1.0)
+    points = drawn[:, :2]
+    radius = drawn[:, 2:]
+    inside = (points + radius >= box.min) & (points - radius <= box.max)
+    beyond_low = np.subtract(ax.bbox.min, box.min)
+    beyond_high = np.subtract(box.max, ax.bbox.max)
+    outside = np.maximum([beyond_low, beyond_high], 0.0)
+    n_overlaps = sum(box.overlaps(other) for other in others)
+    # markers count more than lines
+    weight = np.where(radius[:, 0] > 0.0, 40.0, 4.0)
+    covered = weight[inside.all(axis=1)].sum()
+    distance = place[0]
+    return float(100.0 * n_overlaps + 10.0 * outside.sum() + covered + 0.5 * distance)
 
 
 def _on_screen(line: Any) -> NDArray:
     """Return points (n, 3) of a line and its markers: place and radius of the marker in pixels."""
-    at = line.get_transform().transform(
-        np.column_stack([np.ravel(x) for x in line.get_data(orig=False)])
-    )
-    at = at[np.isfinite(at).all(axis=1)]
-    radius = (
-        0.5 * line.get_markersize() * line.figure.dpi / 72.0
-        if line.get_marker() not in ("", "None", None)
-        else 0.0
-    )
-    marks = np.column_stack([at, np.full(len(at), radius)])
-    if len(at) < 2 or line.get_linestyle() == "None":
-        return marks
-    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(at, axis=0).T))])
+    x, y = line.get_data(orig=False)
+    points = line.get_transform().transform(np.column_stack([np.ravel(x), np.ravel(y)]))
+    points = points[np.isfinite(points).all(axis=1)]
+    radius = 0.0
+    if line.get_marker() not in ("", "None", None):
+        radius = 0.5 * line.get_markersize() * line.figure.dpi / 72.0
+    markers = np.column_stack([points, np.full(len(points), radius)])
+    if len(points) < 2 or line.get_linestyle() == "None":
+        return markers
+    # points along the line, four pixels apart
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    length = np.concatenate([[0.0], np.cumsum(steps)])
     along = np.arange(0.0, length[-1], 4.0)
-    return np.concatenate(
-        [marks, np.column_stack([*(np.interp(along, length, c) for c in at.T), 0.0 * along])]
-    )
+    x_along = np.interp(along, length, points[:, 0])
+    y_along = np.interp(along, length, points[:, 1])
+    return np.concatenate([markers, np.column_stack([x_along, y_along, 0.0 * along])])
 
 
 # ---- Units and numbers ----
@@ -409,42 +495,50 @@ def fit_units(ax: Axes) -> None:
     """
     for axis in (ax.xaxis, ax.yaxis):
         shared = ax.get_shared_x_axes() if axis is ax.xaxis else ax.get_shared_y_axes()
-        if not axis.get_label_text() and len(shared.get_siblings(ax)) > 1:
-            continue  # the label is on other axes that share this axis
-        if axis.get_scale() == "log" and not min(axis.get_view_interval()) > 0.0:
-            getattr(ax, f"set_{axis.axis_name}scale")("linear")  # nothing drawn has a logarithm
-        log = axis.get_scale() == "log"
-        low, high = sorted(np.abs(axis.get_view_interval()))
-        name, _, unit = axis.get_label_text().replace("\n", " ").rpartition(" (")
-        base, scale = axis.label.get_gid() or unit.removesuffix(")"), 1.0
-        if name and base in FITTING:
-            prefix = unit_prefix(float(np.sqrt(low * high)) if log else float(high), base)
-            scale = PREFIXES[prefix]
-            axis.label.set_gid(base)  # the unit of the data, for the next call
-            axis.set_label_text(f"{name} ({prefix.strip()}{base})")
-        if isinstance(axis.get_major_locator(), AutoLocator):
-            axis.set_major_locator(
-                MaxNLocator(5, steps=[1, 2, 2.5, 5, 10])
-            )  # so that long numbers do not touch
-        if log:
-            axis.set_major_locator(logarithmic(low, high))
-            axis.set_minor_formatter(NullFormatter())
-        if log or scale != 1.0:
-            axis.set_major_formatter(
-                FuncFormatter(lambda value, _, scale=scale: plain_number(value / scale))
-            )
+        # the label may be on other axes that share this axis
+        if axis.get_label_text() or len(shared.get_siblings(ax)) == 1:
+            _fit_unit(ax, axis)
+
+
+def _fit_unit(ax: Axes, axis: Any) -> None:
+    """Scale the numbers and the label of one axis, and simplify its ticks."""
+    if axis.get_scale() == "log" and not min(axis.get_view_interval()) > 0.0:
+        # nothing drawn has a logarithm
+        getattr(ax, f"set_{axis.axis_name}scale")("linear")
+    is_log = axis.get_scale() == "log"
+    low, high = sorted(np.abs(axis.get_view_interval()))
+    name, _, unit = axis.get_label_text().replace("\n", " ").rpartition(" (")
+    # an earlier call has stored the unit of the data
+    base = axis.label.get_gid() or unit.removesuffix(")")
+    scale = 1.0
+    if name and base in FITTING:
+        size = float(np.sqrt(low * high)) if is_log else float(high)
+        prefix = unit_prefix(size, base)
+        scale = PREFIXES[prefix]
+        axis.label.set_gid(base)
+        axis.set_label_text(f"{name} ({prefix.strip()}{base})")
+    if isinstance(axis.get_major_locator(), AutoLocator):
+        # few ticks, so that long numbers do not touch
+        axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
+    if is_log:
+        axis.set_major_locator(logarithmic(low, high))
+        axis.set_minor_formatter(NullFormatter())
+    if is_log or scale != 1.0:
+        axis.set_major_formatter(FuncFormatter(lambda value, _: plain_number(value / scale)))
 
 
 def logarithmic(low: float, high: float) -> Locator:
     """Return a locator of a few round ticks for a logarithmic axis with these limits."""
     if high <= 2.0 * low:
         return MaxNLocator(5)
-    return LogLocator(subs=next(subs for ratio, subs in SUBS.items() if high <= ratio * low))
+    subs = next(subs for ratio, subs in SUBS.items() if high <= ratio * low)
+    return LogLocator(subs=subs)
 
 
 def ticks_within(low: float, high: float) -> list[float]:
     """Return the ticks of a logarithmic axis within its limits."""
-    return [float(x) for x in logarithmic(low, high).tick_values(low, high) if low <= x <= high]
+    ticks = logarithmic(low, high).tick_values(low, high)
+    return [float(tick) for tick in ticks if low <= tick <= high]
 
 
 def plain_number(value: float) -> str:
@@ -472,24 +566,25 @@ def figure_of(
 ) -> Figure:
     """Draw an object, and save the figure if there is a path, which also closes its window."""
     if path is not None:
-        ending = Path(
-            validation.instance("path", path, (str, PathLike), "the name of a file")
-        ).suffix.lstrip(".")
+        validation.instance("path", path, (str, PathLike), "the name of a file")
+        ending = Path(path).suffix.removeprefix(".")
         validation.choice("ending of the path", ending, sorted(FigureCanvasBase.filetypes))
-    drawn = np.ravel(np.asarray(draw(shown, kind, *arguments, **options), object))[0]
+    axes = draw(shown, kind, *arguments, **options)
+    first = np.ravel(np.asarray(axes, object))[0]
     if path is not None:
-        save_figure(drawn, path)
-    return cast(Figure, drawn.figure)
+        save_figure(first, path)
+    return cast(Figure, first.figure)
 
 
 @register_plot(Plottable, "image")
 def image_of(shown: Plottable, kind: str = "plot", *arguments: Any, **options: Any) -> bytes:
-    """Return the plot of an object as a file.
+    """Return the plot of an object as a file, by default a PNG for notebooks.
 
-    A PNG for notebooks unless the options of ``savefig`` differ.
+    ``options`` are passed to ``Figure.savefig``.
     """
     file = io.BytesIO()
-    save_figure(draw(shown, kind, *arguments), file, **{"format": "png", "dpi": 160, **options})
+    axes = draw(shown, kind, *arguments)
+    save_figure(axes, file, **{"format": "png", "dpi": 160, **options})
     return file.getvalue()
 
 
@@ -513,27 +608,33 @@ def looks(n: int) -> list[dict[str, Any]]:
 
 def runs(values: NDArray) -> list[tuple[int, int]]:
     """Return the (first, last) indices of all sequences of two or more equal values."""
-    cuts = np.concatenate([[0], np.flatnonzero(np.diff(values.astype(int))) + 1, [len(values)]])
-    return [(int(a), int(b) - 1) for a, b in pairwise(cuts) if b > a]
+    changes = np.flatnonzero(np.diff(values.astype(int))) + 1
+    starts = np.concatenate([[0], changes, [len(values)]])
+    return [(int(start), int(end) - 1) for start, end in pairwise(starts) if end > start]
 
 
 def highest_on(grid: NDArray, x: NDArray, y: NDArray, branch: NDArray) -> tuple[NDArray, NDArray]:
-    """Interpolate curves y (n, m) over x on a grid; return the values (n_grid, m) and how often the curve passes each grid
-    point.
+    """Interpolate curves y (n, m) over x on a grid.
+
+    Return the values (n_grid, m), and how often the curve passes each grid point.
 
     If the curve passes a grid point more than once, the passage with the highest value is used.
     Values are NaN at grid points that the curve does not pass.
     """
-    best, count = np.full((len(grid), y.shape[1]), np.nan), np.zeros(len(grid), int)
-    for i in np.flatnonzero((np.diff(branch) == 0) & (np.diff(x) != 0.0)):
+    best = np.full((len(grid), y.shape[1]), np.nan)
+    n_passages = np.zeros(len(grid), int)
+    same_branch = np.diff(branch) == 0
+    moves = np.diff(x) != 0.0
+    for i in np.flatnonzero(same_branch & moves):
         low, high = sorted(x[i : i + 2])
         inside = (grid >= low) & (grid <= high)
         share = (grid[inside, None] - x[i]) / (x[i + 1] - x[i])
         values = y[i] + share * (y[i + 1] - y[i])
-        higher = ~(values.max(axis=1) <= best[inside].max(axis=1))  # also true for NaN
+        # negated, so that a value replaces NaN
+        higher = ~(values.max(axis=1) <= best[inside].max(axis=1))
         best[inside] = np.where(higher[:, None], values, best[inside])
-        count += inside & (grid < high)
-    return best, count
+        n_passages += inside & (grid < high)
+    return best, n_passages
 
 
 def limit_line(
@@ -544,13 +645,14 @@ def limit_line(
     ax.plot(x, y, **look)
     distance = np.where(np.isfinite(y), np.abs(np.asarray(x) - at), np.inf)
     if np.isfinite(distance).any():
-        k = int(np.argmin(distance))
-        name_point(ax, name, (x[k], y[k]), color="0.4")
+        nearest = int(np.argmin(distance))
+        name_point(ax, name, (x[nearest], y[nearest]), color="0.4")
 
 
 def once(ax: Axes, name: str) -> str | None:
     """Return the name as a legend label, or None if the legend already has it."""
-    return None if name in ax.get_legend_handles_labels()[1] else name
+    _, labels = ax.get_legend_handles_labels()
+    return None if name in labels else name
 
 
 def lost(
@@ -561,14 +663,15 @@ def lost(
     size: float = 5.0,
 ) -> None:
     """Draw crosses at the lower edge of the axes, at points without a value."""
-    if len(places):
-        height, across = np.full(np.shape(places), 0.03), ax.get_xaxis_transform()
-        ax.plot(
-            places,
-            height,
-            "x",
-            color=colour,
-            markersize=size,
-            transform=across,
-            label=once(ax, name),
-        )
+    if not len(places):
+        return
+    ax.plot(
+        places,
+        np.full(np.shape(places), 0.03),
+        "x",
+        color=colour,
+        markersize=size,
+        # data across, a share of the height upward
+        transform=ax.get_xaxis_transform(),
+        label=once(ax, name),
+    )

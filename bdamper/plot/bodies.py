@@ -43,13 +43,13 @@ def shown_shapes(
         )
     body = bodies[0] if body is None else body
     if body not in bodies:
-        raise SettingError(
-            f"{purpose}: expected a body with mode shapes on its mesh out of {bodies}, found {body!r}"
-        )
+        expected = f"a body with mode shapes on its mesh out of {bodies}"
+        raise SettingError(f"{purpose}: expected {expected}, found {body!r}")
     modes = model.meshes[body].modes
-    d = next(iter(modes)) if nodal_diameter is None else nodal_diameter
-    validation.check(d in modes, purpose, f"a nodal diameter out of {sorted(modes)}", d)
-    return body, d
+    diameter = next(iter(modes)) if nodal_diameter is None else nodal_diameter
+    expected = f"a nodal diameter out of {sorted(modes)}"
+    validation.check(diameter in modes, purpose, expected, diameter)
+    return body, diameter
 
 
 def export_modes(
@@ -79,11 +79,13 @@ def export_modes(
     SettingError
         If the model has no such shapes.
     """
-    body, d = shown_shapes(model, body, nodal_diameter, "export of modes")
+    body, diameter = shown_shapes(model, body, nodal_diameter, "export of modes")
     mesh = model.meshes[body]
-    frequency = np.sqrt(model.bodies[body].bases[d].omega2) / (2.0 * np.pi)
-    shapes = zip(frequency, np.moveaxis(mesh.modes[d], 2, 0))
-    fields = {f"mode {k}, {f:.2f} Hz, {{}}": shape for k, (f, shape) in enumerate(shapes, 1)}
+    frequency = np.sqrt(model.bodies[body].bases[diameter].omega2) / (2.0 * np.pi)
+    shapes = np.moveaxis(mesh.modes[diameter], 2, 0)
+    fields = {}
+    for number, (f, shape) in enumerate(zip(frequency, shapes), 1):
+        fields[f"mode {number}, {f:.2f} Hz, {{}}"] = shape
     return _write(path, mesh.points, mesh.quads, fields)
 
 
@@ -92,11 +94,11 @@ def _write(
 ) -> Path:
     """Write vector fields on a surface; "real" or "imaginary" replaces ``{}`` in a name."""
     meshio = import_extra("meshio", "export to VTU", "viz")
-    data = {
-        name.format(part): np.ascontiguousarray(getattr(field, part[:4]))
-        for name, field in fields.items()
-        for part in ("real", "imaginary")[: 1 + np.iscomplexobj(field)]
-    }
+    data = {}
+    for name, field in fields.items():
+        data[name.format("real")] = np.ascontiguousarray(field.real)
+        if np.iscomplexobj(field):
+            data[name.format("imaginary")] = np.ascontiguousarray(field.imag)
     with file_errors(path):
         meshio.Mesh(points, [("quad", quads)], point_data=data).write(path)
     return Path(path)
@@ -130,15 +132,16 @@ def export_response(
     """
     if not problem.model.meshes:
         raise SettingError("export of a response: needs the mesh of a body, and the model has none")
-    out = []
+    files = []
     for body, motion in surface_motion(problem, unknowns).items():
-        mean = {"mean displacement, m": motion.mean} if np.isfinite(motion.mean).all() else {}
-        fields, quads = (
-            mean | {"vibration, {}, m": motion.amplitude},
-            problem.model.meshes[body].quads,
-        )
-        out.append(_write(Path(folder) / f"{name}_{body}.vtu", motion.points, quads, fields))
-    return out
+        fields = {}
+        if np.isfinite(motion.mean).all():
+            fields["mean displacement, m"] = motion.mean
+        fields["vibration, {}, m"] = motion.amplitude
+        quads = problem.model.meshes[body].quads
+        file = Path(folder) / f"{name}_{body}.vtu"
+        files.append(_write(file, motion.points, quads, fields))
+    return files
 
 
 # ---- Plots ----
@@ -162,43 +165,46 @@ def plot_surfaces(surfaces: Sequence[Surface], ax: Axes | None = None, *, title:
         The surfaces cover everything that earlier calls have drawn in these axes.
     title : str
     """
-    top = (
-        max((float(np.max(v)) for _, _, v in surfaces if isinstance(v, np.ndarray)), default=1.0)
-        or 1.0
-    )
-    corners, shades = [], []
+    largest_values = [float(np.max(v)) for _, _, v in surfaces if isinstance(v, np.ndarray)]
+    largest = max(largest_values, default=1.0) or 1.0
+    corners = []
+    shades = []
     for points, quads, colour in surfaces:
-        corners.append(seen(points)[quads])
+        corners_of_faces = seen(points)[quads]
+        corners.append(corners_of_faces)
         if isinstance(colour, np.ndarray):
-            shades.append(plt.get_cmap("viridis")(colour[quads].mean(axis=1) / top))
-            continue
-        normal = np.cross(
-            corners[-1][:, 2] - corners[-1][:, 0], corners[-1][:, 3] - corners[-1][:, 1]
-        )
-        light = 0.7 + 0.3 * np.abs(normal @ [-0.3, 0.8, 0.5]) / np.maximum(
-            np.linalg.norm(normal, axis=1), 1e-300
-        )
-        shades.append(to_rgba(colour) * np.column_stack([light, light, light, np.ones(len(light))]))
-    corner, shade = np.concatenate(corners), np.concatenate(shades)
-    order = np.argsort(corner[..., 2].mean(axis=1))
-    new = ax is None
+            value = colour[quads].mean(axis=1)
+            shades.append(plt.get_cmap("viridis")(value / largest))
+        else:
+            shades.append(_shaded(corners_of_faces, colour))
+    corner = np.concatenate(corners)
+    shade = np.concatenate(shades)
+    # the third direction is toward the viewer
+    farthest_first = np.argsort(corner[..., 2].mean(axis=1))
+    is_new = ax is None
     with plt.rc_context(STYLE):
         ax = new_axes(height=3.2) if ax is None else ax
-        look = {"edgecolors": "0.35", "linewidths": 0.15}
-        ax.add_collection(
-            PolyCollection(
-                list(corner[order, :, :2]),
-                facecolors=shade[order],
-                rasterized=True,
-                **look,  # type: ignore[arg-type]
-            )
+        look: dict[str, Any] = {"edgecolors": "0.35", "linewidths": 0.15, "rasterized": True}
+        faces = PolyCollection(
+            list(corner[farthest_first, :, :2]), facecolors=shade[farthest_first], **look
         )
-        if new:
+        ax.add_collection(faces)
+        if is_new:
             ax.autoscale_view()
             ax.set(aspect="equal", title=title)
             ax.set_axis_off()
             _scale(ax)
     return ax
+
+
+def _shaded(corners: NDArray, colour: Any) -> NDArray:
+    """Return the colours (n, 4) of faces with corners (n, 4, 3) in the view, lit from above."""
+    # the normal is perpendicular to both diagonals
+    normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    size = np.maximum(np.linalg.norm(normal, axis=1), 1e-300)
+    light = 0.7 + 0.3 * np.abs(normal @ [-0.3, 0.8, 0.5]) / size
+    opacity = np.ones(len(light))
+    return np.asarray(to_rgba(colour) * np.column_stack([light, light, light, opacity]))
 
 
 TINT = {"constrained": "#dde4ea", "free": "#e8b563", "ground": "#cccccc"}
@@ -212,10 +218,13 @@ def seen(points: Any) -> NDArray:
 
 def _scale(ax: Axes) -> None:
     """Draw a length scale and the coordinate directions below a plot in mm."""
-    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    left, right = ax.get_xlim()
+    low, high = ax.get_ylim()
     size = max(right - left, high - low)
+    # the largest round length up to 0.3 of the size
     decade = 10.0 ** np.floor(np.log10(0.3 * size))
-    length, y = decade * max(m for m in (1, 2, 5) if m * decade <= 0.3 * size), low - 0.06 * size
+    length = decade * max(m for m in (1, 2, 5) if m * decade <= 0.3 * size)
+    y = low - 0.06 * size
     ax.plot([left, left + length], [y, y], color="k", linewidth=1.5, solid_capstyle="butt")
     ax.annotate(
         f"{length:g} mm",
@@ -225,15 +234,19 @@ def _scale(ax: Axes) -> None:
         va="top",
         fontsize=SMALL,
     )
+    origin = (left + length + 0.15 * size, y)
     for name, direction in zip("XYZ", VIEW[:2].T):
-        look: dict[str, Any] = {
-            "ha": "center",
-            "va": "center",
-            "fontsize": SMALL,
-            "annotation_clip": False,
-        }
-        ax.annotate(name, (left + length + 0.15 * size, y), xytext=20.0 * direction, textcoords="offset points",
-                    arrowprops={"arrowstyle": "-", "shrinkB": 0.0}, **look)  # fmt: skip
+        ax.annotate(
+            name,
+            origin,
+            xytext=20.0 * direction,
+            textcoords="offset points",
+            arrowprops={"arrowstyle": "-", "shrinkB": 0.0},
+            ha="center",
+            va="center",
+            fontsize=SMALL,
+            annotation_clip=False,
+        )
 
 
 @register_plot(Model)
@@ -242,44 +255,60 @@ def plot_model(model: Model) -> Axes:
 
     Free bodies are drawn over the others, which would hide them.
     """
-    kinds: dict[bool, list[Surface]] = {False: [], True: []}
-    named = {}
+    fixed: list[Surface] = []
+    free: list[Surface] = []
+    handles = {}
     for name, _, rotation in sectors_shown(model):
-        mesh, kind = model.meshes[name], model.bodies[name].kind
-        kinds[kind == "free"].append((mesh.points @ rotation.T, mesh.quads, TINT[kind]))
-        named[name] = Patch(facecolor=TINT[kind], edgecolor="0.35", linewidth=0.5, label=name)
-    validation.check(
-        kinds[False] or kinds[True], "plot of a model", "at least one body with a mesh", "none"
-    )
-    points = [seen(face.points)[:, :2] for face in model.interfaces.values()]
-    corners = np.concatenate([seen(surface[0])[:, :2] for surface in (*kinds[False], *kinds[True])])
-    low, high = (f(np.concatenate(points or [corners]), axis=0) for f in (np.min, np.max))
-    near = bool(points) and (high - low).max() < 0.35 * np.ptp(corners, axis=0).max()
-    both = np.ravel(
-        new_axes(height=3.2, columns=2 if near else 1, width_ratios=(1.0, 1.4) if near else None)
-    )
+        mesh = model.meshes[name]
+        kind = model.bodies[name].kind
+        surface = (mesh.points @ rotation.T, mesh.quads, TINT[kind])
+        if kind == "free":
+            free.append(surface)
+        else:
+            fixed.append(surface)
+        handles[name] = Patch(facecolor=TINT[kind], edgecolor="0.35", linewidth=0.5, label=name)
+    surfaces = [*fixed, *free]
+    validation.check(surfaces, "plot of a model", "at least one body with a mesh", "none")
+
+    nodes = np.concatenate([seen(points)[:, :2] for points, _, _ in surfaces])
+    contacts = [seen(face.points)[:, :2] for face in model.interfaces.values()]
+    framed = np.concatenate(contacts or [nodes])
+    low = np.min(framed, axis=0)
+    high = np.max(framed, axis=0)
+    extent = (high - low).max()
+    # contacts in a small part of the picture have further axes
+    is_enlarged = bool(contacts) and extent < 0.35 * np.ptp(nodes, axis=0).max()
+    if is_enlarged:
+        axes = np.ravel(new_axes(height=3.2, columns=2, width_ratios=(1.0, 1.4)))
+    else:
+        axes = np.ravel(new_axes(height=3.2, columns=1, width_ratios=None))
     with plt.rc_context(STYLE):
-        for ax in both:
-            plot_surfaces([*kinds[False], *kinds[True]], ax=ax)
-            if kinds[False] and kinds[True]:
-                plot_surfaces(kinds[True], ax=ax)
+        for ax in axes:
+            plot_surfaces(surfaces, ax=ax)
+            if fixed and free:
+                plot_surfaces(free, ax=ax)
             ax.autoscale_view()
             ax.set(aspect="equal")
             ax.set_axis_off()
-        _scale(both[0])
-        for face, look, name in zip(points, looks(len(points)), model.interfaces):
-            both[-1].plot(*face.T, **{**look, "linestyle": ""}, label=f"contact {name}")
-        if near:
-            middle, half = 0.5 * (low + high), 0.65 * (high - low).max()
-            both[-1].set(
-                xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half)
-            )
-            both[-1].set_title("contacts, enlarged")
-        figure = both[0].figure
-        handles = [*named.values(), *both[-1].get_legend_handles_labels()[0]]
-        figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=SMALL)
+        _scale(axes[0])
+        of_contacts = axes[-1]
+        for points, look, name in zip(contacts, looks(len(contacts)), model.interfaces):
+            of_contacts.plot(*points.T, **{**look, "linestyle": ""}, label=f"contact {name}")
+        if is_enlarged:
+            x, y = 0.5 * (low + high)
+            half = 0.65 * extent
+            of_contacts.set(xlim=(x - half, x + half), ylim=(y - half, y + half))
+            of_contacts.set_title("contacts, enlarged")
+        figure = axes[0].figure
+        contact_handles, _ = of_contacts.get_legend_handles_labels()
+        figure.legend(
+            handles=[*handles.values(), *contact_handles],
+            loc="outside lower center",
+            ncols=3,
+            fontsize=SMALL,
+        )
         finish(figure)
-    return cast(Axes, both[0])
+    return cast(Axes, axes[0])
 
 
 @register_plot(Model, "plot_mode")
@@ -306,21 +335,23 @@ def plot_mode(
     -----
     The largest displacement is drawn as a twelfth of the size of the body.
     """
-    body, d = shown_shapes(model, body, nodal_diameter, "plot of a mode")
+    body, diameter = shown_shapes(model, body, nodal_diameter, "plot of a mode")
     mesh = model.meshes[body]
-    mode = validation.integer("mode", mode, least=1, most=mesh.modes[d].shape[2])
-    shape = mesh.modes[d][..., mode - 1]
-    scale = float(np.ptp(mesh.points, axis=0).max()) / 12.0 / float(np.abs(shape).max())
+    mode = validation.integer("mode", mode, least=1, most=mesh.modes[diameter].shape[2])
+    shape = mesh.modes[diameter][..., mode - 1]
+    amplitude = np.linalg.norm(np.abs(shape), axis=1)
+    size = float(np.ptp(mesh.points, axis=0).max())
+    scale = size / 12.0 / float(np.abs(shape).max())
     surfaces = []
     for name, sector, rotation in sectors_shown(model):
         if name == body:
-            wave = np.exp(2j * np.pi * d * sector / model.n_blades)
-            deformed = mesh.points + scale * (shape * wave).real
-            surfaces.append(
-                (deformed @ rotation.T, mesh.quads, np.linalg.norm(np.abs(shape), axis=1))
-            )
-    frequency = float(np.sqrt(model.bodies[body].bases[d].omega2[mode - 1])) / (2.0 * np.pi)
-    return plot_surfaces(surfaces, title=f"mode {mode}, nodal diameter {d}: {frequency:.1f} Hz")
+            phase = np.exp(2j * np.pi * diameter * sector / model.n_blades)
+            deformed = mesh.points + scale * (shape * phase).real
+            surfaces.append((deformed @ rotation.T, mesh.quads, amplitude))
+    omega = float(np.sqrt(model.bodies[body].bases[diameter].omega2[mode - 1]))
+    frequency = omega / (2.0 * np.pi)
+    title = f"mode {mode}, nodal diameter {diameter}: {frequency:.1f} Hz"
+    return plot_surfaces(surfaces, title=title)
 
 
 @register_plot(BuiltModel)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import matplotlib.pyplot as plt
@@ -75,11 +75,11 @@ def plot_status_bars(
     direction = validation.integer("direction", direction, 0, 1)
     period = 2.0 * np.pi
     with drawing(ax, size=(COLUMN, 0.8 + 0.22 * len(points)), title=title) as ax:
+        names = []
         for row, point in enumerate(points):
             for start, end, state in status.parts[point][direction]:
-                left = (
-                    np.array([start, start - period]) / period
-                )  # a part may continue past the end of the period
+                # a second bar a period earlier, because a part may end in the next period
+                left = np.array([start, start - period]) / period
                 ax.barh(
                     row,
                     (end - start) / period,
@@ -88,9 +88,8 @@ def plot_status_bars(
                     color=STATUS_COLOURS[state],
                     **EDGE,
                 )
-        names = [
-            f"{status.interface[p]} {p - status.rows(status.interface[p])[0] + 1}" for p in points
-        ]
+            face = status.interface[point]
+            names.append(f"{face} {point - status.rows(face)[0] + 1}")
         ax.set_yticks(range(len(points)), names)
         ax.invert_yaxis()
         ax.set(xlim=(0.0, 1.0), xlabel="Time (periods)")
@@ -108,50 +107,54 @@ def _state_patches() -> list[Patch]:
 
 
 def face_coordinates(points: NDArray, frame: NDArray) -> tuple[NDArray, NDArray, float, float]:
-    """Return the coordinates of contact points along t1 (outward) and Z from the face centre in mm, and the point
-    spacings."""
-    centred = points - points.mean(axis=0)
-    outward = 1.0 if frame[0] @ (points.mean(axis=0) * [1.0, 1.0, 0.0]) >= 0.0 else -1.0
-    x, y = (
-        1e3 * outward * centred @ frame[0],
-        1e3 * np.sign(frame[1, 2] or 1.0) * centred @ frame[1],
-    )
+    """Return coordinates of contact points and their spacings, in mm from the face centre.
 
-    def spacing(values: NDArray) -> float:
-        steps = np.diff(np.unique(np.round(values, 6)))
-        return (
-            float(np.ptp(values) / (steps > 0.5 * steps.max()).sum()) if len(steps) else 1.0
-        )  # rows may be uneven
+    The first coordinate is along t1 (outward), the second one along Z.
+    """
+    centre = points.mean(axis=0)
+    centred = points - centre
+    radial = centre * [1.0, 1.0, 0.0]
+    outward = 1.0 if frame[0] @ radial >= 0.0 else -1.0
+    along_axis = np.sign(frame[1, 2] or 1.0)
+    x = 1e3 * outward * centred @ frame[0]
+    y = 1e3 * along_axis * centred @ frame[1]
+    return x, y, _spacing(x), _spacing(y)
 
-    return x, y, spacing(x), spacing(y)
+
+def _spacing(values: NDArray) -> float:
+    """Return the mean spacing of rows of points; the rows may be uneven."""
+    steps = np.diff(np.unique(np.round(values, 6)))
+    if not len(steps):
+        return 1.0
+    n_steps_between_rows = (steps > 0.5 * steps.max()).sum()
+    return float(np.ptp(values) / n_steps_between_rows)
 
 
 def _face_axes(ax: Axes, x: NDArray, y: NDArray, dx: float, dy: float) -> None:
     """Set the limits and labels of the map of a face."""
     ax.set(
-        xlim=(y.min() - 0.6 * dy, y.max() + 0.6 * dy), ylim=(x.min() - 0.6 * dx, x.max() + 0.6 * dx)
+        xlim=(y.min() - 0.6 * dy, y.max() + 0.6 * dy),
+        ylim=(x.min() - 0.6 * dx, x.max() + 0.6 * dx),
     )
     ax.set(aspect="equal", xlabel="Along the axis (mm)", ylabel="Outward (mm)")
-    ax.xaxis.set_major_locator(
-        MaxNLocator(3 if np.ptp(ax.get_xlim()) > 1.5 * np.ptp(ax.get_ylim()) else 1)
-    )
+    is_wide = np.ptp(ax.get_xlim()) > 1.5 * np.ptp(ax.get_ylim())
+    ax.xaxis.set_major_locator(MaxNLocator(3 if is_wide else 1))
     ax.grid(False)
 
 
 def tiles(share: NDArray, x: NDArray, y: NDArray, dx: float, dy: float) -> tuple[NDArray, ...]:
-    """Return the edges and states of the tiles of a status map.
+    """Return the edges (left, right, low, high) and the states of the tiles of a status map.
 
     Each point has a rectangle, divided by its shares (n, 3) of stick, slip and separation.
     """
-    left = y[:, None] + 0.9 * dy * (np.pad(np.cumsum(share, axis=1), ((0, 0), (1, 0))) - 0.5)
+    cumulative = np.pad(np.cumsum(share, axis=1), ((0, 0), (1, 0)))
+    edges = y[:, None] + 0.9 * dy * (cumulative - 0.5)
+    left = edges[:, :-1].ravel()
+    right = edges[:, 1:].ravel()
     low = np.repeat(x - 0.45 * dx, 3)
-    return (
-        left[:, :-1].ravel(),
-        left[:, 1:].ravel(),
-        low,
-        low + 0.9 * dx,
-        np.tile(np.arange(3), len(x)),
-    )
+    high = low + 0.9 * dx
+    state = np.tile(np.arange(3), len(x))
+    return left, right, low, high, state
 
 
 @picture(size=(COLUMN, 1.8), legend=None)
@@ -167,31 +170,24 @@ def plot_status_map(
     interface : str
     direction : {0, 1}
     """
-    validation.choice(
-        "interface", interface, [name for name in model.interfaces if name in status.interface]
-    )
-    _draw_map(
-        ax,
-        status,
-        interface,
-        model.interfaces[interface].frame[0],
-        validation.integer("direction", direction, 0, 1),
-    )
+    faces = [name for name in model.interfaces if name in status.interface]
+    validation.choice("interface", interface, faces)
+    direction = validation.integer("direction", direction, 0, 1)
+    _draw_map(ax, status, interface, model.interfaces[interface].frame[0], direction)
     _status_legend(ax)
 
 
 def _draw_map(
     ax: Axes, status: ContactStatus, interface: str, frame: NDArray, direction: int
 ) -> None:
-    x, y, dx, dy = face_coordinates(status.points[status.rows(interface)], frame)
-    left, right, low, high, state = tiles(
-        status.share[status.rows(interface), direction], x, y, dx, dy
-    )
+    rows = status.rows(interface)
+    x, y, dx, dy = face_coordinates(status.points[rows], frame)
+    left, right, low, high, state = tiles(status.share[rows, direction], x, y, dx, dy)
     colour = [STATUS_COLOURS[k] for k in state]
     ax.barh(low, right - left, high - low, left, align="edge", color=colour, rasterized=True)
-    ax.barh(
-        x, np.full(len(x), 0.9 * dy), 0.9 * dx, y - 0.45 * dy, fill=False, **EDGE, rasterized=True
-    )
+    # the outline of each point
+    width = np.full(len(x), 0.9 * dy)
+    ax.barh(x, width, 0.9 * dx, y - 0.45 * dy, fill=False, **EDGE, rasterized=True)
     _face_axes(ax, x, y, dx, dy)
 
 
@@ -217,68 +213,88 @@ def plot_contacts(
         Tangential direction t1 or t2.
     """
     direction = validation.integer("direction", direction, 0, 1)
-    status, frames, title = _states(result, study, point)
-    time = (np.arange(360) + 0.5) / 360.0  # in periods
+    if isinstance(result, PreloadState):
+        states = _states_at_rest(result)
+    else:
+        states = _states_of_vibration(result, study, point)
+    status = states.status
+    # faces that are open all the time have no picture, unless all of them are
+    always_open: list[str] = []
+    touching: list[str] = []
+    for name in states.frames:
+        share_open = status.share[status.rows(name), direction, 2]
+        if (share_open < 1.0).any():
+            touching.append(name)
+        else:
+            always_open.append(name)
+    shown = touching or always_open
     with plt.rc_context(STYLE):
-        touching = [
-            name for name in frames if (status.share[status.rows(name), direction, 2] < 1.0).any()
-        ]
-        shown = touching or list(frames)
-        columns = 1 if isinstance(result, PreloadState) else 2
         axes = new_axes(
-            COLUMN, 0.95 * len(shown) + 0.7, len(shown), columns, squeeze=False, sharex=False
+            COLUMN,
+            0.95 * len(shown) + 0.7,
+            len(shown),
+            1 if isinstance(result, PreloadState) else 2,
+            squeeze=False,
+            sharex=False,
         )
-        figure = axes[0, 0].figure
-        for (left, *others), name in zip(axes, shown):
-            _draw_map(left, status, name, frames[name], direction)
+        for (left, *over_time), name in zip(axes, shown):
+            _draw_map(left, status, name, states.frames[name], direction)
             left.set_aspect("auto")
             left.set_title(f"{name} face")
-            shares = np.zeros((3, len(time)))
-            for row in status.rows(name):
-                for start, end, state in status.parts[row][direction]:
-                    shares[state] += (time - start / (2.0 * np.pi)) % 1.0 < (end - start) / (
-                        2.0 * np.pi
-                    )
-            for right in others:
-                right.stackplot(
-                    time,
-                    100.0 * shares / shares.sum(axis=0),
-                    colors=STATUS_COLOURS,
-                    rasterized=True,
-                )
-                right.set(
-                    xlim=(0.0, 1.0), ylim=(0.0, 100.0), ylabel="Points (%)", xlabel="Time (periods)"
-                )
+            for right in over_time:
+                _draw_states_over_time(right, status, name, direction)
         plt.setp(axes[:-1], xlabel="")
-        away = [name for name in frames if name not in shown]
-        title += f"; always open: {', '.join(away)}" * bool(away)
+        title = states.title
+        if touching and always_open:
+            title += f"; always open: {', '.join(always_open)}"
+        figure = axes[0, 0].figure
         figure.suptitle(title, fontsize=plt.rcParams["axes.titlesize"])
         figure.legend(handles=_state_patches(), loc="outside lower center", ncols=3, fontsize=SMALL)
         finish(figure)
     return axes.ravel()
 
 
-def _states(
-    result: Any, study: Asking | Problem | None, point: int | None
-) -> tuple[ContactStatus, dict[str, NDArray], str]:  # fmt: skip
-    """Return the contact states of a solution, the axes of each face, and a title."""
-    if isinstance(result, PreloadState):
-        if result.points is None or result.frame is None:
-            raise BdamperError(
-                "plot_contacts: this static state has no contact faces; compute it with study.static"
-            )
-        whole = tuple(tuple(((0.0, 2.0 * np.pi, PLAIN[k]),) for k in row) for row in result.status)
-        status = ContactStatus(result.points, result.interface, whole)
-        frames = {
-            name: result.frame[status.rows(name)[0]] for name in dict.fromkeys(result.interface)
-        }
-        return status, frames, f"at rest under {amount(result.load, 'N')}"
-    validation.check(
-        study is not None,
-        "plot_contacts",
-        "the study of the result, result.plot_contacts(study)",
-        "none",
-    )
+def _draw_states_over_time(ax: Axes, status: ContactStatus, interface: str, direction: int) -> None:
+    """Plot the percentages of the points of a face in each state over the period."""
+    period = 2.0 * np.pi
+    time = (np.arange(360) + 0.5) / 360.0  # in periods
+    n_points = np.zeros((3, len(time)))
+    for row in status.rows(interface):
+        for start, end, state in status.parts[row][direction]:
+            since_start = (time - start / period) % 1.0
+            n_points[state] += since_start < (end - start) / period
+    percentage = 100.0 * n_points / n_points.sum(axis=0)
+    ax.stackplot(time, percentage, colors=STATUS_COLOURS, rasterized=True)
+    ax.set(xlim=(0.0, 1.0), ylim=(0.0, 100.0), ylabel="Points (%)", xlabel="Time (periods)")
+
+
+@dataclass(frozen=True)
+class _States:
+    """Contact states of a solution, the axes (3, 3) of each face, and a title."""
+
+    status: ContactStatus
+    frames: dict[str, NDArray]
+    title: str
+
+
+def _states_at_rest(state: PreloadState) -> _States:
+    if state.points is None or state.frame is None:
+        raise BdamperError(
+            "plot_contacts: this static state has no contact faces; compute it with study.static"
+        )
+    # the state of each point is constant over the period
+    parts = []
+    for directions in state.status:
+        parts.append(tuple(((0.0, 2.0 * np.pi, PLAIN[code]),) for code in directions))
+    status = ContactStatus(state.points, state.interface, tuple(parts))
+    frames = {name: state.frame[status.rows(name)[0]] for name in dict.fromkeys(state.interface)}
+    return _States(status, frames, f"at rest under {amount(state.load, 'N')}")
+
+
+def _states_of_vibration(result: Any, study: Asking | Problem | None, point: int | None) -> _States:
+    has_study = study is not None
+    expected = "the study of the result, result.plot_contacts(study)"
+    validation.check(has_study, "plot_contacts", expected, "none")
     problem = problem_of(cast(Any, study))
     check_result(problem, result)
     if isinstance(result, OptimalCurve):
@@ -287,19 +303,24 @@ def _states(
         check_curve(problem, result, "plot_contacts")
     if isinstance(result, Peak):
         check_peak(problem, result, "plot_contacts")
-        solution, preload, frequency = result.y[:-1], result.parameter, result.frequency
+        unknowns = result.y[:-1]
+        preload = result.parameter
+        frequency = result.frequency
     else:
-        i = (
-            result.peak_index
-            if isinstance(result, ResponseCurve)
-            else int(np.argmax(result.amplitude))
-        )
-        i = i if point is None else validation.integer("point", point, 0, len(result) - 1)
-        solution, preload, frequency = result.unknowns[i], result.preload, result.frequency[i]
-    status = contact_status(problem, solution, preload)
+        if point is not None:
+            row = validation.integer("point", point, 0, len(result) - 1)
+        elif isinstance(result, ResponseCurve):
+            row = result.peak_index
+        else:
+            row = int(np.argmax(result.amplitude))
+        unknowns = result.unknowns[row]
+        preload = result.preload
+        frequency = result.frequency[row]
+    status = contact_status(problem, unknowns, preload)
     faces = problem.coupling.model.interfaces
+    frames = {name: faces[name].frame[0] for name in dict.fromkeys(status.interface)}
     title = f"{amount(float(frequency), 'Hz')}, preload {amount(preload, 'N')}"
-    return status, {name: faces[name].frame[0] for name in dict.fromkeys(status.interface)}, title
+    return _States(status, frames, title)
 
 
 def plot_faces(
@@ -308,41 +329,25 @@ def plot_faces(
     label: str,
     titles: Sequence[str] = ("",),
 ) -> NDArray:
-    """Plot values on faces as coloured patches: a colour bar for each title, a column for each face.
+    """Plot values on faces as coloured patches, a colour bar for each title.
 
-    Without several titles the faces are in two columns.
+    Each face has a column.  Without several titles the faces are in two columns.
     """
-    n = len(faces)
-    columns = n if len(titles) > 1 else min(n, 2)
-    rows = len(titles) * -(-n // columns)
+    n_faces = len(faces)
+    columns = n_faces if len(titles) > 1 else min(n_faces, 2)
+    rows_of_title = -(-n_faces // columns)  # rounded up
+    rows = len(titles) * rows_of_title
+    height = 0.85 * rows + 0.4 + 0.4 * len(titles)
     with plt.rc_context(STYLE):
-        axes = new_axes(
-            COLUMN,
-            0.85 * rows + 0.4 + 0.4 * len(titles),
-            rows,
-            columns,
-            squeeze=False,
-            sharex=False,
-        )
+        axes = new_axes(COLUMN, height, rows, columns, squeeze=False, sharex=False)
         for row, (title, places) in enumerate(zip(titles, axes.reshape(len(titles), -1))):
-            block = values[row * n : (row + 1) * n]
-            low, high = (float(f(np.concatenate(block))) for f in (np.nanmin, np.nanmax))
-            high = (
-                high if high - low > 1e-9 * abs(high) else low + (abs(low) or 1e-6)
-            )  # equal up to rounding
-            for ax in places[n:]:
+            values_of_title = values[row * n_faces : (row + 1) * n_faces]
+            low, high = _colour_limits(values_of_title)
+            for ax in places[n_faces:]:
                 ax.set_axis_off()
-            for ax, (name, points, frame), value in zip(places, faces, block):
-                x, y, dx, dy = face_coordinates(points, frame[0])
-                corners = np.stack([y, x], axis=1)[:, None] + 0.48 * np.array(
-                    [(-dy, -dx), (dy, -dx), (dy, dx), (-dy, dx)]
-                )
-                patches = PolyCollection(
-                    list(corners), cmap="viridis", edgecolor="0.4", linewidth=0.3
-                )
-                patches.set(array=np.ma.masked_invalid(value), clim=(low, high))
-                ax.add_collection(patches)
-                _face_axes(ax, x, y, dx, dy)
+            for ax, (name, points, frame), value in zip(places, faces, values_of_title):
+                patches = _draw_patches(ax, points, frame[0], value)
+                patches.set_clim(low, high)
                 ax.set_title(f"{name}, {title}" if title else name)
             places[0].figure.colorbar(
                 patches, ax=places.tolist(), label=label, location="bottom", shrink=0.8, aspect=30.0
@@ -351,6 +356,28 @@ def plot_faces(
         plt.setp(axes[:, 1:], ylabel="")
         finish(axes[0, 0].figure)
     return axes.ravel()
+
+
+def _colour_limits(values: list[NDArray]) -> tuple[float, float]:
+    """Return the smallest and the largest value, apart if all values are equal up to rounding."""
+    together = np.concatenate(values)
+    low = float(np.nanmin(together))
+    high = float(np.nanmax(together))
+    if high - low > 1e-9 * abs(high):
+        return low, high
+    return low, low + (abs(low) or 1e-6)
+
+
+def _draw_patches(ax: Axes, points: NDArray, frame: NDArray, values: NDArray) -> PolyCollection:
+    """Draw a coloured rectangle for each point of a face."""
+    x, y, dx, dy = face_coordinates(points, frame)
+    centres = np.stack([y, x], axis=1)[:, None]
+    corners = centres + 0.48 * np.array([(-dy, -dx), (dy, -dx), (dy, dx), (-dy, dx)])
+    patches = PolyCollection(list(corners), cmap="viridis", edgecolor="0.4", linewidth=0.3)
+    patches.set_array(np.ma.masked_invalid(values))
+    ax.add_collection(patches)
+    _face_axes(ax, x, y, dx, dy)
+    return patches
 
 
 @picture(Peak, size=(COLUMN, 1.3), legend=None)
@@ -374,29 +401,41 @@ def plot_static(state: PreloadState, quantity: str = "pressure") -> NDArray:
         A result of a study.
     quantity : {"pressure", "gap", "friction"}
     """
-    pressure, points, frame, friction = state.pressure, state.points, state.frame, state.friction
+    pressure = state.pressure
+    points = state.points
+    frame = state.frame
+    friction = state.friction
     if pressure is None or points is None or frame is None or friction is None:
         raise BdamperError(
             "plot: this static state has no contact faces; compute it with study.static"
         )
     normal = state.force[:, 2]
-    closed, limit = normal > 0.0, (friction * normal)[:, None]
-    used = np.divide(
-        np.abs(state.force[:, :2]), limit, out=np.zeros((len(normal), 2)), where=limit > 0.0
-    ).max(axis=1)
+    closed = normal > 0.0
     choices = {
         "pressure": (np.where(closed, pressure, np.nan), label_of(PreloadState, "pressure")),
         "gap": (np.maximum(-state.closing, 0.0), "Gap (m)"),
-        "friction": (np.where(closed, used, np.nan), "Friction force / limit"),
+        "friction": (
+            np.where(closed, _used_friction(state.force, friction), np.nan),
+            "Friction force / limit",
+        ),
     }
-    value, label = choices[validation.choice("quantity", quantity, choices)]
-    value = value if np.isfinite(value).any() else np.zeros(len(value))
+    values, label = choices[validation.choice("quantity", quantity, choices)]
+    if not np.isfinite(values).any():
+        values = np.zeros(len(values))
     names = np.array(state.interface)
-    by_face = {
-        str(name): names == name for name in (names[friction > 0.0] if friction.any() else names)
-    }
-    faces = [(name, points[rows], frame[rows]) for name, rows in by_face.items()]
-    return plot_faces(faces, [value[rows] for rows in by_face.values()], label)
+    # faces without friction have no picture, unless all of them are
+    shown = names[friction > 0.0] if friction.any() else names
+    rows_of_face = {str(name): names == name for name in shown}
+    faces = [(name, points[rows], frame[rows]) for name, rows in rows_of_face.items()]
+    return plot_faces(faces, [values[rows] for rows in rows_of_face.values()], label)
+
+
+def _used_friction(force: NDArray, friction: NDArray) -> NDArray:
+    """Return the larger friction force of each point over its limit; 0 for a limit of 0."""
+    limit = (friction * force[:, 2])[:, None]
+    unused = np.zeros((len(force), 2))
+    used = np.divide(np.abs(force[:, :2]), limit, out=unused, where=limit > 0.0)
+    return used.max(axis=1)
 
 
 # ---- Cycles ----
@@ -408,10 +447,13 @@ OF_WHOLE = {"xlabel": "Response (m)", "ylabel": "Equivalent force of all contact
 
 def _name(result: Hysteresis, where: int | str) -> str:
     """Return the name of a contact point (face and number within it) or of a face."""
+    if where == WHOLE:
+        return "all contacts"
     if isinstance(where, str):
-        return f"{where} face" if where != WHOLE else "all contacts"
+        return f"{where} face"
     face = result.interface[where]
-    return f"{face} face, point {where - int(result.rows(face)[0]) + 1}"
+    first = int(result.rows(face)[0])
+    return f"{face} face, point {where - first + 1}"
 
 
 @picture(Hysteresis, "loops")
@@ -436,28 +478,27 @@ def plot_loops(
     places = [where] if isinstance(where, (int, np.integer, str)) else list(where)
     if not places or (WHOLE in places and len(places) > 1):
         raise validation.invalid("where", f'contact points and faces, or "{WHOLE}" alone', where)
-    whole = places == [WHOLE]
-    energy: dict[Any, float] = {
-        WHOLE: result.lost,
-        **result.by_interface,
-        **dict(enumerate(result.energy)),
-    }
+    of_whole = places == [WHOLE]
+    energy: dict[Any, float] = {WHOLE: result.lost}
+    energy |= result.by_interface
+    energy |= dict(enumerate(result.energy))
     for place, look in zip(places, looks(len(places))):
-        name = _name(result, place)
-        if direction != "n" or whole:
-            name += (
-                f",\n{amount(energy[place], 'J')} per cycle{'' if whole else ' in all directions'}"
-            )
-        ax.plot(*result.loop(place, direction), **{**look, "marker": "", "label": name})
-    where_text = f"{NAMES[direction]}{'' if len(places) > 1 else f', {_name(result, places[0])}'}"
-    ax.set(
-        **OF_WHOLE
-        if whole
-        else {"xlabel": f"Motion {where_text} (m)", "ylabel": f"Force {where_text} (N)"}
-    )
-    ax.set_title(
-        f"Friction over a cycle at {result.frequency:.4g} Hz, preload {amount(result.preload, 'N')}"
-    )
+        label = _name(result, place)
+        # friction does no work along the normal
+        if of_whole:
+            label += f",\n{amount(energy[place], 'J')} per cycle"
+        elif direction != "n":
+            label += f",\n{amount(energy[place], 'J')} per cycle in all directions"
+        ax.plot(*result.loop(place, direction), **{**look, "marker": "", "label": label})
+    if of_whole:
+        ax.set(**OF_WHOLE)
+    else:
+        where_text = NAMES[direction]
+        if len(places) == 1:
+            where_text += f", {_name(result, places[0])}"
+        ax.set(xlabel=f"Motion {where_text} (m)", ylabel=f"Force {where_text} (N)")
+    preload = amount(result.preload, "N")
+    ax.set_title(f"Friction over a cycle at {result.frequency:.4g} Hz, preload {preload}")
 
 
 @picture(Hysteresis, "history", size=(COLUMN, 3.3), rows=2)
@@ -470,20 +511,21 @@ def plot_history(result: Hysteresis, where: int, ax: NDArray = NEW) -> None:
     where : int
         Index of the point.
     """
-    i = validation.integer("where, index of a contact point", where, 0, len(result.points) - 1)
+    row = validation.integer("where, index of a contact point", where, 0, len(result.points) - 1)
     time = result.theta / (2.0 * np.pi)
-    for k, (name, look) in enumerate(zip(AXES, looks(4))):
-        look["marker"] = ""
-        ax[0].plot(time, result.force[i, k], **look, label=NAMES[name])
+    forces, motions = ax
+    *of_directions, of_gap = [{**look, "marker": ""} for look in looks(4)]
+    for k, (name, look) in enumerate(zip(AXES, of_directions)):
+        forces.plot(time, result.force[row, k], **look, label=NAMES[name])
         if name != "n":
-            ax[1].plot(time, result.loop(i, name)[0], **look, label=NAMES[name])
-        elif result.gap[i].max() > 0.0:
-            ax[1].plot(time, result.gap[i], **looks(4)[3] | {"marker": ""}, label="gap")
-    ax[0].set(ylabel="Contact force (N)", xlim=(0.0, 1.0))
-    ax[0].set_title(
-        f"{_name(result, i)}, {result.frequency:.5g} Hz, preload {amount(result.preload, 'N')}"
-    )
-    ax[1].set(ylabel="Motion and gap (m)", xlabel="Time (periods)")
+            motion, _ = result.loop(row, name)
+            motions.plot(time, motion, **look, label=NAMES[name])
+    if result.gap[row].max() > 0.0:
+        motions.plot(time, result.gap[row], **of_gap, label="gap")
+    forces.set(ylabel="Contact force (N)", xlim=(0.0, 1.0))
+    preload = amount(result.preload, "N")
+    forces.set_title(f"{_name(result, row)}, {result.frequency:.5g} Hz, preload {preload}")
+    motions.set(ylabel="Motion and gap (m)", xlabel="Time (periods)")
 
 
 @register_plot(Hysteresis, "energy")
@@ -491,12 +533,16 @@ def plot_energy(result: Hysteresis) -> NDArray:
     """Plot the energy dissipated per cycle and area on the faces with dissipation."""
     density = np.maximum(result.energy, 0.0) / result.area
     least = 1e-9 * float(density.max(initial=0.0))
-    names = [name for name in result.interfaces if (density[result.rows(name)] > least).any()]
-    if not names:
+    faces = []
+    values = []
+    for name in result.interfaces:
+        rows = result.rows(name)
+        if (density[rows] > least).any():
+            faces.append((f"{name} face", result.points[rows], result.frame[rows]))
+            values.append(density[rows])
+    if not faces:
         raise SettingError("energy: no contact point dissipates energy, since nothing slips")
-    rows = [result.rows(name) for name in names]
-    faces = [(f"{name} face", result.points[r], result.frame[r]) for name, r in zip(names, rows)]
-    return plot_faces(faces, [density[r] for r in rows], "Energy per cycle (J/m$^2$)")
+    return plot_faces(faces, values, "Energy per cycle (J/m$^2$)")
 
 
 @picture(Hysteresis, "dissipation", size=(COLUMN, 4.8), rows=3)
@@ -511,23 +557,26 @@ def plot_dissipation(result: Hysteresis, ax: NDArray = NEW, *, over: str = "ampl
     over : {"amplitude", "frequency", "preload"}
     """
     validation.choice("over", over, ("amplitude", "frequency", "preload"))
-    for axes, name in zip(ax, ("stiffness", "damping_ratio")):
-        draw_table(axes, result, over, name)
-        axes.set_xlabel("")
-    energy = ax[2]
+    stiffness, damping, energy = ax
+    draw_table(stiffness, result, over, "stiffness")
+    stiffness.set_xlabel("")
+    draw_table(damping, result, over, "damping_ratio")
+    damping.set_xlabel("")
     energy.set(ylabel="Energy per cycle (J)", yscale="log")
     draw_table(
         energy, result, over, "excitation", color="0.7", marker="", label="work of the excitation"
     )
-    faces = {
-        name: e for name, e in result.by_interface.items() if (e > 1e-9 * result.lost.max()).any()
+    least = 1e-9 * result.lost.max()
+    lost_by_face = {
+        name: lost for name, lost in result.by_interface.items() if (lost > least).any()
     }
-    for (name, lost), look in zip(faces.items(), looks(len(faces))):
+    for (name, lost), look in zip(lost_by_face.items(), looks(len(lost_by_face))):
         look |= {
             "markevery": max(1, len(lost) // 12),
             "linestyle": "-",
             "label": f"friction of the {name} face",
         }
+        # drawn as a column of the same table
         draw_table(energy, replace(result, excitation=lost), over, "excitation", **look)
     draw_table(
         energy,
@@ -548,4 +597,6 @@ def plot_hysteresis(result: Hysteresis, *arguments: Any, **options: Any) -> Any:
 
     See :func:`plot_loops` and :func:`plot_dissipation`.
     """
-    return (plot_loops if result.single else plot_dissipation)(result, *arguments, **options)
+    if result.single:
+        return plot_loops(result, *arguments, **options)
+    return plot_dissipation(result, *arguments, **options)

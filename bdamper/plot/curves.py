@@ -57,66 +57,75 @@ from bdamper.util.tables import axis_label as label_of
 
 ALIKE = 0.9
 """Ratio of the two limits above which one line represents both."""
+MOST_IN_LEGEND = 5
+"""Largest number of curves with a legend; more curves have a colour bar."""
 SHOWN = ("amplitude", "shift")
 """Quantities of the plots of an optimal curve."""
-FREQUENCY, AMPLITUDE, PRELOAD = (
-    label_of(Hysteresis, name) for name in ("frequency", "amplitude", "preload")
-)
+FREQUENCY = label_of(Hysteresis, "frequency")
+AMPLITUDE = label_of(Hysteresis, "amplitude")
+PRELOAD = label_of(Hysteresis, "preload")
+NO_GAP, NO_PEAK_GAP, INCOMPLETE_GAP, NOT_STEADY_GAP = range(4)
+"""Reasons why a preload has no value."""
 
 
 def amplitude_label(*results: ResponseCurve | OptimalCurve) -> str:
     """Return the axis label of the amplitude, with the response location that all results share."""
-    locations = {
-        r.settings["response"]["location"] if "response" in r.settings else None for r in results
-    }
+    locations = set()
+    for result in results:
+        response = result.settings.get("response")
+        locations.add(None if response is None else response["location"])
     location = locations.pop() if len(locations) == 1 else None
-    return (
-        AMPLITUDE
-        if location is None
-        else f"{location.replace('_', ' ').capitalize()} amplitude (m)"
-    )
+    if location is None:
+        return AMPLITUDE
+    return f"{location.replace('_', ' ').capitalize()} amplitude (m)"
 
 
 def _draw_tracking(
     ax: Axes, curve: ResponseCurve, look: Mapping[str, Any], label: str | None
 ) -> None:
+    """Draw a response curve or a run-up, and mark its highest point."""
     colour = look["color"]
-    f, a = curve.frequency if curve.speed is None else curve.speed * RPM, curve.amplitude
+    x = curve.frequency if curve.speed is None else curve.speed * RPM
+    amplitude = curve.amplitude
     unstable = unstable_points(curve)
     if curve.blades is not None:
-        ax.plot(*broken(curve.branch, f, np.abs(curve.blades[..., 1])), color="0.75", linewidth=0.5)
-    for b in np.unique(curve.branch):
-        where = np.flatnonzero(curve.branch == b)
-        for first, last in runs(unstable[where]):
-            part = where[first : last + 2]  # connected to the next stretch
-            if unstable[
-                part[0]
-            ]:  # a pale line below, so that a stretch shorter than a dash remains visible
-                ax.plot(f[part], a[part], color=colour, alpha=0.3)
-            ax.plot(f[part], a[part], **{**look, "linestyle": DASHED if unstable[part[0]] else "-"})
-    if len(curve):  # filled at a peak, open at the end of a computed part
-        bound = bool(curve.may_be_higher)
-        face = "w" if bound or _only_highest(curve) else colour
-        mark, name = look["marker"] or "o", once(ax, "lower bound") if bound else None
+        of_blades = np.abs(curve.blades[..., 1])
+        ax.plot(*broken(curve.branch, x, of_blades), color="0.75", linewidth=0.5)
+    for branch in np.unique(curve.branch):
+        rows = np.flatnonzero(curve.branch == branch)
+        for first, last in runs(unstable[rows]):
+            # connected to the next stretch
+            stretch = rows[first : last + 2]
+            is_unstable = unstable[stretch[0]]
+            if is_unstable:
+                # a pale line below, so that a stretch shorter than a dash remains visible
+                ax.plot(x[stretch], amplitude[stretch], color=colour, alpha=0.3)
+            style = {**look, "linestyle": DASHED if is_unstable else "-"}
+            ax.plot(x[stretch], amplitude[stretch], **style)
+    if len(curve):
+        is_bound = bool(curve.may_be_higher)
+        # filled at a peak, open at the end of a computed part
+        is_open = is_bound or _only_highest(curve)
         ax.plot(
-            f[curve.peak_index],
+            x[curve.peak_index],
             curve.peak.amplitude,
-            mark,
+            look["marker"] or "o",
             color=colour,
             markersize=5.0,
-            markerfacecolor=face,
-            label=name,
+            markerfacecolor="w" if is_open else colour,
+            label=once(ax, "lower bound") if is_bound else None,
         )
     ax.plot([], [], **{**look, "linestyle": "-"}, label=label)
 
 
 def _only_highest(curve: ResponseCurve) -> bool:
     """Return whether the highest point ends a computed part, so that a higher one may exist."""
-    f = curve.peak.frequency
-    edge = 1e-6 * f  # largest distance of a point at the edge of a part
-    return curve.peak_at_end or any(
-        part.low - edge <= f <= part.high + edge for part in curve.missing_ranges
-    )
+    if curve.peak_at_end:
+        return True
+    frequency = curve.peak.frequency
+    # largest distance of a point at the edge of a part
+    edge = 1e-6 * frequency
+    return any(part.low - edge <= frequency <= part.high + edge for part in curve.missing_ranges)
 
 
 @picture()
@@ -132,33 +141,33 @@ def plot_curves(
     labels : sequence of str, optional
         One label for each response curve; the preload by default.
     """
-    validation.check_value(
-        isinstance(curves, Iterable),
-        "curves",
-        "a sequence of ResponseCurve (plot_curve draws one)",
-        curves,
-    )
+    expected = "a sequence of ResponseCurve (plot_curve draws one)"
+    validation.check_value(isinstance(curves, Iterable), "curves", expected, curves)
     curves = tuple(curves)
-    tracking = [
-        c for c in curves if validation.instance("curves", c, ResponseCurve).kind not in LIMITS
-    ]
+    for curve in curves:
+        validation.instance("curves", curve, ResponseCurve)
+    tracking = [curve for curve in curves if curve.kind not in LIMITS]
     if labels is not None and (isinstance(labels, str) or len(labels) != len(tracking)):
-        raise validation.invalid(
-            "labels", f"{len(tracking)} texts, one for each response curve", labels
-        )
+        expected = f"{len(tracking)} texts, one for each response curve"
+        raise validation.invalid("labels", expected, labels)
     for curve in curves:
         if curve.kind in LIMITS and len(curve):
             limit_line(ax, curve.kind, curve.frequency, curve.amplitude, curve.peak.frequency)
-    most_in_legend = 5  # more curves have a colour bar
-    many = labels is None and len(tracking) > most_in_legend
-    plain = many or len(tracking) == 1
+
+    has_colour_bar = labels is None and len(tracking) > MOST_IN_LEGEND
+    without_markers = has_colour_bar or len(tracking) == 1
     for i, (curve, look) in enumerate(zip(tracking, looks(len(tracking)))):
-        look |= {"marker": "", "markevery": 0.1} if plain else {"markevery": (0.03 * i, 0.15)}
-        preload = f"preload {amount(curve.preload, 'N')}"
-        default = (
-            preload if curve.speed is None else f"engine order {curve.settings['engine_order']}"
-        )
-        _draw_tracking(ax, curve, look, None if many else default if labels is None else labels[i])
+        if without_markers:
+            look |= {"marker": "", "markevery": 0.1}
+        else:
+            # markers of different curves lie at different places
+            look["markevery"] = (0.03 * i, 0.15)
+        label = None
+        if labels is not None:
+            label = labels[i]
+        elif not has_colour_bar:
+            label = _default_label(curve)
+        _draw_tracking(ax, curve, look, label)
         for part in curve.missing_ranges:
             ax.axvspan(
                 part.low,
@@ -168,23 +177,48 @@ def plot_curves(
                 linewidth=0.6,
                 label=once(ax, "not computed"),
             )
-    labels_of = (label for c in tracking for label in c.labels[unstable_points(c)])
-    dashed = {label.partition(" with")[0] or "unstable" for label in labels_of}
-    if dashed:
-        ax.plot([], [], color="k", linestyle=DASHED, label=" or ".join(sorted(dashed)))
-    if any(len(c) and _only_highest(c) for c in tracking):
-        ax.plot([], [], "o", color="k", markersize=5.0, markerfacecolor="w", markeredgewidth=0.6,
-                label="highest computed point")  # fmt: skip
-    over = FREQUENCY if all(curve.speed is None for curve in curves) else SPEED
-    ax.set(xlabel=over, ylabel=amplitude_label(*curves), yscale="log")
-    if not any(map(len, curves)):
+
+    _explain_marks(ax, tracking)
+    over_frequency = all(curve.speed is None for curve in curves)
+    ax.set(
+        xlabel=FREQUENCY if over_frequency else SPEED,
+        ylabel=amplitude_label(*curves),
+        yscale="log",
+    )
+    if not any(len(curve) for curve in curves):
         note(ax, " ".join(curve._headline() for curve in curves))
-    if many:
+    if has_colour_bar:
         preloads = [curve.preload for curve in tracking]
-        bar = plt.cm.ScalarMappable(
-            LogNorm(min(preloads), max(preloads)), ListedColormap(colours(256))
-        )
+        scale = LogNorm(min(preloads), max(preloads))
+        bar = plt.cm.ScalarMappable(scale, ListedColormap(colours(256)))
         ax.figure.colorbar(bar, ax=ax, label=PRELOAD)
+
+
+def _default_label(curve: ResponseCurve) -> str:
+    if curve.speed is None:
+        return f"preload {amount(curve.preload, 'N')}"
+    return f"engine order {curve.settings['engine_order']}"
+
+
+def _explain_marks(ax: Axes, tracking: Sequence[ResponseCurve]) -> None:
+    """Add dashed lines and open points to the legend if a curve has them."""
+    kinds = set()
+    for curve in tracking:
+        for label in curve.labels[unstable_points(curve)]:
+            kinds.add(label.partition(" with")[0] or "unstable")
+    if kinds:
+        ax.plot([], [], color="k", linestyle=DASHED, label=" or ".join(sorted(kinds)))
+    if any(len(curve) and _only_highest(curve) for curve in tracking):
+        ax.plot(
+            [],
+            [],
+            "o",
+            color="k",
+            markersize=5.0,
+            markerfacecolor="w",
+            markeredgewidth=0.6,
+            label="highest computed point",
+        )
 
 
 @register_plot(ResponseCurve)
@@ -228,17 +262,22 @@ def plot_band(
     """
     _, frequency, amplitude = band(curve, found, deviations)
     names = "\n".join(spaced(name) for name in deviations)
-    for b in np.unique(curve.branch):
-        known = (curve.branch == b) & np.isfinite(frequency).all(axis=1)
-        f, a = frequency[known], amplitude[known]
-        edge = [np.concatenate([x[:, 0], x[::-1, 1]]) for x in (f, a)]
+    is_known = np.isfinite(frequency).all(axis=1)
+    for branch in np.unique(curve.branch):
+        rows = (curve.branch == branch) & is_known
         ax.fill(
-            *edge,
+            _around(frequency[rows]),
+            _around(amplitude[rows]),
             color="0.8",
             linewidth=0.0,
             label=once(ax, f"two standard deviations of\n{names}"),
         )
     plot_curves([curve], ax)
+
+
+def _around(ends: NDArray) -> NDArray:
+    """Return the outline of a band (n, 2): along its first edge, and back along the second one."""
+    return np.concatenate([ends[:, 0], ends[::-1, 1]])
 
 
 @picture(Measurement)
@@ -260,17 +299,20 @@ def plot_measurement(
     SettingError
         If the unit is not a unit of displacement, velocity or acceleration, and no scale is given.
     """
-    size = (
-        np.abs(measurement.displacement) if scale is None else float(scale) * measurement.amplitude
-    )
+    if scale is None:
+        amplitude = np.abs(measurement.displacement)
+    else:
+        amplitude = float(scale) * measurement.amplitude
     look = {
         "linestyle": "none",
         "marker": "o",
         "markersize": 3.0,
         "markerfacecolor": "none",
         "color": "0.3",
+        "label": measurement.name,
+        **style,
     }
-    ax.plot(measurement.frequency, size, **{**look, "label": measurement.name, **style})
+    ax.plot(measurement.frequency, amplitude, **look)
     if not ax.get_ylabel():
         ax.set(xlabel=FREQUENCY, ylabel=AMPLITUDE)
 
@@ -297,17 +339,21 @@ def plot_optimal(
     Notes
     -----
     Dotted lines connect different resonances.  A filled star is a verified optimum, an open star
-    the least known value. By harmonic balance the amplitude of the shaded preloads is at most a
+    the least known value.  By harmonic balance the amplitude of the shaded preloads is at most a
     fifth higher.  Hatched preloads have no value; open triangles there are lower bounds.  A bar at
     the optimum is the range of its peak with more harmonics.  Diamonds with bars are means and
     ranges in time.  Triangles to the left and to the right are clearly higher amplitudes with lower
     and higher friction coefficients.
     """
-    shown = SHOWN if ax is None else (validation.choice("quantity", quantity, SHOWN),)
-    given = new_axes(height=3.5, rows=2, height_ratios=(1.8, 1.0)) if ax is None else ax
-    with drawing(given, title=title, legend=SMALL, rows=len(shown)) as axes:
-        for each, name in zip(np.ravel(axes), shown):
-            _draw_optimal(each, result, name)
+    if ax is None:
+        shown: tuple[str, ...] = SHOWN
+        chosen = new_axes(height=3.5, rows=2, height_ratios=(1.8, 1.0))
+    else:
+        shown = (validation.choice("quantity", quantity, SHOWN),)
+        chosen = ax
+    with drawing(chosen, title=title, legend=SMALL, rows=len(shown)) as axes:
+        for one, name in zip(np.ravel(axes), shown):
+            _draw_optimal(one, result, name)
         np.ravel(axes)[-1].set_xlabel(PRELOAD)
     return cast(Axes | NDArray, axes)
 
@@ -316,27 +362,34 @@ def _draw_optimal(ax: Axes, result: OptimalCurve, quantity: str) -> None:
     """Plot amplitude or frequency shift over the preload in one axes."""
     preload, values, goes_on = with_optimum(result, quantity)
     ax.set(xscale="log", ylabel="Frequency shift (%)")
-    for first, last in runs(np.cumsum(~goes_on)):
+    branch = np.cumsum(~goes_on)
+    for first, last in runs(branch):
         part = slice(first, last + 1)
         ax.plot(preload[part], values[part], ".-", color="0.1", markersize=4.0)
-    for k in np.flatnonzero(
-        ~goes_on[1:]
-    ):  # another resonance becomes the highest, or one was not found
+    # another resonance becomes the highest, or one was not found
+    for k in np.flatnonzero(~goes_on[1:]):
         ax.plot(preload[k : k + 2], values[k : k + 2], ":", color="0.1", linewidth=0.8)
     if quantity == "shift":
         if not np.isfinite(values).any():
             note(ax, "no frequency shift: no peak or no free resonance is known", empty=True)
         return
-    levels = {name: getattr(result, name).amplitude for name in LIMITS}
-    if min(levels.values()) > ALIKE * max(levels.values()):
-        levels = {"free or stuck": max(levels.values())}
-    for name, level in levels.items():
-        at = result.preload[-2 if name == "free" else max(1, len(result) // 6)]
-        limit_line(ax, name, result.preload, np.full(len(result), level), at)
+    _draw_limits(ax, result)
     _mark_gaps(ax, result)
     _mark_checks(ax, result)
     _mark_optimum(ax, result)
     ax.set(yscale="log", ylabel=amplitude_label(result))
+
+
+def _draw_limits(ax: Axes, result: OptimalCurve) -> None:
+    """Draw the amplitudes of both limits, as one line if they are nearly equal."""
+    levels = {"free": result.free.amplitude, "stuck": result.stuck.amplitude}
+    if min(levels.values()) > ALIKE * max(levels.values()):
+        levels = {"free or stuck": max(levels.values())}
+    for name, level in levels.items():
+        # names at different ends of the range
+        row = -2 if name == "free" else max(1, len(result) // 6)
+        amplitude = np.full(len(result), level)
+        limit_line(ax, name, result.preload, amplitude, result.preload[row])
 
 
 def with_optimum(
@@ -346,16 +399,21 @@ def with_optimum(
 
     Files of version 0.10 and older do not have the optimum in their table; it is inserted.
     """
-    o, values, best = result.optimum, result.amplitude, result.optimum.amplitude
+    optimum = result.optimum
     if quantity == "shift":
-        values, best = result.shift_percent, 100.0 * (o.frequency / result.free.frequency - 1.0)
-    k = int(np.searchsorted(result.preload, o.preload))
-    if not 0 < k < len(result) or o.preload in result.preload:
+        values = result.shift_percent
+        at_optimum = 100.0 * (optimum.frequency / result.free.frequency - 1.0)
+    else:
+        values = result.amplitude
+        at_optimum = optimum.amplitude
+    row = int(np.searchsorted(result.preload, optimum.preload))
+    is_within = 0 < row < len(result)
+    if not is_within or optimum.preload in result.preload:
         return result.preload, values, result.goes_on
     return (
-        np.insert(result.preload, k, o.preload),
-        np.insert(values, k, best),
-        np.insert(result.goes_on, k, True),
+        np.insert(result.preload, row, optimum.preload),
+        np.insert(values, row, at_optimum),
+        np.insert(result.goes_on, row, True),
     )
 
 
@@ -364,83 +422,157 @@ def _mark_checks(ax: Axes, result: OptimalCurve) -> None:
     for response in result.time_response:
         if np.isfinite(response.mean):
             mark_time_response(response, ax, response.preload)
-    if k := result.optimum_in_time:
+    in_time = result.optimum_in_time
+    if in_time:
         ax.plot(
-            k.preload, k.mean, "D", color=IN_TIME, markersize=4.5, zorder=6.0, label="least in time"
+            in_time.preload,
+            in_time.mean,
+            "D",
+            color=IN_TIME,
+            markersize=4.5,
+            zorder=6.0,
+            label="least in time",
         )
     for marker, peak in zip("<>", result.other_friction[1:]):
-        name = f"{peak.factor:g} times the friction"
-        visible = NEAR_BEST * result.other_friction[0].amplitude < peak.amplitude < np.inf
-        if visible:  # others would lie on the star
-            ax.plot(peak.preload, peak.amplitude, marker, color="0.35", markersize=4.5, label=name)
-    if result.convergence is not None and len(result.convergence.peaks) > 1:
-        low, high = result.convergence.range
-        ax.errorbar(result.convergence.preload, low, [[0.0], [high - low]], fmt="none", ecolor="0.35", elinewidth=1.0,
-                    capsize=2.5, label="range with more harmonics")  # fmt: skip
+        nominal = result.other_friction[0]
+        # others would lie on the star
+        if NEAR_BEST * nominal.amplitude < peak.amplitude < np.inf:
+            ax.plot(
+                peak.preload,
+                peak.amplitude,
+                marker,
+                color="0.35",
+                markersize=4.5,
+                label=f"{peak.factor:g} times the friction",
+            )
+    convergence = result.convergence
+    if convergence is not None and len(convergence.peaks) > 1:
+        low, high = convergence.range
+        ax.errorbar(
+            convergence.preload,
+            low,
+            [[0.0], [high - low]],
+            fmt="none",
+            ecolor="0.35",
+            elinewidth=1.0,
+            capsize=2.5,
+            label="range with more harmonics",
+        )
 
 
 def _mark_optimum(ax: Axes, result: OptimalCurve) -> None:
     """Mark the optimum with a star and a label, and shade the preloads that are nearly as good."""
-    o = result.optimum
-    if not np.isfinite(o.preload):
+    optimum = result.optimum
+    if not np.isfinite(optimum.preload):
         note(ax, result._headline())
         return
-    ends = {
-        "end": "least at the end of the range",
-        "edge": "least at the limit of steady responses",
-    }
-    name = {**ends, "jump": "optimum at a jump"}.get(o.kind, "optimum")
-    name = name if o.verified else (name if o.kind in ends else "least value") + ", not verified"
-    fill = OPTIMUM if o.verified else "w"
+    fill = OPTIMUM if optimum.verified else "w"
     ax.plot(
-        o.preload, o.amplitude, "*", color=OPTIMUM, markersize=9.0, markerfacecolor=fill, zorder=7.0
+        optimum.preload,
+        optimum.amplitude,
+        "*",
+        color=OPTIMUM,
+        markersize=9.0,
+        markerfacecolor=fill,
+        zorder=7.0,
     )
     within = f"at most {percent(NEAR_BEST - 1.0)} higher by harmonic balance"
     ax.axvspan(*result.near_best, color=OPTIMUM, alpha=0.1, linewidth=0.0, label=within)
     ax.margins(y=0.25)  # for the name
-    lines = [f"{name}: {amount(o.preload, 'N')}, {amount(o.amplitude, 'm')}"]
-    if k := result.optimum_in_time:
-        lines.append(f"in time: {amount(k.preload, 'N')}, {amount(k.largest, 'm')}")
-    lines += [f"not for design: {counted(len(result.failures), 'check')} failed"] * bool(
-        result.failures
-    )
-    name_point(
-        ax, "\n".join(wrapped(line, 32) for line in lines), (o.preload, o.amplitude), color=OPTIMUM
-    )
+    text = "\n".join(wrapped(line, 32) for line in _lines_of_optimum(result))
+    name_point(ax, text, (optimum.preload, optimum.amplitude), color=OPTIMUM)
+
+
+def _lines_of_optimum(result: OptimalCurve) -> list[str]:
+    """Return the name of the optimum with its numbers and failed checks."""
+    optimum = result.optimum
+    kinds_at_an_end = {
+        "end": "least at the end of the range",
+        "edge": "least at the limit of steady responses",
+    }
+    if optimum.kind in kinds_at_an_end:
+        name = kinds_at_an_end[optimum.kind]
+    elif not optimum.verified:
+        name = "least value"
+    elif optimum.kind == "jump":
+        name = "optimum at a jump"
+    else:
+        name = "optimum"
+    if not optimum.verified:
+        name += ", not verified"
+    lines = [f"{name}: {amount(optimum.preload, 'N')}, {amount(optimum.amplitude, 'm')}"]
+    in_time = result.optimum_in_time
+    if in_time:
+        lines.append(f"in time: {amount(in_time.preload, 'N')}, {amount(in_time.largest, 'm')}")
+    if result.failures:
+        lines.append(f"not for design: {counted(len(result.failures), 'check')} failed")
+    return lines
 
 
 def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
     """Hatch preloads without a value, halfway to their neighbours, and mark lower bounds."""
-    x, missing = np.log(result.preload), ~np.isfinite(result.amplitude)
+    missing = ~np.isfinite(result.amplitude)
     if not missing.any():
         return
+    # on the logarithmic axis, the midpoints between preloads and the ends of the range
+    x = np.log(result.preload)
     edges = np.exp(np.concatenate([x[:1], 0.5 * (x[1:] + x[:-1]), x[-1:]]))
-    kind = np.where(missing, np.where(np.isnan(result.lower_bound), 1, 2), 0)
-    kind[missing & (result.preload <= result.lowest_steady_preload)] = 3
-    reasons = {1: ("////", "no value: no peak found"), 2: ("....", "no value: curve incomplete"),
-               3: ("xxxx", f"{NO_STEADY} up to {amount(result.lowest_steady_preload, 'N')}")}  # fmt: skip
-    for first, last in runs(kind):
-        if missing[first]:
-            hatch, reason = reasons[int(kind[first])]
-            look: dict[str, Any] = {
-                "facecolor": "none",
-                "edgecolor": "0.75",
-                "linewidth": 0.0,
-                "zorder": 0,
-            }
-            ax.axvspan(edges[first], edges[last + 1], hatch=hatch, label=once(ax, reason), **look)
+    not_steady = missing & (result.preload <= result.lowest_steady_preload)
+    no_peak = missing & np.isnan(result.lower_bound)
+    gap = np.where(missing, INCOMPLETE_GAP, NO_GAP)
+    gap[no_peak] = NO_PEAK_GAP
+    gap[not_steady] = NOT_STEADY_GAP
+    hatches = {NO_PEAK_GAP: "////", INCOMPLETE_GAP: "....", NOT_STEADY_GAP: "xxxx"}
+    reasons = {
+        NO_PEAK_GAP: "no value: no peak found",
+        INCOMPLETE_GAP: "no value: curve incomplete",
+        NOT_STEADY_GAP: f"{NO_STEADY} up to {amount(result.lowest_steady_preload, 'N')}",
+    }
+    for first, last in runs(gap):
+        if not missing[first]:
+            continue
+        kind = int(gap[first])
+        ax.axvspan(
+            edges[first],
+            edges[last + 1],
+            hatch=hatches[kind],
+            label=once(ax, reasons[kind]),
+            facecolor="none",
+            edgecolor="0.75",
+            linewidth=0.0,
+            zorder=0,
+        )
     if np.isfinite(result.lower_bound).any():
-        look = {"color": "0.4", "markersize": 4.0, "markerfacecolor": "w"}
-        ax.plot(result.preload, result.lower_bound, "^", label="lower bound", **look)
+        ax.plot(
+            result.preload,
+            result.lower_bound,
+            "^",
+            label="lower bound",
+            color="0.4",
+            markersize=4.0,
+            markerfacecolor="w",
+        )
 
 
 @picture(TimeResponse, "mark")
 def mark_time_response(time_response: TimeResponse, ax: Axes, x: float | None = None) -> None:
     """Mark mean and range of the highest blade in time by a bar, by default at its frequency."""
-    mean, name = time_response.mean, "highest blade in time, and range"
-    ends = [[mean - time_response.lowest], [time_response.largest - mean]]
-    ax.errorbar(time_response.frequency if x is None else x, mean, ends, fmt="D", color=IN_TIME, markerfacecolor="w",
-                markersize=4.5, capsize=3.0, linewidth=1.2, zorder=5.0, label=once(ax, name))  # fmt: skip
+    mean = time_response.mean
+    below = mean - time_response.lowest
+    above = time_response.largest - mean
+    ax.errorbar(
+        time_response.frequency if x is None else x,
+        mean,
+        [[below], [above]],
+        fmt="D",
+        color=IN_TIME,
+        markerfacecolor="w",
+        markersize=4.5,
+        capsize=3.0,
+        linewidth=1.2,
+        zorder=5.0,
+        label=once(ax, "highest blade in time, and range"),
+    )
 
 
 @picture(TimeSweep)
@@ -453,14 +585,17 @@ def plot_frequency_sweep(
     """
     if not ax.has_data():
         ax.set_title(f"{abs(sweep.rate):.3g} Hz/s, preload {amount(sweep.preload, 'N')}")
-    look = {
+    direction = "up" if sweep.up else "down"
+    line = {
+        "color": IN_TIME,
+        "linewidth": 0.7,
         "marker": "^" if sweep.up else "v",
         "markevery": 0.12,
         "markersize": 3.0,
         "markerfacecolor": "w",
+        **style,
     }
-    line = {"color": IN_TIME, "linewidth": 0.7, **look, **style}
-    label = label or f"sweep {'up' if sweep.up else 'down'} in time"
+    label = label or f"sweep {direction} in time"
     draw_table(ax, sweep, "frequency", "amplitude", label=label, **line)
 
 
@@ -479,43 +614,47 @@ def plot_response_map(result: OptimalCurve, ax: Axes = NEW) -> None:
         Optimal curve with its response curves.
     """
     curves = [curve for curve in result.curves if len(curve)]
-    validation.check(
-        len(curves) >= 2, "result", "an optimal curve with two or more curves", len(curves)
-    )
+    expected = "an optimal curve with two or more curves"
+    validation.check(len(curves) >= 2, "result", expected, len(curves))
     low, high = result.settings["frequency"]
-    columns = 400  # so that a column of the map is narrower than a pixel of a printed page
-    frequency = np.linspace(low, high, columns)
-    values, counts = zip(
-        *(highest_on(frequency, c.frequency, c.amplitude[:, None], c.branch) for c in curves)
-    )
-    height, count = np.array(values)[..., 0], np.array(counts)
+    n_columns = 400  # so that a column of the map is narrower than a pixel of a printed page
+    frequency = np.linspace(low, high, n_columns)
+    amplitude = np.empty((len(curves), n_columns))
+    n_passages = np.empty((len(curves), n_columns), int)
+    for row, curve in enumerate(curves):
+        column = curve.amplitude[:, None]
+        highest, n_passages[row] = highest_on(frequency, curve.frequency, column, curve.branch)
+        amplitude[row] = highest[:, 0]
     preload = np.array([curve.preload for curve in curves])
     image = ax.pcolormesh(
-        frequency, preload, height, shading="nearest", norm="log", rasterized=True
+        frequency, preload, amplitude, shading="nearest", norm="log", rasterized=True
     )
     ax.figure.colorbar(image, ax=ax, label="Amplitude (m)")
-    if (count > 1).any():
+    has_several = n_passages > 1
+    if has_several.any():
         ax.contourf(
             frequency,
             preload,
-            (count > 1).astype(float),
+            has_several.astype(float),
             levels=[0.5, 1.5],
             colors="none",
             hatches=["////"],
         )
         ax.fill([], [], facecolor="none", edgecolor="0.3", hatch="////", label="several solutions")
+    # a white line on a wider black one is visible on every colour
     ax.plot(result.frequency, result.preload, color="k", linewidth=2.4)
     ax.plot(result.frequency, result.preload, color="w", linewidth=1.0)
     ax.plot([], [], color="k", label="highest")
     if np.isfinite(result.optimum.preload):
-        look: dict[str, Any] = {
-            "color": OPTIMUM,
-            "markeredgecolor": "w",
-            "markersize": 11.0,
-            "linestyle": "none",
-        }
         ax.plot(
-            result.optimum.frequency, result.optimum.preload, marker="*", label="optimum", **look
+            result.optimum.frequency,
+            result.optimum.preload,
+            marker="*",
+            label="optimum",
+            color=OPTIMUM,
+            markeredgecolor="w",
+            markersize=11.0,
+            linestyle="none",
         )
     ax.set(yscale="log", xlabel=FREQUENCY, ylabel=PRELOAD)
 
@@ -532,8 +671,12 @@ OF = {
 
 @picture()
 def plot_together(
-    results: Mapping[str, Any], quantity: str | None = None, ax: Axes = NEW, *, measured: Sequence[Measurement] = ()
-) -> None:  # fmt: skip
+    results: Mapping[str, Any],
+    quantity: str | None = None,
+    ax: Axes = NEW,
+    *,
+    measured: Sequence[Measurement] = (),
+) -> None:
     """Plot several results of one type on the same axes.
 
     Stars mark optima, filled if verified by complete response curves.  Lines are interrupted at
@@ -550,58 +693,61 @@ def plot_together(
     measured : sequence of Measurement
         Measurements to plot over response curves.
     """
-    validation.check_value(
-        isinstance(results, Mapping) and results,
-        "results",
-        "a mapping of one or more names to results",
-        results,
-    )
-    kind = next(
-        (kind for kind in OF if all(isinstance(result, kind) for result in results.values())), None
-    )
-    if kind is None:
-        kinds = "response curves, optimal curves or hysteresis, all of one kind"
-        raise validation.invalid(
-            "results", kinds, [type(result).__name__ for result in results.values()]
-        )
+    expected = "a mapping of one or more names to results"
+    validation.check_value(isinstance(results, Mapping) and results, "results", expected, results)
+    kind = _common_kind(results)
     x, quantities = OF[kind]
     quantity = validation.choice("quantity", quantity or quantities[0], quantities)
     if isinstance(measured, Measurement) or (measured and kind is not ResponseCurve):
-        raise validation.invalid(
-            "measured", "a sequence of Measurement, over response curves", measured
-        )
+        expected = "a sequence of Measurement, over response curves"
+        raise validation.invalid("measured", expected, measured)
     if kind is ResponseCurve:
         labels = [name for name, curve in results.items() if curve.kind not in LIMITS]
         plot_curves(list(results.values()), ax, labels=labels)
         for measurement in measured:
             plot_measurement(measurement, ax)
         return
+
     for (name, result), look in zip(results.items(), looks(len(results))):
         if kind is Hysteresis and result.single:
             ax.plot(*result.loop(), **{**look, "marker": ""}, label=name)
             ax.set(**OF_WHOLE)
             continue
         y = "shift_percent" if quantity == "shift" else quantity
+        # about eight markers, at known points
         known = np.flatnonzero(np.isfinite(getattr(result, y)))
-        draw_table(
-            ax,
-            result,
-            x,
-            y,
-            **look,
-            markevery=known[:: max(1, len(known) // 8)].tolist(),
-            label=name,
-        )
+        markers = known[:: max(1, len(known) // 8)].tolist()
+        draw_table(ax, result, x, y, **look, markevery=markers, label=name)
         ax.set_xscale("log")
         if kind is OptimalCurve and quantity == "amplitude":
             ax.set_yscale("log")
-            o = result.optimum
-            face, mark = (
-                (look["color"], "optimum") if o.verified else ("w", "least value, not verified")
-            )
-            if np.isfinite(o.preload):
-                ax.plot(o.preload, o.amplitude, "*", color=look["color"], markersize=8.0, markerfacecolor=face,
-                        label=once(ax, mark))  # fmt: skip
+            _star_of_optimum(ax, result, look["color"])
+
+
+def _common_kind(results: Mapping[str, Any]) -> type:
+    """Return the type of all results, out of :data:`OF`."""
+    for kind in OF:
+        if all(isinstance(result, kind) for result in results.values()):
+            return kind
+    expected = "response curves, optimal curves or hysteresis, all of one kind"
+    found = [type(result).__name__ for result in results.values()]
+    raise validation.invalid("results", expected, found)
+
+
+def _star_of_optimum(ax: Axes, result: OptimalCurve, colour: Any) -> None:
+    """Mark an optimum, filled if it is verified."""
+    optimum = result.optimum
+    if not np.isfinite(optimum.preload):
+        return
+    ax.plot(
+        optimum.preload,
+        optimum.amplitude,
+        "*",
+        color=colour,
+        markersize=8.0,
+        markerfacecolor=colour if optimum.verified else "w",
+        label=once(ax, "optimum" if optimum.verified else "least value, not verified"),
+    )
 
 
 @register_plot(Comparison)

@@ -69,16 +69,16 @@ def explore(study: Study, *, source: str = "# study: the explored study") -> Exp
         If Bokeh is not installed (the extra ``bdamper[app]``).
     """
     validation.instance("study", study, Study)
-    server, application, handlers, access, web = (
-        import_extra(name, "explore", "app")
-        for name in (
-            "bokeh.server.server", "bokeh.application", "bokeh.application.handlers.function", "bokeh.server.auth_provider",
-            "tornado.web",
-        )
-    )  # fmt: skip
+    server = import_extra("bokeh.server.server", "explore", "app")
+    application = import_extra("bokeh.application", "explore", "app")
+    handlers = import_extra("bokeh.application.handlers.function", "explore", "app")
+    access = import_extra("bokeh.server.auth_provider", "explore", "app")
+    web = import_extra("tornado.web", "explore", "app")
     from bdamper.plot.explorer_page import Page  # imports matplotlib, which takes time
 
-    path, started = f"/{secrets.token_urlsafe(24)}", SimpleQueue[Any]()
+    path = f"/{secrets.token_urlsafe(24)}"
+    # the running server, or the error that prevents it
+    started = SimpleQueue[Any]()
     pages: list[Page] = []
     hosts: set[str] = set()
 
@@ -102,10 +102,14 @@ def explore(study: Study, *, source: str = "# study: the explored study") -> Exp
         try:
             app = application.Application(handlers.FunctionHandler(make))
             running = server.Server(
-                {path: app}, address="127.0.0.1", port=0, use_index=False, auth_provider=Loopback(),
+                {path: app},
+                address="127.0.0.1",
+                port=0,
+                use_index=False,
+                auth_provider=Loopback(),
                 check_unused_sessions_milliseconds=1000,  # the work for a closed window ends soon
-            )  # fmt: skip
-            hosts.update(f"{name}:{running.port}" for name in ("localhost", "127.0.0.1"))
+            )
+            hosts.update([f"localhost:{running.port}", f"127.0.0.1:{running.port}"])
             running.start()
         except OSError as error:
             started.put(error)

@@ -124,9 +124,15 @@ class Answers:
         most: int = 200,
         preloads: int = 7,
     ) -> None:
-        self.study, self.deliver, self.most, self.preloads = study, deliver, most, preloads
+        self.study = study
+        self.deliver = deliver
+        self.most = most
+        self.preloads = preloads
         self.kept: OrderedDict[Hashable, Any] = OrderedDict()
-        self.changed, self.stop, self.ended = Condition(), Event(), Event()
+        # lock of the waiting question, and events that end the work for a question and the thread
+        self.changed = Condition()
+        self.stop = Event()
+        self.ended = Event()
         self.wanted: Question | None = None
         Thread(target=self._work, daemon=True).start()
 
@@ -148,28 +154,34 @@ class Answers:
         while True:
             with self.changed:
                 self.changed.wait_for(lambda: self.closed or self.wanted is not None)
-                question, self.wanted = self.wanted, None
+                question = self.wanted
+                self.wanted = None
                 self.stop.clear()
             if self.closed or question is None:
                 return
             try:
                 self._answer(question)
-            except (
-                Exception
-            ) as error:  # any error is shown, and the thread continues with the next question
-                self.deliver(
-                    str(error)
-                    if isinstance(error, BdamperError)
-                    else f"{type(error).__name__}: {error}"
-                )
+            # any error is shown, and the thread continues with the next question
+            except Exception as error:
+                is_expected = isinstance(error, BdamperError)
+                self.deliver(str(error) if is_expected else f"{type(error).__name__}: {error}")
 
     def _answer(self, question: Question) -> None:
-        steps = [self.curve, *([self.optimal] if question.preloads else []), self.time_response]
-        for ask, harmonics in ((self.curve, 1), *((step, None) for step in steps)):
-            if harmonics and self._key(ask, question, None) in self.kept:
-                continue
-            with LongWork() as work, stopped_by(self.ended if harmonics else self.stop):
-                self.deliver(ask(question, harmonics))
+        """Deliver the answers of all steps, until a newer question or the end of the thread."""
+        full_key = self._key(self.curve, question, None)
+        if full_key not in self.kept:
+            # the provisional curve is never cancelled by a newer question
+            with LongWork() as work, stopped_by(self.ended):
+                self.deliver(self.curve(question, 1))
+            if work.interrupted or self.stop.is_set():
+                return
+        steps: list[Callable[[Question, int | None], Answer]] = [self.curve]
+        if question.preloads:
+            steps.append(self.optimal)
+        steps.append(self.time_response)
+        for step in steps:
+            with LongWork() as work, stopped_by(self.stop):
+                self.deliver(step(question, None))
             if work.interrupted or self.stop.is_set():
                 return
         self.deliver(None)
@@ -195,93 +207,105 @@ class Answers:
 
     def varied(self, question: Question, harmonics: int | None = None) -> Study:
         """Return the study of a question, or the same with fewer harmonics."""
-        settings = dict(question.settings) | ({"harmonics": harmonics} if harmonics else {})
+        settings = dict(question.settings)
+        if harmonics:
+            settings["harmonics"] = harmonics
         return self.once(("study", *sorted(settings.items())), lambda: vary(self.study, settings))
 
     def band(self, question: Question) -> tuple[float, float]:
         """Return the interval (Hz) around the free and the stuck resonance, to three digits."""
-        load = question.preloads[1] if question.preloads else question.preload
-        key = "band", question.settings, question.mode, load
-        ends = self.once(
-            key,
-            lambda: peak_interval(self.varied(question, 1).problem.at(load), None, question.mode),
-        )
-        return float(f"{ends[0]:.3g}"), float(f"{ends[1]:.3g}")
+        highest_load = question.preloads[1] if question.preloads else question.preload
+
+        def interval() -> tuple[float, float]:
+            problem = self.varied(question, 1).problem
+            return peak_interval(problem.at(highest_load), None, question.mode)
+
+        key = ("band", question.settings, question.mode, highest_load)
+        low, high = self.once(key, interval)
+        return float(f"{low:.3g}"), float(f"{high:.3g}")
 
     def curve(self, question: Question, harmonics: int | None) -> Answer:
-        """Compute the response curve with its limits.
+        """Compute the response curve, and with all harmonics (None) its limits and the motion.
 
-        With one harmonic, in the band of the unchanged settings.
+        The provisional curve has the interval of the unchanged settings, so that the axes stay.
         """
+        if harmonics:
+            return self._provisional_curve(question, harmonics)
+        study = self.varied(question)
+        linear = self.varied(question, 1)
+        load = question.preload
+        band = self.band(question)
+        key = self._key(self.curve, question, None)
+        curve: ResponseCurve = self.once(
+            key, lambda: _whole(study.frequency_response(load, band, options=None))
+        )
+        limits = self.once(
+            ("limits", key), lambda: (linear.free(band), linear.stuck(band, load or 1.0))
+        )
+        answer = Answer(question, True, study, curve, limits)
+        if not len(curve):
+            return answer
+        point = curve.peak_index
+        if question.point is not None:
+            point = min(question.point, len(curve) - 1)
+        answer = self._with_contacts(answer, curve, point)
+        try:
+            drawing: LineDrawing | str = line_drawing(study, curve.unknowns[point])
+        except SettingError as error:
+            drawing = str(error)
+        return replace(answer, drawing=drawing)
+
+    def _provisional_curve(self, question: Question, harmonics: int) -> Answer:
+        """Compute the curve that follows the sliders, with few harmonics and long steps."""
+        study = self.varied(question, harmonics)
         order_only = tuple(
             (name, value) for name, value in question.settings if name == "engine_order"
         )
-        study = self.varied(question, harmonics)
-        band = self.band(replace(question, settings=order_only) if harmonics else question)
-        key, load, options = (
-            self._key(self.curve, question, harmonics),
-            question.preload,
-            MOVING if harmonics else None,
-        )
+        band = self.band(replace(question, settings=order_only))
         curve: ResponseCurve = self.once(
-            key, lambda: _whole(study.frequency_response(load, band, options=options))
+            self._key(self.curve, question, harmonics),
+            lambda: _whole(study.frequency_response(question.preload, band, options=MOVING)),
         )
-        linear = self.varied(question, 1)
-        answer = Answer(question, not harmonics, study, curve)
-        if not harmonics:
-            limits = self.once(
-                ("limits", key), lambda: (linear.free(band), linear.stuck(band, load or 1.0))
-            )
-            answer = replace(answer, limits=limits)
-        if not len(curve):
-            return answer
-        i = (
-            curve.peak_index
-            if question.point is None or harmonics
-            else min(question.point, len(curve) - 1)
-        )
-        u = curve.unknowns[i]
-        drawing: LineDrawing | str | None = None
-        if not harmonics:
-            try:
-                drawing = line_drawing(study, u)
-            except SettingError as error:
-                drawing = str(error)
-        contacts, loops = contact_status(study, u, load), study.hysteresis(curve, i)
-        return replace(answer, contacts=contacts, loops=loops, drawing=drawing, point=i)
+        answer = Answer(question, False, study, curve)
+        return self._with_contacts(answer, curve, curve.peak_index) if len(curve) else answer
+
+    def _with_contacts(self, answer: Answer, curve: ResponseCurve, point: int) -> Answer:
+        """Return an answer with the contact states and the loops of a point of the curve."""
+        contacts = contact_status(answer.study, curve.unknowns[point], answer.question.preload)
+        loops = answer.study.hysteresis(curve, point)
+        return replace(answer, contacts=contacts, loops=loops, point=point)
 
     def optimal(self, question: Question, harmonics: int | None = None) -> Answer:
         """Compute the optimal curve with all harmonics."""
-        study, preloads = self.varied(question), question.preloads or (1.0, 2.0)
-        options: dict[str, Any] = {
-            "frequency": self.band(question),
-            "mode": question.mode,
-            "check": False,
-        }
-        key = self._key(self.optimal, question, None)
-        curve = self.once(
-            key, lambda: _whole(study.optimal_curve(preloads, self.preloads, **options))
-        )
+        study = self.varied(question)
+        preloads = question.preloads or (1.0, 2.0)
+        band = self.band(question)
+
+        def compute() -> Any:
+            return _whole(
+                study.optimal_curve(
+                    preloads, self.preloads, frequency=band, mode=question.mode, check=False
+                )
+            )
+
+        curve = self.once(self._key(self.optimal, question, None), compute)
         return Answer(question, True, study, optimal=curve)
 
     def time_response(self, question: Question, harmonics: int | None = None) -> Answer:
         """Compute the steady-state amplitude in time at the peak of the response curve."""
-        answer, none = (
-            self.curve(question, None),
-            TimeResponse(*(np.nan,) * 4, question.preload, np.nan),
-        )
-        assert answer.curve is not None
+        answer = self.curve(question, None)
         curve = answer.curve
+        assert curve is not None
 
-        def computed() -> Any:
+        def compute() -> Any:
             try:
                 return _whole(answer.study.time_response(curve))
             except BdamperError as error:
-                return replace(none, status=with_reason(NOT_FOUND, error))
+                unknown = TimeResponse(*(np.nan,) * 4, question.preload, np.nan)
+                return replace(unknown, status=with_reason(NOT_FOUND, error))
 
-        return replace(
-            answer, time_response=self.once(self._key(self.time_response, question, None), computed)
-        )
+        found = self.once(self._key(self.time_response, question, None), compute)
+        return replace(answer, time_response=found)
 
 
 def _whole(result: Any) -> Any:

@@ -8,8 +8,8 @@ tangential, Y along the load, Z along the rotation axis).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +19,15 @@ from bdamper.harmonic_balance.checks import asked
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.sector import segments
 from bdamper.model.kinematics import RIGID_NAMES, body_axes, principal_axes
-from bdamper.model.structure import Model, turn
+from bdamper.model.structure import Model, SurfaceMesh, turn
 from bdamper.util import validation
 from bdamper.util.errors import SettingError, warn_implausible
 from bdamper.util.formatting import short_repr
 
 LARGEST_DRAWN = 1.0 / 15.0
 """Largest displacement in a line drawing, relative to the size of the bodies."""
+LARGEST_MISSING = 0.01
+"""Share of the motion in modes without shapes on the mesh, above which a warning is shown."""
 VIEW = np.array([[0.766, 0.0, 0.643], [0.199, 0.951, -0.237], [-0.611, 0.309, 0.729]])
 """Directions right, up and toward the viewer of a line drawing, in X, Y, Z."""
 STATES = ("stick", "slip", "open")
@@ -92,33 +94,45 @@ class ContactStatus:
     @property
     def share(self) -> NDArray:
         """Fractions (n_points, 2, 3) of the period by tangential direction and state."""
-        out = np.zeros((len(self.points), 2, 3))
-        for i, directions in enumerate(self.parts):
-            for d, parts in enumerate(directions):
+        shares = np.zeros((len(self.points), 2, 3))
+        for point, directions in enumerate(self.parts):
+            for direction, parts in enumerate(directions):
                 for start, end, state in parts:
-                    out[i, d, state] += (end - start) / (2.0 * np.pi)
-        return out
+                    shares[point, direction, state] += (end - start) / (2.0 * np.pi)
+        return shares
 
 
 def _solutions(problem: Problem, unknowns: NDArray) -> NDArray:
     """Check that unknowns (..., n_unknowns) are finite and fit the study."""
-    n = len(problem.bases[0].omega2) + 2 * sum(len(basis.omega2) for basis in problem.bases[1:])
+    mean, *harmonics = problem.bases
+    # each harmonic has a cosine and a sine
+    n = len(mean.omega2) + 2 * sum(len(basis.omega2) for basis in harmonics)
     try:
-        out = np.asarray(unknowns, float)
+        converted = np.asarray(unknowns, float)
     except (TypeError, ValueError):
-        out = np.empty(0)
-    if out.ndim == 0 or out.shape[-1] != n or not np.isfinite(out).all():
-        raise validation.invalid(
-            "unknowns", f"solutions of this study, {n} finite numbers each", unknowns
-        )
-    return out
+        converted = np.empty(0)
+    if converted.ndim == 0 or converted.shape[-1] != n or not np.isfinite(converted).all():
+        expected = f"solutions of this study, {n} finite numbers each"
+        raise validation.invalid("unknowns", expected, unknowns)
+    return converted
 
 
 def modal_amplitudes(problem: Problem, unknowns: NDArray) -> list[NDArray]:
-    """Return modal coordinates (..., n_modes) of each harmonic: the real mean, complex amplitudes."""
-    sizes = [len(basis.omega2) for basis in problem.bases]
-    parts = np.split(unknowns, np.cumsum([sizes[0], *np.repeat(sizes[1:], 2)])[:-1], axis=-1)
-    return [parts[0], *(cosine - 1j * sine for cosine, sine in zip(parts[1::2], parts[2::2]))]
+    """Return the modal coordinates (..., n_modes) of each harmonic.
+
+    The coordinates of the mean are real, all others are complex amplitudes.
+    """
+    mean, *harmonics = problem.bases
+    n_mean = len(mean.omega2)
+    amplitudes = [unknowns[..., :n_mean]]
+    start = n_mean
+    for basis in harmonics:
+        n_modes = len(basis.omega2)
+        cosine = unknowns[..., start : start + n_modes]
+        sine = unknowns[..., start + n_modes : start + 2 * n_modes]
+        amplitudes.append(cosine - 1j * sine)
+        start += 2 * n_modes
+    return amplitudes
 
 
 @asked
@@ -148,15 +162,25 @@ def rigid_motion(problem: Problem, unknowns: NDArray, body: str | None = None) -
     part = problem.model.bodies[body]
     assert part.mass is not None
     moments, _ = principal_axes(part)
+    # displacement and rotation of the mass-normalised modes
     unit = 1.0 / np.sqrt(np.concatenate([np.full(3, part.mass), moments]))
     unknowns = _solutions(problem, unknowns)
-    motion = np.zeros((*unknowns.shape[:-1], len(problem.bases), 6), complex)
-    for l, (basis, q) in enumerate(zip(problem.bases, modal_amplitudes(problem, unknowns))):
-        for k, coordinate in enumerate(basis.coordinates):
+    # coordinates (..., harmonic, mode) of the rigid modes; missing modes do not move
+    modal = np.zeros((*unknowns.shape[:-1], len(problem.bases), len(RIGID_NAMES)), complex)
+    for harmonic, amplitude in enumerate(modal_amplitudes(problem, unknowns)):
+        for k, coordinate in enumerate(problem.bases[harmonic].coordinates):
             if coordinate.body == body and coordinate.name in RIGID_NAMES:
-                motion[..., l, RIGID_NAMES.index(coordinate.name)] = q[..., k]
-    bias, vibratory = motion[..., 0, :].real, motion[..., 1:, :]
-    return RigidMotion(body, bias * unit, vibratory * unit, bias, vibratory)
+                mode = RIGID_NAMES.index(coordinate.name)
+                modal[..., harmonic, mode] = amplitude[..., k]
+    modal_bias = modal[..., 0, :].real
+    modal_vibratory = modal[..., 1:, :]
+    return RigidMotion(
+        body=body,
+        bias=modal_bias * unit,
+        vibratory=modal_vibratory * unit,
+        modal_bias=modal_bias,
+        modal_vibratory=modal_vibratory,
+    )
 
 
 @asked
@@ -172,37 +196,63 @@ def contact_status(problem: Problem, unknowns: NDArray, preload: float) -> Conta
         Preload of the solution.
     """
     system = problem.system(preload)
-    refuse(system.structure.points.own, "the states of a cycle")
-    X, _, _ = system.contact(_solutions(problem, unknowns))
-    p = system.structure.arrays
-    model = problem.coupling.model  # with merged contact points, if the study merges them
-    names = tuple(
-        name for name in problem.coupling.interfaces for _ in range(model.interfaces[name].n_points)
-    )
-    points = np.concatenate([model.interfaces[name].points for name in problem.coupling.interfaces])
+    elements = system.structure.points
+    refuse(elements.own, "the states of a cycle")
+    motion, _, _ = system.contact(_solutions(problem, unknowns))
+    coupling = problem.coupling
+    # the model with merged contact points, if the study merges them
+    faces = [coupling.model.interfaces[name] for name in coupling.interfaces]
+    face_of_point: list[str] = []
+    for name, face in zip(coupling.interfaces, faces):
+        face_of_point += [name] * face.n_points
+    points = np.concatenate([face.points for face in faces])
+    # points that are not in the equations never touch
     always_open = ((0.0, 2.0 * np.pi, OPEN),)
-    parts: list[tuple[Parts, ...]] = [(always_open, always_open)] * len(
-        points
-    )  # for points not in the equations
-    index = (
-        np.arange(len(X))
-        if system.structure.points.index is None
-        else system.structure.points.index
+    parts: list[tuple[Parts, ...]] = [(always_open, always_open)] * len(points)
+    point_of_element = np.arange(len(motion)) if elements.index is None else elements.index
+    # the first of two elements at a point
+    for point, element in zip(*np.unique(point_of_element, return_index=True)):
+        parts[point] = _parts_of_element(problem, system.structure.arrays, motion, element)
+    return ContactStatus(points, tuple(face_of_point), tuple(parts))
+
+
+def _parts_of_element(
+    problem: Problem, elements: Mapping[str, NDArray], motion: NDArray, i: int
+) -> tuple[Parts, ...]:
+    """Return the parts of the period for both tangential directions of a contact element.
+
+    Parameters
+    ----------
+    problem : Problem
+    elements : mapping of name to array
+        Constants of all elements.
+    motion : (n_elements, ...) float
+        Harmonics of the relative motion of all elements.
+    i : int
+        Index of the element.
+    """
+    normal_stiffness = float(elements["kn"][i])
+    normal_load = float(elements["n0"][i])
+    law = int(elements["law"][i])
+    of_directions = segments(
+        motion[i],
+        elements["kt"][i],
+        normal_stiffness,
+        float(elements["mu"][i]),
+        normal_load,
+        elements["w"][i],
+        law,
+        problem.settings.contact_forces,
+        float(elements["load"][i]),
     )
-    for point, i in zip(
-        *np.unique(index, return_index=True)
-    ):  # the first of two elements at a point
-        directions = segments(
-            X[i], p["kt"][i], float(p["kn"][i]), float(p["mu"][i]), float(p["n0"][i]), p["w"][i], int(p["law"][i]),
-            problem.settings.contact_forces, float(p["load"][i]),
-        )  # fmt: skip
-        two_sided = p["law"][i] in (LAW_CONSTANT, LAW_COUPLED_CONSTANT, LAW_BONDED)
-        pieces = (
-            listed or _without_friction(X[i], p["kn"][i], p["n0"][i], two_sided)
-            for listed in directions
-        )
-        parts[point] = tuple(_joined(listed) for listed in pieces)
-    return ContactStatus(points, names, tuple(parts))
+    is_two_sided = law in (LAW_CONSTANT, LAW_COUPLED_CONSTANT, LAW_BONDED)
+    parts = []
+    for pieces in of_directions:
+        # a point without friction has no pieces
+        if not pieces:
+            pieces = _without_friction(motion[i], normal_stiffness, normal_load, is_two_sided)
+        parts.append(_joined(pieces))
+    return tuple(parts)
 
 
 def _joined(pieces: list[tuple[float, float, int]]) -> Parts:
@@ -210,20 +260,28 @@ def _joined(pieces: list[tuple[float, float, int]]) -> Parts:
 
     Adjacent parts with slip in either direction are merged.
     """
-    runs = [list(run) for _, run in groupby(pieces, lambda part: PLAIN[part[2]])]
-    return tuple((run[0][0], run[-1][1], PLAIN[run[0][2]]) for run in runs)
+    joined: list[tuple[float, float, int]] = []
+    for start, end, code in pieces:
+        state = PLAIN[code]
+        if joined and joined[-1][2] == state:
+            first_start, _, _ = joined[-1]
+            joined[-1] = (first_start, end, state)
+        else:
+            joined.append((start, end, state))
+    return tuple(joined)
 
 
 def _without_friction(
     x: NDArray, kn: float, n0: float, two_sided: bool
 ) -> list[tuple[float, float, int]]:
     """Return the parts of the period of a frictionless point, which slips if it is in contact."""
-    sliding = 1
+    sliding = PLAIN.index(SLIP)
+    separated = PLAIN.index(OPEN)
     if two_sided:
         return [(0.0, 2.0 * np.pi, sliding)]
     friction = 1e-12  # nearly zero, so that the parts in contact are listed
-    parts = segments(x, np.full(2, kn), float(kn), friction, float(n0), np.zeros(2))[0]
-    return [(start, end, state if state == 3 else sliding) for start, end, state in parts]
+    parts = segments(x, np.full(2, kn), kn, friction, n0, np.zeros(2))[0]
+    return [(start, end, code if code == separated else sliding) for start, end, code in parts]
 
 
 @short_repr
@@ -252,14 +310,15 @@ def _rigid_displacement(
     motion = rigid_motion(problem, unknowns, body)
     part = problem.model.bodies[body]
     assert part.centre is not None
-    _, principal = principal_axes(part)
-    rotation = np.cross(
-        principal[None], (points - part.centre)[:, None, :]
-    )  # (n_points, 3 axes, 3)
     axes = body_axes(part)
-    mean = motion.bias[:3] @ axes + np.einsum("k,pkx->px", motion.bias[3:], rotation)
-    first = motion.vibratory[0]
-    return mean, first[:3] @ axes + np.einsum("k,pkx->px", first[3:], rotation)
+    _, principal = principal_axes(part)
+    # displacement (point, axis, component) by a unit rotation about each principal axis
+    by_rotation = np.cross(principal[None], (points - part.centre)[:, None, :])
+
+    def displacement(rigid: NDArray) -> NDArray:
+        return rigid[:3] @ axes + np.einsum("k,pkx->px", rigid[3:], by_rotation)
+
+    return displacement(motion.bias), displacement(motion.vibratory[0])
 
 
 @asked
@@ -282,57 +341,77 @@ def surface_motion(problem: Problem, unknowns: NDArray) -> dict[str, SurfaceMoti
         matrix.
     """
     unknowns = _solutions(problem, unknowns)
-    q0, q1, *_ = modal_amplitudes(problem, unknowns)
-    out = {}
-    largest_missing = (
-        0.01  # share of the motion in modes without shapes, above which a warning is shown
-    )
+    motions = {}
     for name, mesh in problem.model.meshes.items():
-        body = problem.model.bodies[name]
-        mean, amplitude = np.zeros(mesh.points.shape), np.zeros(mesh.points.shape, complex)
-        if body.kind == "free":
+        kind = problem.model.bodies[name].kind
+        if kind == "free":
             mean, amplitude = _rigid_displacement(problem, unknowns, name, mesh.points)
-        elif body.kind == "constrained":
-            for target, q, harmonic in ((mean, q0, 0), (amplitude, q1, 1)):
-                d, conjugate = problem.model.folded_nodal_diameter(
-                    int(problem.engine_order) * harmonic
-                )
-                shapes = mesh.modes.get(d)
-                if shapes is None and harmonic == 0:
-                    mean[:] = np.nan
-                    continue
-                if shapes is None:
-                    raise SettingError(
-                        f"motion of surfaces: the mesh of '{name}' needs mode shapes of nodal diameter {d}; it has "
-                        f"{sorted(mesh.modes) or 'none'}"
-                    )
-                shapes = shapes.conj() if conjugate else shapes
-                coordinates = problem.bases[harmonic].coordinates
-                of_body = np.array([k for k, c in enumerate(coordinates) if c.body == name], int)
-                index = np.array([coordinates[k].index for k in of_body], int)
-                known = index < shapes.shape[2]
-                displacement = shapes[..., index[known]] @ q[of_body[known]]
-                target += displacement.real if harmonic == 0 else displacement
-                missing = np.linalg.norm(q[of_body[~known]]) / max(
-                    float(np.linalg.norm(q[of_body])), 1e-300
-                )
-                if harmonic == 1 and missing > largest_missing:
-                    most = f"at most {100 * largest_missing:g} % of the motion in modes without shapes on the mesh"
-                    warn_implausible(
-                        f"motion of the surface of '{name}'", most, f"{100 * missing:.2g} %"
-                    )
-        out[name] = SurfaceMotion(mesh.points, mean, amplitude)
-    return out
+        elif kind == "constrained":
+            mean, amplitude = _elastic_displacement(problem, unknowns, name, mesh)
+        else:
+            mean = np.zeros(mesh.points.shape)
+            amplitude = np.zeros(mesh.points.shape, complex)
+        motions[name] = SurfaceMotion(mesh.points, mean, amplitude)
+    return motions
+
+
+def _elastic_displacement(
+    problem: Problem, unknowns: NDArray, name: str, mesh: SurfaceMesh
+) -> tuple[NDArray, NDArray]:
+    """Return mean and complex fundamental amplitude (n, 3), m, of a constrained body."""
+    engine_order = int(problem.engine_order)
+    mean = np.zeros(mesh.points.shape)
+    amplitude = np.zeros(mesh.points.shape, complex)
+    for harmonic, coordinates in enumerate(modal_amplitudes(problem, unknowns)[:2]):
+        diameter, conjugate = problem.model.folded_nodal_diameter(engine_order * harmonic)
+        shapes = mesh.modes.get(diameter)
+        if shapes is None:
+            if harmonic == 0:
+                mean[:] = np.nan
+                continue
+            raise SettingError(
+                f"motion of surfaces: the mesh of '{name}' needs mode shapes of nodal diameter "
+                f"{diameter}; it has {sorted(mesh.modes) or 'none'}"
+            )
+        if conjugate:
+            shapes = shapes.conj()
+        modes = problem.bases[harmonic].coordinates
+        of_body = np.array([k for k, mode in enumerate(modes) if mode.body == name], int)
+        index = np.array([modes[k].index for k in of_body], int)
+        has_shape = index < shapes.shape[2]
+        displacement = shapes[..., index[has_shape]] @ coordinates[of_body[has_shape]]
+        if harmonic == 0:
+            mean += displacement.real
+            continue
+        amplitude += displacement
+        size = max(float(np.linalg.norm(coordinates[of_body])), 1e-300)
+        missing = float(np.linalg.norm(coordinates[of_body[~has_shape]])) / size
+        _warn_of_missing(name, missing)
+    return mean, amplitude
+
+
+def _warn_of_missing(body: str, missing: float) -> None:
+    """Warn if a share of the motion of a body is in modes without shapes on the mesh."""
+    if missing > LARGEST_MISSING:
+        limit = f"at most {100 * LARGEST_MISSING:g} % of the motion"
+        plausible = f"{limit} in modes without shapes on the mesh"
+        warn_implausible(f"motion of the surface of '{body}'", plausible, f"{100 * missing:.2g} %")
 
 
 def sectors_shown(model: Model) -> list[tuple[str, int, NDArray]]:
     """Return bodies with a mesh, the sectors that show them, and rotations (3, 3) into these."""
-    bodies = {(face.body_a, face.sector_a) for face in model.interfaces.values()}
-    bodies |= {(face.body_b, face.sector_b) for face in model.interfaces.values()}
+    joined = set()
+    for face in model.interfaces.values():
+        joined.add((face.body_a, face.sector_a))
+        joined.add((face.body_b, face.sector_b))
     # without contacts every body is in its own sector
-    bodies = bodies or {(name, 0) for name in model.meshes}
-    shown = sorted((name, sector) for name, sector in bodies if name in model.meshes)
-    return [(name, sector, turn(2.0 * np.pi * sector / model.n_blades)) for name, sector in shown]
+    if not joined:
+        joined = {(name, 0) for name in model.meshes}
+    shown = []
+    for name, sector in sorted(joined):
+        if name in model.meshes:
+            shown.append((name, sector, turn(2.0 * np.pi * sector / model.n_blades)))
+    return shown
 
 
 @short_repr
@@ -379,27 +458,35 @@ def line_drawing(problem: Problem, unknowns: NDArray) -> LineDrawing:
     SettingError
         If the model has no mesh, or a mesh has no shapes at the nodal diameter of the fundamental.
     """
-    model, motions = problem.model, surface_motion(problem, unknowns)
+    model = problem.model
+    motions = surface_motion(problem, unknowns)
     validation.check(motions, "drawing of a motion", "a model with the mesh of a body", "none")
-    positions, amplitudes, faces, names, n = [], [], [], [], 0
+    positions = []
+    amplitudes = []
+    faces = []
+    bodies: list[str] = []
+    n_nodes = 0
     for name, sector, rotation in sectors_shown(model):
-        motion, quads, view = motions[name], model.meshes[name].quads, VIEW @ rotation
+        motion = motions[name]
+        quads = model.meshes[name].quads
+        view = VIEW @ rotation
         phase = 2.0 * np.pi * problem.settings.engine_order * sector / model.n_blades
         positions.append(motion.points @ view.T)
         amplitudes.append(motion.amplitude @ view.T * np.exp(1j * phase))
-        faces.append(quads + n)
-        names += [name] * len(quads)
-        n += len(motion.points)
-    position, amplitude, quads = (
-        np.concatenate(positions),
-        np.concatenate(amplitudes),
-        np.concatenate(faces),
+        faces.append(quads + n_nodes)
+        bodies += [name] * len(quads)
+        n_nodes += len(motion.points)
+    position = np.concatenate(positions)
+    amplitude = np.concatenate(amplitudes)
+    quads = np.concatenate(faces)
+    # the third direction is toward the viewer
+    farthest_first = np.argsort(position[quads, 2].mean(axis=1))
+    largest = float(np.linalg.norm(np.abs(amplitude), axis=1).max())
+    size = float(np.ptp(position[:, :2], axis=0).max())
+    return LineDrawing(
+        points=position[:, :2],
+        amplitude=amplitude[:, :2],
+        quads=quads[farthest_first],
+        body=tuple(bodies[k] for k in farthest_first),
+        magnification=LARGEST_DRAWN * size / max(largest, 1e-300),
     )
-    order = np.argsort(position[quads, 2].mean(axis=1))
-    largest, size = (
-        float(np.linalg.norm(np.abs(amplitude), axis=1).max()),
-        float(np.ptp(position[:, :2], axis=0).max()),
-    )
-    body = tuple(names[k] for k in order)
-    magnification = LARGEST_DRAWN * size / max(largest, 1e-300)
-    return LineDrawing(position[:, :2], amplitude[:, :2], quads[order], body, magnification)

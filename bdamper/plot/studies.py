@@ -6,6 +6,7 @@ annotated types (:mod:`bdamper.util.tables`).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import cycle
 from typing import Any
 
@@ -15,8 +16,8 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
-from bdamper.analyses.accuracy import COMBINED, AccuracyCost
-from bdamper.analyses.effect_significance import EffectSignificance
+from bdamper.analyses.accuracy import COMBINED, AccuracyCost, Run
+from bdamper.analyses.effect_significance import EffectRow, EffectSignificance
 from bdamper.analyses.fit_result import Fitted
 from bdamper.analyses.flutter import Flutter
 from bdamper.analyses.loop_fit import FittedLoop
@@ -54,14 +55,20 @@ from bdamper.util.tables import FEW_ROWS, Tabular, axis_label, quantities
 HATCHES = ("", "//", "..", "xx", "\\\\")
 MAIN = ("amplitude", "optimum_amplitude")
 """Quantities of a sweep that are plotted by default."""
-_WORDS = {"amplitude": "resonance amplitude", "frequency": "resonance frequency", "stick": "share of stick",
-          "slip": "share of slip", "open": "share of separation"}  # fmt: skip
+_WORDS = {
+    "amplitude": "resonance amplitude",
+    "frequency": "resonance frequency",
+    "stick": "share of stick",
+    "slip": "share of slip",
+    "open": "share of separation",
+}
 
 
 def _with_unit(name: str) -> str:
     """Return the axis label of a setting or a quantity of a sweep."""
     words = _WORDS.get(name, spaced(name))
-    return words[:1].upper() + words[1:] + (f" ({UNITS[name]})" if name in UNITS else "")
+    label = words[:1].upper() + words[1:]
+    return f"{label} ({UNITS[name]})" if name in UNITS else label
 
 
 @picture(SweepResult)
@@ -76,31 +83,27 @@ def plot_sweep(result: SweepResult, quantity: str | None = None, ax: Axes = NEW)
     quantity : str, optional
         By default the amplitude, the amplitude of the optimum, or the first quantity of the sweep.
     """
-    quantity = quantity or next(
-        (q for q in (*MAIN, *result.quantities) if q in result.quantities), MAIN[0]
-    )
+    if not quantity:
+        candidates = [name for name in (*MAIN, *result.quantities) if name in result.quantities]
+        quantity = candidates[0] if candidates else MAIN[0]
     values = result.array(quantity)
     if values.ndim != len(result.shape) or values.dtype.kind != "f":
-        raise SettingError(
-            f"quantity must have one number for each point, '{quantity}' has the shape {values.shape}"
-        )
-    name, last = result.names[-1], result.shape[-1]
-    x = result.points[name][:last].tolist()
-    numeric = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in x)
-    across = np.array(x if numeric else [str(value) for value in x])
-    rows = values.reshape(-1, last)
-    for k, row, look in zip(range(0, len(result), last), rows, looks(len(rows))):
-        others = row_of(result.points, k)
-        ax.plot(
-            across,
-            row,
-            **look,
-            label=as_words({key: others[key] for key in result.names[:-1]}) or None,
-        )
-        lost(ax, across[~np.isfinite(row)], look["color"], "no value")
-    if numeric and min(x) > 0.0 and max(x) > 20.0 * min(x):
+        found = f"'{quantity}' has the shape {values.shape}"
+        raise SettingError(f"quantity must have one number for each point, {found}")
+    setting = result.names[-1]
+    n_across = result.shape[-1]
+    settings = result.points[setting][:n_across].tolist()
+    is_numeric = all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in settings)
+    across = np.array(settings if is_numeric else [str(x) for x in settings])
+    lines = values.reshape(-1, n_across)
+    for k, (line, look) in enumerate(zip(lines, looks(len(lines)))):
+        point = row_of(result.points, k * n_across)
+        other_settings = {name: point[name] for name in result.names[:-1]}
+        ax.plot(across, line, **look, label=as_words(other_settings) or None)
+        lost(ax, across[~np.isfinite(line)], look["color"], "no value")
+    if is_numeric and min(settings) > 0.0 and max(settings) > 20.0 * min(settings):
         ax.set_xscale("log")
-    ax.set(xlabel=_with_unit(name), ylabel=_with_unit(quantity))
+    ax.set(xlabel=_with_unit(setting), ylabel=_with_unit(quantity))
 
 
 @picture(OptimalCurveUncertainty)
@@ -116,19 +119,21 @@ def plot_optimal_curve_uncertainty(
     result : OptimalCurveUncertainty
     quantity : {"amplitude", "frequency"}
     """
-    bands = {q: result.percentile(q, quantity) for q in (5.0, 25.0, 50.0, 75.0, 95.0)}
-    bands = {q: np.where(np.isfinite(values), values, np.nan) for q, values in bands.items()}
+    values: dict[float, NDArray] = {}
+    for percentile in (5.0, 25.0, 50.0, 75.0, 95.0):
+        at_percentile = result.percentile(percentile, quantity)
+        values[percentile] = np.where(np.isfinite(at_percentile), at_percentile, np.nan)
     for low, high, shade in ((5.0, 95.0, "0.85"), (25.0, 75.0, "0.7")):
         ax.fill_between(
             result.preload,
-            bands[low],
-            bands[high],
+            values[low],
+            values[high],
             color=shade,
             linewidth=0.0,
             label=f"{low:g} to {high:g} %",
         )
-    ax.plot(result.preload, bands[50.0], color="0.1", label="median")
-    lost(ax, result.preload[np.isnan(bands[95.0])], "0.4", "95 %: no value")
+    ax.plot(result.preload, values[50.0], color="0.1", label="median")
+    lost(ax, result.preload[np.isnan(values[95.0])], "0.4", "95 %: no value")
     scale = "log" if quantity == "amplitude" else "linear"
     ax.set(xscale="log", yscale=scale, xlabel=_with_unit("preload"), ylabel=_with_unit(quantity))
 
@@ -142,50 +147,64 @@ def plot_effect_significance(advice: EffectSignificance, ax: Axes = NEW) -> None
     left out together are grey.  Thin lines show the uncertainty of estimates; an unknown change has
     no bar.
     """
-    effects = advice.effects[::-1]
-    rows, tolerance = np.arange(len(effects)), 100.0 * advice.tolerance
-    uncertainty = np.array(
-        [100.0 * e.uncertainty if e.source == "estimated" else 0.0 for e in effects]
-    )
+    effects = advice.effects[::-1]  # from the bottom of the axes
+    rows = np.arange(len(effects))
+    tolerance = 100.0 * advice.tolerance
     handles: list[Any] = []
     for name, offset, colour in zip(("amplitude", "frequency"), (0.2, -0.2), colours(2)):
-        change = 100.0 * np.nan_to_num(
-            np.array([getattr(e, f"{name}_change") for e in effects], float)
-        )
-        look = {"facecolor": colour, "edgecolor": "k", "linewidth": 0.4, "label": name}
-        handles.append(ax.barh(rows + offset, change, 0.38, **look))
-        ax.hlines(
-            rows + offset, change - uncertainty, change + uncertainty, color="k", linewidth=0.6
-        )
-    handles.append(
-        ax.axvspan(
-            -tolerance, tolerance, color="0.9", zorder=0, label=f"tolerance, {tolerance:g} %"
-        )
+        handles.append(_draw_changes(ax, effects, name, rows + offset, colour))
+    band = ax.axvspan(
+        -tolerance, tolerance, color="0.9", zorder=0, label=f"tolerance, {tolerance:g} %"
     )
+    handles.append(band)
     ax.set_xscale("symlog", linthresh=tolerance)
-    numbers = [
-        n for n in (10.0, 100.0, 1000.0) if 4.0 * tolerance < n < np.abs(ax.get_xlim()).max()
-    ]
-    ax.set_xticks(
-        [*(-n for n in reversed(numbers)), -tolerance, 0.0, tolerance, *numbers], minor=False
-    )
+    largest = np.abs(ax.get_xlim()).max()
+    powers = [number for number in (10.0, 100.0, 1000.0) if 4.0 * tolerance < number < largest]
+    negative = [-number for number in reversed(powers)]
+    ax.set_xticks([*negative, -tolerance, 0.0, tolerance, *powers], minor=False)
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: plain_number(value)))
-    ax.set_yticks(rows, [e.name for e in effects])
-    for y, e, text in zip(rows, effects, ax.get_yticklabels()):
-        text.set_color("k" if e.significant else "0.55")
-        if e.source == "unknown":
+    ax.set_yticks(rows, [effect.name for effect in effects])
+    for y, effect, text in zip(rows, effects, ax.get_yticklabels()):
+        text.set_color("k" if effect.significant else "0.55")
+        if effect.source == "unknown":
             ax.text(0.1 * tolerance, float(y), "unknown", va="center", fontsize=SMALL)
     ax.axvline(0.0, color="k", linewidth=0.6)
-    for significant, name in (
-        (True, "black names: needed"),
-        (False, "grey: may be left\nout together"),
-    ):
-        handles += [Patch(alpha=0.0, label=name)] * any(
-            e.significant == significant for e in effects
-        )
+    # the colours of the names are explained by texts without a patch
+    if any(effect.significant for effect in effects):
+        handles.append(Patch(alpha=0.0, label="black names: needed"))
+    if not all(effect.significant for effect in effects):
+        handles.append(Patch(alpha=0.0, label="grey: may be left\nout together"))
     title = f"preload {amount(advice.preload, 'N')}, {amount(advice.frequency, 'Hz')}"
     ax.set(xlabel="Change of the peak without the effect (%)", title=title)
     legend_beside(ax, handles=handles)
+
+
+def _draw_changes(
+    ax: Axes, effects: Sequence[EffectRow], name: str, places: NDArray, colour: NDArray
+) -> Any:
+    """Draw the changes of amplitude or frequency in per cent as bars, with their uncertainties."""
+    changes = np.array([getattr(effect, f"{name}_change") for effect in effects], float)
+    percent_change = 100.0 * np.nan_to_num(changes)
+    uncertainty = np.array(
+        [100.0 * e.uncertainty if e.source == "estimated" else 0.0 for e in effects]
+    )
+    bars = ax.barh(
+        places,
+        percent_change,
+        0.38,
+        facecolor=colour,
+        edgecolor="k",
+        linewidth=0.4,
+        label=name,
+    )
+    ax.hlines(
+        places,
+        percent_change - uncertainty,
+        percent_change + uncertainty,
+        color="k",
+        linewidth=0.6,
+    )
+    return bars
 
 
 @picture(Sensitivities, size=(COLUMN, 3.0))
@@ -195,23 +214,32 @@ def plot_sensitivities(found: Sensitivities, ax: Axes = NEW) -> None:
     Each bar has its number with a sign; an unknown change has no bar.
     """
     changes = {name: 100.0 * np.array(pair) for name, pair in found.changes().items()}
-    names = sorted(changes, key=lambda name: np.nan_to_num(abs(changes[name][0]), nan=-1.0))
-    rows, known = np.arange(len(names)), np.array([changes[name] for name in names]).reshape(-1, 2)
-    for k, (quantity, offset, colour) in enumerate(
-        zip(("amplitude", "frequency"), (0.2, -0.2), colours(2))
-    ):
-        look = {"facecolor": colour, "edgecolor": "k", "linewidth": 0.4, "label": quantity}
-        bars = ax.barh(rows + offset, np.nan_to_num(known[:, k]), 0.38, **look)
-        texts = [
-            f"{x:+.2g}".replace("-", MINUS) if np.isfinite(x) else "unknown" for x in known[:, k]
-        ]
+
+    def size(name: str) -> float:
+        """Return the change of the amplitude; an unknown one comes last, at the bottom."""
+        return float(np.nan_to_num(abs(changes[name][0]), nan=-1.0))
+
+    names = sorted(changes, key=size)
+    rows = np.arange(len(names))
+    of_names = np.array([changes[name] for name in names]).reshape(-1, 2)
+    quantities_drawn = zip(("amplitude", "frequency"), of_names.T, (0.2, -0.2), colours(2))
+    for quantity, change, offset, colour in quantities_drawn:
+        bars = ax.barh(
+            rows + offset,
+            np.nan_to_num(change),
+            0.38,
+            facecolor=colour,
+            edgecolor="k",
+            linewidth=0.4,
+            label=quantity,
+        )
+        texts = [f"{x:+.2g}".replace("-", MINUS) if np.isfinite(x) else "unknown" for x in change]
         ax.bar_label(bars, texts, padding=2.0, fontsize=SMALL)
     ax.axvline(0.0, color="k", linewidth=0.6)
     ax.margins(x=0.25)
     ax.set_yticks(rows, [wrapped(spaced(name), 18) for name in names])
-    ax.set(
-        xlabel="Change of the peak (% for +1 %)", title=peak_text(found.amplitude, found.frequency)
-    )
+    title = peak_text(found.amplitude, found.frequency)
+    ax.set(xlabel="Change of the peak (% for +1 %)", title=title)
 
 
 @picture(Convergence)
@@ -221,34 +249,41 @@ def plot_convergence(convergence: Convergence, ax: Axes = NEW) -> None:
     The filled point is the result, the grey band the range of the settled peaks.  Ticks at the
     upper edge mark harmonics near a mode of the structure with stuck contacts.
     """
-    harmonics, amplitude = np.array([(p.harmonics, p.amplitude) for p in convergence.peaks]).T
+    peaks = convergence.peaks
+    harmonics = np.array([float(peak.harmonics) for peak in peaks])
+    amplitude = np.array([peak.amplitude for peak in peaks])
     low, high = convergence.range
     if low < high:
-        ax.axhspan(
-            low, high, color="0.9", zorder=0, label=f"{amount(low, 'm')} to {amount(high, 'm')}"
-        )
-    more = "more harmonics" if len(convergence.peaks) > 1 else None
+        label = f"{amount(low, 'm')} to {amount(high, 'm')}"
+        ax.axhspan(low, high, color="0.9", zorder=0, label=label)
     ax.plot(
-        harmonics, amplitude, "o-", color="0.2", markersize=5.0, markerfacecolor="w", label=more
+        harmonics,
+        amplitude,
+        "o-",
+        color="0.2",
+        markersize=5.0,
+        markerfacecolor="w",
+        label="more harmonics" if len(peaks) > 1 else None,
     )
     ax.plot(harmonics[0], amplitude[0], "o", color="k", markersize=6.0, label="result")
-    near = [m.harmonic for m in convergence.internal_resonances if m.harmonic <= harmonics[-1]]
-    if near:
+    near_mode = [
+        mode.harmonic for mode in convergence.internal_resonances if mode.harmonic <= harmonics[-1]
+    ]
+    if near_mode:
         ax.plot(
-            near,
-            [0.985] * len(near),
+            near_mode,
+            [0.985] * len(near_mode),
             "|",
             color="k",
             transform=ax.get_xaxis_transform(),
             label="near a stuck mode",
         )
     ax.set(xlabel="Highest harmonic", ylabel="Resonance amplitude (m)", xticks=harmonics)
-    if len(convergence.peaks) == 1:
+    if len(peaks) == 1:
         note(ax, convergence._headline(), 0.05)
     state = "converged" if convergence.converged else "not converged"
-    ax.set_title(
-        f"preload {amount(convergence.preload, 'N')}, {state} to {percent(convergence.tolerance)}"
-    )
+    tolerance = percent(convergence.tolerance)
+    ax.set_title(f"preload {amount(convergence.preload, 'N')}, {state} to {tolerance}")
     ax.margins(y=0.25)
 
 
@@ -268,48 +303,86 @@ def plot_accuracy(result: AccuracyCost, ax: Axes = NEW, *, of: str = "peak") -> 
     of : str
         Quantity whose error is plotted.
     """
-    best, names, richest = result.recommended, result.varied, result.richest
-    points = {
-        name: {"color": look["color"], "marker": look["marker"]}
-        for name, look in zip(names, looks(len(names)))
-    }
-    points[COMBINED] = {"color": "k", "marker": "*", "markersize": 9.0}
-    none = 1e-12  # relative error below which there is none
-    within, line = percent(result.tolerance), dict[str, Any](color="0.4", linewidth=0.9)
-    for r in result.runs:
-        k = names.index(r.part) if r.part in names else -1
-        name = f"{spaced(r.part)} alone, reference {richest.values[k]}" if k >= 0 else r.part
-        look = (
-            {"color": "k", "marker": "D"} if r is richest else points.get(r.part, points[COMBINED])
-        )
-        ax.plot(
-            [], [], linestyle="none", label=once(ax, "reference" if r is richest else name), **look
-        )
-        coordinates, y = ax.transData, 100.0 * result.error(r)
-        if not result.error(r) > none:
-            known, coordinates = bool(np.isfinite(result.error(r))), ax.get_xaxis_transform()
-            y, look = 0.03 if known else 0.95, {**look, "marker": "v" if known else "x"}
-        ax.plot(r.seconds, y, transform=coordinates, **look)
-        if k >= 0:
-            name_point(
-                ax, r.values[k].removesuffix(" samples"), (r.seconds, y), xycoords=coordinates
-            )
-        if r is best and result.reached:
-            values = "\n".join(f"{spaced(name)} {value}" for name, value in zip(names, best.values))
-            ax.plot(r.seconds, y, "ok", transform=coordinates, markerfacecolor="none", markersize=12.0,
-                    label=f"fastest within {within}:\n{values}")  # fmt: skip
+    names = result.varied
+    within = percent(result.tolerance)
+    for run in result.runs:
+        _draw_run(ax, result, run)
     if result.forecast is not None:
         settings = result.forecast.settings.replace(", ", "\n")
-        ax.plot(result.forecast.seconds, 100.0 * result.forecast.error, "sk", markerfacecolor="none",
-                label=f"forecast:\n{settings}")  # fmt: skip
-    ax.axhline(100.0 * result.tolerance, label=f"tolerance, {within}", **line)
+        ax.plot(
+            result.forecast.seconds,
+            100.0 * result.forecast.error,
+            "sk",
+            markerfacecolor="none",
+            label=f"forecast:\n{settings}",
+        )
+    tolerance = 100.0 * result.tolerance
+    ax.axhline(tolerance, label=f"tolerance, {within}", color="0.4", linewidth=0.9)
     ax.set(xscale="log", yscale="log", xlabel="Processor time (s)", ylabel=f"Error of the {of} (%)")
-    others = ", ".join(spaced(name) for name in names)
+    varied = ", ".join(spaced(name) for name in names)
     verdict = f"within {within}: {_saving(result)}" if result.reached else f"{within} not reached"
-    ax.set_title(
-        f"{others[:1].upper()}{others[1:]}, preload {amount(result.preload, 'N')}\n{verdict}"
-    )
+    preload = amount(result.preload, "N")
+    ax.set_title(f"{varied[:1].upper()}{varied[1:]}, preload {preload}\n{verdict}")
     ax.margins(x=0.12, y=0.12)  # for the names
+
+
+LEAST_ERROR = 1e-12
+"""Relative error below which a run has none in the plot."""
+
+
+def _draw_run(ax: Axes, result: AccuracyCost, run: Run) -> None:
+    """Draw one run of :func:`plot_accuracy`, with its name and its entry in the legend."""
+    names = result.varied
+    # whether one setting alone differs from the reference
+    is_single = run.part in names
+    look = _look_of_run(result, run)
+    label = run.part
+    if run is result.richest:
+        label = "reference"
+    elif is_single:
+        reference = result.richest.values[names.index(run.part)]
+        label = f"{spaced(run.part)} alone, reference {reference}"
+    ax.plot([], [], linestyle="none", label=once(ax, label), **look)
+
+    error = result.error(run)
+    if error > LEAST_ERROR:
+        transform = ax.transData
+        height = 100.0 * error
+    elif np.isfinite(error):
+        # a triangle at the lower edge
+        transform = ax.get_xaxis_transform()
+        height = 0.03
+        look["marker"] = "v"
+    else:
+        # a cross at the upper edge
+        transform = ax.get_xaxis_transform()
+        height = 0.95
+        look["marker"] = "x"
+    ax.plot(run.seconds, height, transform=transform, **look)
+    if is_single:
+        value = run.values[names.index(run.part)].removesuffix(" samples")
+        name_point(ax, value, (run.seconds, height), xycoords=transform)
+    if run is result.recommended and result.reached:
+        values = "\n".join(f"{spaced(name)} {value}" for name, value in zip(names, run.values))
+        ax.plot(
+            run.seconds,
+            height,
+            "ok",
+            transform=transform,
+            markerfacecolor="none",
+            markersize=12.0,
+            label=f"fastest within {percent(result.tolerance)}:\n{values}",
+        )
+
+
+def _look_of_run(result: AccuracyCost, run: Run) -> dict[str, Any]:
+    """Return colour and marker of a run: reference, change of one setting, or of several."""
+    if run is result.richest:
+        return {"color": "k", "marker": "D"}
+    if run.part not in result.varied or run.part == COMBINED:
+        return {"color": "k", "marker": "*", "markersize": 9.0}
+    look = looks(len(result.varied))[result.varied.index(run.part)]
+    return {"color": look["color"], "marker": look["marker"]}
 
 
 def _saving(result: AccuracyCost) -> str:
@@ -346,12 +419,10 @@ def draw_table(
     style
         Line options of matplotlib's ``plot``.
     """
-    values = {
-        name: (100.0 if name.endswith("ratio") else 1.0) * np.array(getattr(table, name), float)
-        for name in (x, y)
-    }
-    branch = np.broadcast_to(getattr(table, "branch", 0), values[x].shape)[rows]
-    across, up = broken(branch, *(column[rows] for column in values.values()))
+    x_values = _in_per_cent(x) * np.array(getattr(table, x), float)
+    y_values = _in_per_cent(y) * np.array(getattr(table, y), float)
+    branch = np.broadcast_to(getattr(table, "branch", 0), x_values.shape)[rows]
+    across, up = broken(branch, x_values[rows], y_values[rows])
     look = {
         "color": "0.1",
         "marker": "o" if len(across) <= FEW_ROWS else "",
@@ -359,18 +430,30 @@ def draw_table(
         **style,
     }
     ax.plot(across, up, **look)
-    known = np.pad(np.isfinite(across + up), 1)
-    single = known[1:-1] & ~known[:-2] & ~known[2:]
-    if single.any() and not look["marker"]:
-        ax.plot(across[single], up[single], ".", color=look["color"])
+    # a line needs two adjacent points
+    is_known = np.pad(np.isfinite(across + up), 1)
+    is_single = is_known[1:-1] & ~is_known[:-2] & ~is_known[2:]
+    if is_single.any() and not look["marker"]:
+        ax.plot(across[is_single], up[is_single], ".", color=look["color"])
+    _set_label_and_scale(ax.xaxis, table, x, x_values)
+    _set_label_and_scale(ax.yaxis, table, y, y_values)
+
+
+def _in_per_cent(name: str) -> float:
+    """Return the factor of a column in a plot: ratios are in per cent."""
+    return 100.0 if name.endswith("ratio") else 1.0
+
+
+def _set_label_and_scale(axis: Any, table: Tabular, name: str, values: NDArray) -> None:
+    """Label an axis by a column, unless it has a label, and choose its scale."""
     kind: Any = type(table)
-    for name, axis, scale in ((x, ax.xaxis, ax.set_xscale), (y, ax.yaxis, ax.set_yscale)):
-        if not axis.get_label_text():
-            axis.set_label_text(axis_label(kind, name, "%" if name.endswith("ratio") else ""))
-        mark = quantities(kind).get(name)
-        least, most = np.nanmin(values[name], initial=np.inf), np.nanmax(values[name], initial=0.0)
-        if mark is not None and mark.unit in LOGARITHMIC and most > 5.0 * least > 0.0:
-            scale("log")
+    if not axis.get_label_text():
+        axis.set_label_text(axis_label(kind, name, "%" if name.endswith("ratio") else ""))
+    mark = quantities(kind).get(name)
+    least = np.nanmin(values, initial=np.inf)
+    most = np.nanmax(values, initial=0.0)
+    if mark is not None and mark.unit in LOGARITHMIC and most > 5.0 * least > 0.0:
+        getattr(axis.axes, f"set_{axis.axis_name}scale")("log")
 
 
 # ---- Fits ----
@@ -386,26 +469,21 @@ def plot_fit(result: Fitted, ax: NDArray = NEW) -> None:
     ----------
     result : Fitted
     """
-    above, below = ax
+    amplitudes, residuals = ax
     for t, (look, name) in enumerate(zip(looks(len(result.tests)), result.tests)):
         rows = np.flatnonzero(result.test == t)
         rows = rows[np.argsort(result.place[rows])]
-        points = look | {"linestyle": "none", "markersize": 4.0, "markerfacecolor": "w"}
-        above.plot(
-            result.place[rows],
-            np.abs(result.model[rows]),
-            **look | {"marker": ""},
-            label=f"model, {name}",
-        )
-        above.plot(
-            result.place[rows], np.abs(result.measured[rows]), **points, label=f"measured, {name}"
-        )
-        below.plot(result.place[rows], result.residual[rows, 0], **points)
-    below.axhspan(
-        -2.0, 2.0, color="0.9", zorder=0, label="95 % of the residuals if the model is right"
-    )
-    above.set(yscale="log", ylabel="Response amplitude (m)")
-    below.set(xlabel="Frequency (Hz)", ylabel="Residual / noise")
+        frequency = result.place[rows]
+        line = {**look, "marker": ""}
+        points = {**look, "linestyle": "none", "markersize": 4.0, "markerfacecolor": "w"}
+        amplitudes.plot(frequency, np.abs(result.model[rows]), **line, label=f"model, {name}")
+        measured = np.abs(result.measured[rows])
+        amplitudes.plot(frequency, measured, **points, label=f"measured, {name}")
+        residuals.plot(frequency, result.residual[rows, 0], **points)
+    label = "95 % of the residuals if the model is right"
+    residuals.axhspan(-2.0, 2.0, color="0.9", zorder=0, label=label)
+    amplitudes.set(yscale="log", ylabel="Response amplitude (m)")
+    residuals.set(xlabel="Frequency (Hz)", ylabel="Residual / noise")
 
 
 @picture(Fitted, "information", size=(COLUMN, 2.0))
@@ -416,15 +494,11 @@ def plot_information(result: Fitted, ax: Axes = NEW) -> None:
     ----------
     result : Fitted
     """
-    rows, shares = np.arange(len(result.names))[::-1], 100.0 * result.information.T
-    bars = zip(
-        result.tests,
-        shares,
-        np.cumsum(shares, axis=0) - shares,
-        colours(len(shares)),
-        cycle(HATCHES),
-    )
-    for name, share, left, colour, hatch in bars:
+    rows = np.arange(len(result.names))[::-1]
+    shares = 100.0 * result.information.T
+    left_ends = np.cumsum(shares, axis=0) - shares
+    tests = zip(result.tests, shares, left_ends, colours(len(shares)), cycle(HATCHES))
+    for name, share, left, colour, hatch in tests:
         ax.barh(
             rows,
             share,
@@ -476,25 +550,30 @@ def plot_nonlinear_mode(mode: NonlinearMode, ax: NDArray = NEW, **style: Any) ->
     style
         Line options of matplotlib's ``plot``.
     """
-    folds: dict[str, Any] = {
-        "linestyle": "",
-        "marker": "o",
-        "color": "k",
-        "markersize": 3.0,
-        "markerfacecolor": "w",
-    }
+    differs = mode.correlation < 0.5
     for axes, name in zip(ax, ("frequency", "damping_ratio")):
-        for first, last in runs(mode.correlation < 0.5):
+        for first, last in runs(differs):
             line = {
                 "color": "0.1",
                 "marker": "",
-                "linestyle": DASHED if mode.correlation[first] < 0.5 else "-",
+                "linestyle": DASHED if differs[first] else "-",
                 **style,
             }
-            draw_table(
-                axes, mode, "amplitude", name, rows=slice(first, last + 2), **line
-            )  # joined to the next stretch
-        draw_table(axes, mode, "amplitude", name, rows=mode.folds, **folds)
+            # joined to the next stretch
+            stretch = slice(first, last + 2)
+            draw_table(axes, mode, "amplitude", name, rows=stretch, **line)
+        draw_table(
+            axes,
+            mode,
+            "amplitude",
+            name,
+            rows=mode.folds,
+            linestyle="",
+            marker="o",
+            color="k",
+            markersize=3.0,
+            markerfacecolor="w",
+        )
     ax[0].set(xlabel="", title=f"mode {mode.mode}, preload {amount(mode.preload, 'N')}")
 
 
@@ -504,30 +583,28 @@ def plot_flutter(flutter: Flutter, ax: Axes = NEW) -> None:
 
     Crosses at the lower edge mark preloads where the state at rest is unstable.
     """
-    diameters, cycle, stable = (
-        np.unique(flutter.nodal_diameter),
-        flutter.amplitude > 0.0,
-        flutter.stable,
-    )
-    for d, look in zip(diameters, looks(len(diameters))):
-        at_d = flutter.nodal_diameter == d
+    diameters = np.unique(flutter.nodal_diameter)
+    is_cycle = flutter.amplitude > 0.0
+    stable = flutter.stable
+    for diameter, look in zip(diameters, looks(len(diameters))):
+        of_diameter = flutter.nodal_diameter == diameter
         for part, face, name in (
-            (cycle & stable, look["color"], "stable"),
-            (cycle & ~stable, "w", "unstable"),
+            (is_cycle & stable, look["color"], "stable"),
+            (is_cycle & ~stable, "w", "unstable"),
         ):
-            if not (at_d & part).any():
-                continue
-            look |= {
-                "linestyle": "",
-                "markerfacecolor": face,
-                "label": f"{name}, nodal diameter {d}",
-            }
-            draw_table(ax, flutter, "preload", "amplitude", rows=at_d & part, **look)
-        lost(ax, flutter.preload[at_d & ~cycle & ~stable], look["color"], "unstable at rest", 4.0)
-    if not cycle.any():
+            rows = of_diameter & part
+            if rows.any():
+                style = {
+                    **look,
+                    "linestyle": "",
+                    "markerfacecolor": face,
+                    "label": f"{name}, nodal diameter {diameter}",
+                }
+                draw_table(ax, flutter, "preload", "amplitude", rows=rows, **style)
+        at_rest = of_diameter & ~is_cycle & ~stable
+        lost(ax, flutter.preload[at_rest], look["color"], "unstable at rest", 4.0)
+    if not is_cycle.any():
         note(ax, flutter._headline())
-    ax.set(
-        yscale="log",
-        xscale="log" if 0.0 < flutter.preload.min() < flutter.preload.max() else "linear",
-    )
+    has_several_preloads = 0.0 < flutter.preload.min() < flutter.preload.max()
+    ax.set(yscale="log", xscale="log" if has_several_preloads else "linear")
     ax.set(xlabel=axis_label(Flutter, "preload"), ylabel="Amplitude of the limit cycle (m)")
