@@ -193,7 +193,7 @@ def stuck_modes(
 
 
 def softest_forces(flexibility: NDArray, n: int) -> NDArray:
-    """Return the n unit forces (n_active, n) with the largest flexibility in units of the points."""
+    """Return the n unit forces (n_active, n) that are softest in units of the points."""
     size = np.sqrt(np.diag(flexibility).real)
     _, vectors = np.linalg.eigh(flexibility / size[:, None] / size)
     softest = vectors[:, ::-1][:, :n] / size[:, None]

@@ -1,8 +1,9 @@
 """Physical effects that a simulation includes, and the assumption made if an effect is off.
 
-Each effect adds unknowns, contact points or a more expensive contact law: higher harmonics, the mean, variable normal load,
-separation, rigid-body and elastic modes of the damper, constraint planes, contact points.  :class:`Effects` contains the
-settings that include them.  The equations of a study contain no terms of an effect that is off.
+Each effect adds unknowns, contact points or a more expensive contact law: higher harmonics, the
+mean, variable normal load, separation, rigid-body and elastic modes of the damper, constraint
+planes, contact points.  :class:`Effects` contains the settings that include them.  The equations of
+a study contain no terms of an effect that is off.
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
 from bdamper.contact.laws import ContactLaw
-from bdamper.model.kinematics import RIGID_NAMES
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import aligned, spaced
@@ -19,9 +19,13 @@ from bdamper.util.formatting import aligned, spaced
 LAW_NAMES = ("uncoupled", "coupled", "bonded")
 MAX_HARMONIC = 64
 HARMONICS = 3
-"""Default number of harmonics.  With fewer the peak near the optimal preload differs (docs/evidence/measured.md)."""
+"""Default number of harmonics.  With fewer the peak near the optimal preload differs
+(docs/evidence/measured.md).
+"""
 BLADE_MODES = 10
-"""Default number of blade modes, or all modes of a smaller model.  Residual modes replace the others (measured.md)."""
+"""Default number of blade modes, or all modes of a smaller model.  Residual modes replace the
+others (measured.md).
+"""
 ASSUMED = {
     "harmonics": "the response is sinusoidal, with or without a mean",
     "bias": "the mean stays at its static value",
@@ -46,7 +50,12 @@ OFF: Mapping[str, Mapping[str, Any]] = {
 }
 """Effects that are on or off, and the settings without them."""
 MOTIONS = {
-    f"{'rotation' if mode[0] == 'R' else 'translation'} {mode[1]}": mode for mode in RIGID_NAMES
+    "translation X": "TX",
+    "translation Y": "TY",
+    "translation Z": "TZ",
+    "rotation X": "RX",
+    "rotation Y": "RY",
+    "rotation Z": "RZ",
 }
 """Rigid-body motions of free bodies: Y along the load, Z along the axis of rotation."""
 REDUCED = ("harmonics", "damper modes", "blade modes", "contact points")
@@ -60,11 +69,14 @@ class Effects(dict[str, Any]):
     """
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
-        known = f"names out of {sorted(ASSUMED)}"
-        validation.check_value(set(settings) <= set(ASSUMED), "effects", known, sorted(settings))
-        super().__init__(
-            {name: tuple(v) if isinstance(v, list) else v for name, v in settings.items()}
-        )
+        expected = f"names out of {sorted(ASSUMED)}"
+        validation.check_value(set(settings) <= set(ASSUMED), "effects", expected, sorted(settings))
+        super().__init__(settings)
+        # files have lists
+        for name, value in settings.items():
+            if isinstance(value, list):
+                self[name] = tuple(value)
+        # without a variable normal load nothing separates
         if not self.get("variable_normal_load", True):
             self["separation"] = False
 
@@ -80,38 +92,37 @@ class Effects(dict[str, Any]):
         Parameters
         ----------
         name : str
-            "bias", "variable normal load", "separation", "harmonic nodal diameters" or "constraint planes"; a rigid-body
-            motion of free bodies, such as "rotation X" or "translation Z"; or "harmonics", "damper modes", "blade modes" or
-            "contact points" followed by the largest remaining number, such as "harmonics beyond 3".
+            "bias", "variable normal load", "separation", "harmonic nodal diameters" or "constraint
+            planes"; a rigid-body motion of free bodies, such as "rotation X" or "translation Z"; or
+            "harmonics", "damper modes", "blade modes" or "contact points" followed by the largest
+            remaining number, such as "harmonics beyond 3".
 
         Raises
         ------
         SettingError
             If there is no such effect.
         """
-        what, _, most = name.partition(" beyond ")
-        key = what.replace(" ", "_")
+        reduced, _, most = name.partition(" beyond ")
         if name in OFF:
             changed = OFF[name]
         elif name in MOTIONS:
-            changed = {
-                "rigid_modes": tuple(mode for mode in self["rigid_modes"] if mode != MOTIONS[name])
-            }
-        elif what in REDUCED and most.isdigit():
-            changed = {key: _at_most(self[key], int(most))}
+            left = [mode for mode in self["rigid_modes"] if mode != MOTIONS[name]]
+            changed = {"rigid_modes": tuple(left)}
+        elif reduced in REDUCED and most.isdigit():
+            setting = reduced.replace(" ", "_")
+            changed = {setting: _at_most(self[setting], int(most))}
         else:
             raise validation.invalid("effect", "the name of an effect that can be left out", name)
         return Effects({**self, **changed})
 
     def __str__(self) -> str:
-        rows = [
-            (spaced(name), _text(self[name]), assumed)
-            for name, assumed in ASSUMED.items()
-            if name in self
-        ]
-        lines = aligned([("effect", "setting", "assumed where off or reduced"), *rows])
+        rows = [("effect", "setting", "assumed where off or reduced")]
+        for name, assumed in ASSUMED.items():
+            if name in self:
+                rows.append((spaced(name), _text(self[name]), assumed))
+        lines = aligned(rows)
         numbers = harmonic_numbers(self.get("harmonics", 1))
-        evens = [l for l in range(2, max(numbers), 2) if l not in numbers]
+        evens = [number for number in range(2, max(numbers), 2) if number not in numbers]
         if evens and self.get("variable_normal_load", True):
             lines.append(
                 f"harmonics {evens} are left out although the variable normal load excites them"
@@ -120,51 +131,61 @@ class Effects(dict[str, Any]):
 
 
 def _at_most(value: Any, most: int) -> Any:
-    """Limit a number or the values of a mapping to ``most``, or drop larger numbers from a sequence."""
+    """Limit a number or the values of a mapping to ``most``, or drop larger numbers from a
+    sequence.
+    """
     if isinstance(value, Mapping):
         return {name: min(count, most) for name, count in value.items()}
+    # None means all
+    if value is None:
+        return most
     if not isinstance(value, Sequence):
-        return min(most, most if value is None else value)
-    left = tuple(l for l in value if l <= most)
-    return (
-        left if len(left) == len(value) or set(left) != set(range(1, len(left) + 1)) else len(left)
-    )
+        return min(most, value)
+    left = tuple(number for number in value if number <= most)
+    # harmonics without a gap are given by their number, but unchanged ones remain as they are
+    shortened = len(left) < len(value)
+    without_gap = set(left) == set(range(1, len(left) + 1))
+    return len(left) if shortened and without_gap else left
 
 
 def check_harmonics(name: str, harmonics: int | Sequence[int]) -> int | tuple[int, ...]:
-    """Check and return a number of harmonics from 1 to 64, or a sequence of harmonics that includes the first."""
-    what = f"a whole number from 1 to {MAX_HARMONIC}, or such numbers with 1 among them"
-    several = isinstance(harmonics, Sequence) and not isinstance(harmonics, str | bytes)
-    given: Any = harmonics if several else [harmonics]
+    """Check and return the harmonics of a response.
+
+    They are a number of harmonics from 1 to 64, or a sequence of harmonics that includes the first.
+    """
+    expected = f"a whole number from 1 to {MAX_HARMONIC}, or such numbers with 1 among them"
+    is_sequence = isinstance(harmonics, Sequence) and not isinstance(harmonics, str | bytes)
+    listed: Any = harmonics if is_sequence else [harmonics]
     try:
-        known = tuple(validation.integer(name, l, 1, MAX_HARMONIC) for l in given)
+        numbers = tuple(validation.integer(name, number, 1, MAX_HARMONIC) for number in listed)
     except SettingError as error:
-        raise validation.invalid(name, what, harmonics) from error
-    validation.check_value(
-        (1 in known or not several) and len(set(known)) == len(given), name, what, harmonics
-    )
-    return known if several else known[0]
+        raise validation.invalid(name, expected, harmonics) from error
+    if not is_sequence:
+        return numbers[0]
+    distinct = len(set(numbers)) == len(numbers)
+    validation.check_value(1 in numbers and distinct, name, expected, harmonics)
+    return numbers
 
 
 def check_law(name: str, law: Any) -> Any:
-    """Check and return a friction law: a name, a user-defined law, or a mapping of interface names to these."""
-    given = law.values() if isinstance(law, Mapping) else [law]
-    good = all(
-        isinstance(one, ContactLaw) or (isinstance(one, str) and one in LAW_NAMES) for one in given
-    )
-    validation.check_value(
-        good,
-        name,
-        f"one of {LAW_NAMES}, a ContactLaw or a mapping of interface names to these",
-        law,
-    )
+    """Check and return a friction law.
+
+    It is a name, a user-defined law, or a mapping of interface names to these.
+    """
+    expected = f"one of {LAW_NAMES}, a ContactLaw or a mapping of interface names to these"
+    for one in law.values() if isinstance(law, Mapping) else [law]:
+        is_name = isinstance(one, str) and one in LAW_NAMES
+        validation.check_value(is_name or isinstance(one, ContactLaw), name, expected, law)
     return law
 
 
 def harmonic_numbers(harmonics: int | Sequence[int]) -> tuple[int, ...]:
-    """Return the harmonics in ascending order, without the mean, from their number or from a sequence."""
+    """Return the harmonics in ascending order, without the mean.
+
+    ``harmonics`` is their number, or a sequence of them.
+    """
     if isinstance(harmonics, Sequence):
-        return tuple(sorted(int(l) for l in harmonics))
+        return tuple(sorted(int(number) for number in harmonics))
     return tuple(range(1, int(harmonics) + 1))
 
 
@@ -174,10 +195,13 @@ ByBody = Annotated[int | Mapping[str, int], validation.each(validation.integer)]
 
 
 def _text(value: object) -> str:
+    """Return a setting in the words of the table."""
     if isinstance(value, bool):
         return "on" if value else "off"
     if isinstance(value, Mapping):
         return ", ".join(f"{name} {count}" for name, count in value.items())
     if isinstance(value, tuple):
-        return " ".join(str(v) for v in value) or "off"
-    return "all" if value is None else str(value)
+        return " ".join(map(str, value)) if value else "off"
+    if value is None:
+        return "all"
+    return str(value)

@@ -1,4 +1,6 @@
-"""Characteristic sizes of a model, such as extent and stiffness, as reference for plausible ranges of settings."""
+"""Characteristic sizes of a model, such as extent and stiffness, as reference for plausible ranges
+of settings.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +13,9 @@ from numpy.typing import NDArray
 from bdamper.model.kinematics import centrifugal_arms
 from bdamper.model.structure import Interface
 from bdamper.util.errors import ModelError, warn_implausible
+
+TOLERATED = 0.05
+"""Relative difference between a preload and the centrifugal load that is no contradiction."""
 
 
 @dataclass(frozen=True)
@@ -34,28 +39,36 @@ class Sizes:
 
     @property
     def size(self) -> float:
-        """Largest extent of contact points and locations along an axis, m; infinite for a lumped model."""
+        """Largest extent of contact points and locations along an axis, m; infinite for a lumped
+        model.
+        """
         model = self.problem.model
         places = [face.points for face in model.interfaces.values()]
         places += [place.position[None] for place in model.locations.values()]
         extent = float(np.ptp(np.concatenate(places), axis=0).max())
-        return np.inf if self.lumped or extent == 0.0 else extent
+        if self.lumped or extent == 0.0:
+            return np.inf
+        return extent
 
     @property
     def least_order(self) -> float:
-        """Smallest plausible engine order: 1 for a bladed disk, 0 for a structure without sectors."""
+        """Smallest plausible engine order: 1 for a bladed disk, 0 without sectors."""
         return float(self.problem.model.n_blades > 1)
 
     @property
     def largest_order(self) -> float:
-        """Largest engine order that excites a nodal diameter of the same number; 1 for a structure without sectors."""
+        """Largest engine order that excites a nodal diameter of the same number.
+
+        It is 1 for a structure without sectors.
+        """
         return max(self.problem.model.n_blades // 2, 1)
 
     @property
     def amplitude(self) -> float:
-        """Excitation amplitude (N) as reference for a preload; 0 without a force at a location or without a load.
+        """Excitation amplitude (N) as reference for a preload.
 
-        Also 0 for a lumped model: its quantities are often normalised, and the preload is then below the excitation.
+        It is 0 without a force at a location or without a load, and for a lumped model: its
+        quantities are often normalised, and the preload is then below the excitation.
         """
         settings = self.problem.settings
         if self.lumped or not (settings.acts_at_location and self.problem.carries_load):
@@ -64,60 +77,71 @@ class Sizes:
 
     @property
     def least_force(self) -> float:
-        """Smallest plausible excitation amplitude, N; 0 for a lumped model, which may be normalised."""
+        """Smallest plausible excitation amplitude, N; 0 for a lumped model, which may be
+        normalised.
+        """
         return 0.0 if self.lumped else 1e-6
 
     @property
     def body_stiffness(self) -> float:
-        """Mean stiffness of the bodies at a component of a contact point, N/m; NaN if the model does not contain it."""
+        """Mean stiffness of the bodies at a component of a contact point, N/m.
+
+        It is NaN if the model does not contain it.
+        """
         try:
-            flexibility = (
-                self.problem.coupling.residual_flexibility(1).diagonal().real.reshape(-1, 3)
-            )
+            flexibility = self.problem.coupling.residual_flexibility(1)
         except ModelError:
             return np.nan
+        of_points = flexibility.diagonal().real.reshape(-1, 3)
         rows = self.problem.friction_points
-        return (
-            float(np.mean(1.0 / flexibility[rows]))
-            if rows.any() and flexibility[rows].min() > 0.0
-            else np.nan
-        )
+        if not rows.any() or not of_points[rows].min() > 0.0:
+            return np.nan
+        return float(np.mean(1.0 / of_points[rows]))
 
     def faces(self, name: str) -> list[Interface]:
         """Return the interface with this name, or the interfaces of the body with this name."""
         faces = self.problem.model.interfaces
-        return (
-            [faces[name]]
-            if name in faces
-            else [f for f in faces.values() if name in (f.body_a, f.body_b)]
-        )
+        if name in faces:
+            return [faces[name]]
+        return [face for face in faces.values() if name in (face.body_a, face.body_b)]
 
     def bearable(self, name: str) -> float:
         """Return the load (N) of a body or an interface at a mean pressure of 1 GPa."""
         area = sum(float(face.area.sum()) for face in self.faces(name))
-        return np.inf if self.lumped or not area else 1e9 * area
+        if self.lumped or area == 0.0:
+            return np.inf
+        return 1e9 * area
 
     def volume(self, name: str) -> float:
         """Return the volume (m3) of a box around the contact points of a body."""
-        size = np.ptp(np.concatenate([face.points for face in self.faces(name)]), axis=0)
-        return float(np.prod(np.maximum(size, 0.1 * size.max())))
+        points = np.concatenate([face.points for face in self.faces(name)])
+        edges = np.ptp(points, axis=0)
+        # points in a plane belong to a body with a thickness
+        return float(np.prod(np.maximum(edges, 0.1 * edges.max())))
 
     def deflecting(self, location: str) -> float:
-        """Return the static force (N) at a location that deflects it by a tenth of the extent of the model."""
+        """Return the static force (N) that deflects a location by a tenth of the model's extent."""
         omega2 = self.problem.modal_bases[1].omega2
+        elastic = omega2 > 0.0
         motion = np.linalg.norm(self.problem.coupling.location_modes(location, 1), axis=0)
-        flexibility = float(np.sum(motion[omega2 > 0.0] ** 2 / omega2[omega2 > 0.0]))
-        return 0.1 * self.size / flexibility if flexibility > 0.0 else np.inf
+        flexibility = float(np.sum(motion[elastic] ** 2 / omega2[elastic]))
+        if flexibility == 0.0:
+            return np.inf
+        return 0.1 * self.size / flexibility
 
     def critical_drag(self, name: str | None) -> float:
-        """Return 2 m omega_1 (N s/m) for the mass of a body, or of the heaviest free body, and the first natural
-        frequency.
+        """Return 2 m omega_1 (N s/m) for the mass of a body and the first natural frequency.
+
+        Without a name the body is the heaviest free body.
         """
-        bodies, omega2 = self.problem.model.bodies, self.problem.modal_bases[1].omega2
+        bodies = self.problem.model.bodies
         names = [name] if name else self.problem.settings.free_bodies
         mass = max((bodies[body].mass or 0.0 for body in names), default=0.0)
+        omega2 = self.problem.modal_bases[1].omega2
         lowest = omega2[omega2 > 0.0].min(initial=np.inf)
-        return 2.0 * mass * float(np.sqrt(lowest)) if mass > 0.0 and np.isfinite(lowest) else np.inf
+        if mass == 0.0 or np.isinf(lowest):
+            return np.inf
+        return 2.0 * mass * float(np.sqrt(lowest))
 
     def contradiction(
         self, preload: NDArray, speed: float | NDArray, mass: float = 1.0
@@ -135,24 +159,33 @@ class Sizes:
         Returns
         -------
         tuple of str, optional
-            Expected load and preloads found; None if the preloads contain the load, or no load is known.
+            Expected load and preloads found; None if the preloads contain the load, or no load is
+            known.
         """
-        arms = centrifugal_arms(self.problem.model) if self.problem.carries_load else {}
-        load = (
-            mass * next(iter(arms.values()), 0.0) * np.broadcast_to(speed, np.shape(preload)) ** 2
-        )
-        apart = 0.05  # relative difference that is tolerated
-        if not load.all() or (
-            (preload / load).min() < 1.0 + apart and (preload / load).max() > 1.0 - apart
-        ):
+        if not self.problem.carries_load:
             return None
-        i = int(np.abs(preload - load).argmin())
-        at = np.broadcast_to(speed, load.shape)[i]
-        expected = f"{load[i]:.4g} N, the centrifugal load of the damper at {at:.4g} rad/s"
-        found = " to ".join(f"{x:.4g}" for x in dict.fromkeys((preload.min(), preload.max())))
+        arms = centrifugal_arms(self.problem.model)
+        first_arm = next(iter(arms.values()), 0.0)
+        speeds = np.broadcast_to(speed, np.shape(preload))
+        load = mass * first_arm * speeds**2
+        if not load.all():
+            return None
+        ratio = preload / load
+        contains_load = ratio.min() < 1.0 + TOLERATED and ratio.max() > 1.0 - TOLERATED
+        if contains_load:
+            return None
+        nearest = int(np.abs(preload - load).argmin())
+        expected = (
+            f"{load[nearest]:.4g} N, the centrifugal load of the damper at "
+            f"{speeds[nearest]:.4g} rad/s"
+        )
+        # one number if all preloads are equal
+        ends = dict.fromkeys((preload.min(), preload.max()))
+        found = " to ".join(f"{end:.4g}" for end in ends)
         return (
             expected,
-            f"{found} N: a damper of {preload[i] / load[i]:.3g} times the mass, or another speed suspected",
+            f"{found} N: a damper of {preload[nearest] / load[nearest]:.3g} times the mass, "
+            "or another speed suspected",
         )
 
     def check_preload(
@@ -162,12 +195,20 @@ class Sizes:
 
         Without ``speed`` the study's speed is used, and only the first contradiction is reported.
         """
-        own, speed = speed is None, self.problem.settings.speed if speed is None else speed
-        contradiction = None if speed is None else self.contradiction(preload, speed, mass)
-        if contradiction and not (own and "preload" in self.told):
-            warn_implausible("preload", *contradiction)
-            self.told.update(["preload"] * own)
-        return contradiction is not None
+        once = speed is None
+        if speed is None:
+            speed = self.problem.settings.speed
+        if speed is None:
+            return False
+        contradiction = self.contradiction(preload, speed, mass)
+        if contradiction is None:
+            return False
+        if once and "preload" in self.told:
+            return True
+        warn_implausible("preload", *contradiction)
+        if once:
+            self.told.add("preload")
+        return True
 
     def check_faces(self, preload: float) -> None:
         """Warn once if friction faces touch at an edge under a preload."""
@@ -183,7 +224,10 @@ class Sizes:
             )
 
     def check_optimum(self, preload: float, preloads: NDArray) -> None:
-        """Warn if the preload of an optimum contradicts the centrifugal load, which the computed preloads contain."""
+        """Warn if the preload of an optimum contradicts the centrifugal load.
+
+        The computed preloads contain this load, otherwise they have been reported.
+        """
         speed = self.problem.settings.speed
         if speed is not None and np.isfinite(preload) and not self.contradiction(preloads, speed):
             self.check_preload(np.array([preload]))

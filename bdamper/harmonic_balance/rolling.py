@@ -7,11 +7,11 @@ damper is in equilibrium as long as
 
     sum mu N r <= sum N a
 
-and then it slides.  A load that misses this point adds its moment on the left.  Otherwise the damper
-rolls on the edges of its faces, with much less dissipation.  The points of a face lie at the
-centres of ``n`` strips, so that the normal force shifts by
-``(n - 1) / n a`` only, and a damper may roll on its points although the whole faces would slide.
-Its amplitude is then wrong by several times (docs/evidence/measured.md, rows of contact points).
+and then it slides.  A load that misses this point adds its moment on the left.  Otherwise the
+damper rolls on the edges of its faces, with much less dissipation.  The points of a face lie at the
+centres of ``n`` strips, so that the normal force shifts by ``(n - 1) / n a`` only, and a damper may
+roll on its points although the whole faces would slide.  Its amplitude is then wrong by several
+times (docs/evidence/measured.md, rows of contact points).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from bdamper.util.formatting import counted
 ALONG_AXIS = 0.1
 """Largest share of a normal across the axis of rotation with which a face is an axial stop."""
 MOST_ROWS = 20
-"""Rows of points that represent a whole face; a damper that rolls on them is taken to roll anyway."""
+"""Rows of points that represent a whole face; a damper that rolls on them rolls anyway."""
 PARALLEL = 1e-3
 """Sine of the angle between two normals below which they do not meet."""
 
@@ -81,11 +81,13 @@ def rolling_dampers(problem: Problem) -> tuple[str, ...]:
             continue
         body = problem.coupling.model.bodies[name]
         sections = [_in_section(problem, face) for face in across]
-        enough = rows_to_slide(sections, *_load(body, sections))
+        load, loaded_at = _load(body, sections)
+        enough = rows_to_slide(sections, load, loaded_at)
         rows = min(section.rows for section in sections)
         if enough > rows:
             doubts.append(
-                f"'{name}' rolls on {counted(rows, 'row')} of contact points, it would slide on {enough}"
+                f"'{name}' rolls on {counted(rows, 'row')} of contact points, "
+                f"it would slide on {enough}"
             )
     return tuple(doubts)
 
@@ -171,8 +173,9 @@ def _in_section(problem: Problem, face: Interface) -> FaceInSection:
     centre = face.points.mean(axis=0)
     from_centre = np.einsum("pij,pj->pi", face.frame, face.points - centre)
     reach, reach_along_axis = np.abs(from_centre[:, :2]).max(axis=0)
-    half_length = rows / (rows - 1) * reach if rows > 1 else 0.0
-    if rows == 1:
+    if rows > 1:
+        half_length = rows / (rows - 1) * reach
+    else:
         # one row has a length along the axis alone; the other follows from the area
         length_along_axis = 2.0 * rows_along_axis / max(rows_along_axis - 1, 1) * reach_along_axis
         half_length = 0.5 * face.area.sum() / length_along_axis
