@@ -41,12 +41,15 @@ BD_INLINE bd_vec power_of_two(bd_mask i) { return bd_of_bits((i + bd_all_int(102
 /* 1 - exp(-x) for x >= 0 with full relative accuracy. */
 BD_INLINE bd_vec one_minus_exp(bd_vec x) {
     x = bd_min(x, bd_all(700.0));
+    /* x = k ln 2 - y with ln 2 in two parts */
     const bd_mask k = to_int(x * bd_all(1.0 / LN2));
     const bd_vec y = bd_all(0.0) - ((x - to_double(k) * bd_all(6.93147180369123816490e-01)) -
                                     to_double(k) * bd_all(1.90821492927058770002e-10));
+    /* exp(y) - 1 = y + y^2 sum */
     bd_vec sum = bd_all(1.0 / 14.0);
     for (int n = 13; n >= 2; --n) sum = (bd_all(1.0) + y * sum) * bd_all(1.0 / n);
-    const bd_vec share = power_of_two(bd_all_int(0) - k), grown = y + y * y * sum;
+    const bd_vec grown = y + y * y * sum;
+    const bd_vec share = power_of_two(bd_all_int(0) - k);
     return (bd_all(1.0) - share) - share * grown;
 }
 
@@ -56,21 +59,27 @@ typedef struct {
 
 BD_INLINE inverse_limit mean_inverse(bd_vec R0, bd_vec R1, const int tangent) {
     const bd_vec one = bd_all(1.0), two = bd_all(2.0), zero = bd_all(0.0);
+
+    /* the power of two nearest to the ratio of the limits */
     const bd_vec ratio = bd_min(bd_max(R1 / R0, bd_all(1e-290)), bd_all(1e290));
-    /* the power of two nearest to the ratio */
-    const bd_mask n = ((bd_bits(ratio * bd_all(1.4142135623730951)) >> 52) & bd_all_int(0x7ff)) -
-                      bd_all_int(1023);
-    const bd_vec near = R1 * power_of_two(bd_all_int(0) - n), S = R0 + near, z = (near - R0) / S,
-                 z2 = z * z;
-    bd_vec A = bd_all(1.0 / 25.0), B = bd_all(24.0 / 25.0);
+    const bd_mask exponent = bd_bits(ratio * bd_all(1.4142135623730951)) >> 52;
+    const bd_mask n = (exponent & bd_all_int(0x7ff)) - bd_all_int(1023);
+    const bd_vec near = R1 * power_of_two(bd_all_int(0) - n);
+    const bd_vec S = R0 + near;
+    const bd_vec z = (near - R0) / S;
+
+    /* A = atanh(z)/z */
+    const bd_vec z2 = z * z;
+    bd_vec A = bd_all(1.0 / 25.0);
     for (int k = 11; k >= 0; --k) A = bd_all(1.0 / (2 * k + 1)) + z2 * A;
     const bd_mask same = bd_equal_int(n, bd_all_int(0));
     const bd_vec dR = bd_select(same, one, R1 - R0);
-    inverse_limit o = {bd_select(same, two * A / S,
-                                 (to_double(n) * bd_all(LN2) + two * z * A) / dR),
-                       zero, zero};
+    const bd_vec by_logarithm = (to_double(n) * bd_all(LN2) + two * z * A) / dR;
+    inverse_limit o = {.L = bd_select(same, two * A / S, by_logarithm), .L0 = zero, .L1 = zero};
     if (!tangent) return o;
-    /* series of A'(z)/z */
+
+    /* B = A'(z)/z */
+    bd_vec B = bd_all(24.0 / 25.0);
     for (int k = 11; k >= 1; --k) B = bd_all(2.0 * k / (2 * k + 1)) + z2 * B;
     const bd_vec slope = bd_all(4.0) * z * B / (S * S * S);
     o.L1 = bd_select(same, R0 * slope - o.L / S, (one / R1 - o.L) / dR);
@@ -78,6 +87,8 @@ BD_INLINE inverse_limit mean_inverse(bd_vec R0, bd_vec R1, const int tangent) {
     return o;
 }
 
+/* Slider after a step, its motion, and its derivatives: ds_1 = A ds_0 + B0 dp_0 + B1 dp_1 + C0 dg_0
+ * + C1 dg_1. */
 typedef struct {
     bd_vec s[2], ds[2], A[2][2], B0[2][2], B1[2][2], C0[2], C1[2];
 } step;
@@ -90,9 +101,10 @@ typedef struct {
 } chord;
 
 BD_INLINE chord make_chord(const bd_vec *D, bd_vec R_e, bd_vec R1, const int tangent) {
-    chord w = {.length = bd_max(bd_root(D[0] * D[0] + D[1] * D[1]), bd_all(1e-300)),
-               .inverse = mean_inverse(R_e, R1, tangent)};
+    chord w;
+    w.length = bd_max(bd_root(D[0] * D[0] + D[1] * D[1]), bd_all(1e-300));
     for (int i = 0; i < 2; ++i) w.a[i] = D[i] / w.length;
+    w.inverse = mean_inverse(R_e, R1, tangent);
     w.p = one_minus_exp(w.length * w.inverse.L);
     return w;
 }
@@ -101,40 +113,59 @@ BD_INLINE chord make_chord(const bd_vec *D, bd_vec R_e, bd_vec R1, const int tan
 BD_INLINE void slip_step(step *o, const chord *w, const bd_vec *e, bd_vec tau, bd_vec R_e,
                          bd_vec R1, bd_vec mu, const bd_vec *dp, const bd_vec *p1,
                          const int tangent) {
-    const bd_vec one = bd_all(1.0), two = bd_all(2.0), zero = bd_all(0.0), remainder = one - tau;
-    const bd_vec D[2] = {remainder * dp[0], remainder * dp[1]}, length = w->length, *a = w->a,
-                 p = w->p, q = one - p;
+    const bd_vec one = bd_all(1.0), two = bd_all(2.0), zero = bd_all(0.0);
+    const bd_vec remainder = one - tau;
+    const bd_vec D[2] = {remainder * dp[0], remainder * dp[1]};
+    const bd_vec length = w->length, *a = w->a;
+    const bd_vec p = w->p, q = one - p;
     const inverse_limit inv = w->inverse;
+
+    /* e_1 = alpha a + beta (e - c a) */
     const bd_vec c = bd_min(bd_max(a[0] * e[0] + a[1] * e[1], bd_all(-1.0 + 1e-14)), one);
-    const bd_vec X = one + c, Y = one - c, q2 = q * q, inverse = one / (X + q2 * Y);
-    const bd_vec alpha = (X - q2 * Y) * inverse, beta = two * q * inverse;
-    const bd_vec alpha_c = beta * beta, beta_c = zero - two * q * (one - q2) * inverse * inverse;
-    bd_vec e1[2], M_e[2][2], V_c[2], side[2];
+    const bd_vec X = one + c, Y = one - c, q2 = q * q;
+    const bd_vec inverse = one / (X + q2 * Y);
+    const bd_vec alpha = (X - q2 * Y) * inverse;
+    const bd_vec beta = two * q * inverse;
+    bd_vec side[2], e1[2];
     for (int i = 0; i < 2; ++i) {
         side[i] = e[i] - c * a[i];
         e1[i] = alpha * a[i] + beta * side[i];
+    }
+
+    /* motion of the slider, without the difference of e_1 and e that nearly cancels */
+    for (int i = 0; i < 2; ++i) {
         const bd_vec de =
             p * inverse * (X * Y * (one + q) * a[i] + (Y * (one + q) - two) * side[i]);
         o->ds[i] = D[i] - R1 * de - (R1 - R_e) * e[i];
-        V_c[i] = a[i] * (alpha_c - beta) + side[i] * beta_c;
-    }
-    const bd_vec scale = R1 / R_e;
-    for (int i = 0; i < 2; ++i) {
         o->s[i] = p1[i] - R1 * e1[i];
+    }
+
+    /* derivatives of e_1 with respect to c, and to e */
+    const bd_vec alpha_c = beta * beta;
+    const bd_vec beta_c = zero - two * q * (one - q2) * inverse * inverse;
+    bd_vec V_c[2], M_e[2][2];
+    for (int i = 0; i < 2; ++i) {
+        V_c[i] = a[i] * (alpha_c - beta) + side[i] * beta_c;
         for (int j = 0; j < 2; ++j) M_e[i][j] = V_c[i] * a[j] + (i == j ? beta : zero);
     }
-    for (int i = 0; i < 2; ++i) { /* R1 M_e (I - e e^T)/R_e */
+    /* A = R1 M_e (I - e e^T)/R_e */
+    const bd_vec scale = R1 / R_e;
+    for (int i = 0; i < 2; ++i) {
         const bd_vec along = M_e[i][0] * e[0] + M_e[i][1] * e[1];
         for (int j = 0; j < 2; ++j) o->A[i][j] = scale * (M_e[i][j] - along * e[j]);
     }
     if (!tangent) return;
-    const bd_vec alpha_q = zero - bd_all(4.0) * q * X * Y * inverse * inverse,
-                 beta_q = two * alpha * inverse;
+
+    /* derivatives of e_1 with respect to q, both limits and the chord */
+    const bd_vec alpha_q = zero - bd_all(4.0) * q * X * Y * inverse * inverse;
+    const bd_vec beta_q = two * alpha * inverse;
     for (int i = 0; i < 2; ++i) {
         const bd_vec V_q = a[i] * alpha_q + side[i] * beta_q;
-        const bd_vec m_e = zero - q * length * inv.L0 * V_q, m_1 = zero - q * length * inv.L1 * V_q;
+        const bd_vec m_e = zero - q * length * inv.L0 * V_q;
+        const bd_vec m_1 = zero - q * length * inv.L1 * V_q;
         for (int j = 0; j < 2; ++j) {
-            const bd_vec same = i == j ? one : zero, across = same - a[i] * a[j];
+            const bd_vec same = i == j ? one : zero;
+            const bd_vec across = same - a[i] * a[j];
             const bd_vec M_D = R1 * ((alpha - beta * c) * across / length +
                                      V_c[i] * side[j] / length - q * inv.L * V_q * a[j]);
             o->B0[i][j] = remainder * (M_D - o->A[i][j]);
@@ -172,25 +203,30 @@ BD_INLINE chord load_chord(const bd_coupled_lanes *l, int at, const int tangent)
     return w;
 }
 
-/* Closing: the limit is zero between the samples. */
+/* Closing: the limit is zero until the part t of the step. */
 BD_INLINE void close_step(step *o, bd_mask *slipping, bd_mask closing, bd_vec t, bd_vec g0,
                           bd_vec g1, bd_vec mu, bd_vec R1, const bd_vec *s, const bd_vec *dp,
                           const bd_vec *p0, const bd_vec *p1, int interpolate, const int tangent) {
-    const bd_vec one = bd_all(1.0), zero = bd_all(0.0), remainder = one - t,
-                 chord = bd_root(dp[0] * dp[0] + dp[1] * dp[1]);
+    const bd_vec one = bd_all(1.0), zero = bd_all(0.0);
+    const bd_vec remainder = one - t;
+    const bd_vec chord = bd_root(dp[0] * dp[0] + dp[1] * dp[1]);
     const bd_mask slips = closing & ~bd_at_least(R1, remainder * chord);
-    const bd_vec dg = g1 - g0, factor = bd_all(interpolate ? 1.0 : 0.0) / (dg * dg),
-                 inverse = one / bd_max(chord, bd_all(1e-300));
     *slipping |= slips;
+
+    const bd_vec inverse = one / bd_max(chord, bd_all(1e-300));
+    /* t = -g0/dg, if the loads are interpolated */
+    const bd_vec dg = g1 - g0;
+    const bd_vec factor = bd_all(interpolate ? 1.0 : 0.0) / (dg * dg);
     for (int i = 0; i < 2; ++i) {
-        const bd_vec a = dp[i] * inverse, to = bd_select(slips, p1[i] - R1 * a, p0[i] + t * dp[i]);
+        const bd_vec a = dp[i] * inverse;
+        const bd_vec to = bd_select(slips, p1[i] - R1 * a, p0[i] + t * dp[i]);
         choose(&o->s[i], closing, to);
         choose(&o->ds[i], closing, to - s[i]);
         for (int j = 0; j < 2; ++j) {
             choose(&o->A[i][j], closing, zero);
             if (!tangent) continue;
-            const bd_vec same = i == j ? one : zero,
-                         across = (same - a * dp[j] * inverse) * R1 * inverse;
+            const bd_vec same = i == j ? one : zero;
+            const bd_vec across = (same - a * dp[j] * inverse) * R1 * inverse;
             choose(&o->B0[i][j], closing, bd_select(slips, across, remainder * same));
             choose(&o->B1[i][j], closing, bd_select(slips, same - across, t * same));
         }
@@ -200,77 +236,111 @@ BD_INLINE void close_step(step *o, bd_mask *slipping, bd_mask closing, bd_vec t,
     }
 }
 
+/* Opening: the slider moves with the surface. */
+BD_INLINE void open_step(step *o, bd_mask open, const bd_vec *s, const bd_vec *p1,
+                         const int tangent) {
+    const bd_vec one = bd_all(1.0), zero = bd_all(0.0);
+    for (int i = 0; i < 2; ++i) {
+        choose(&o->s[i], open, p1[i]);
+        choose(&o->ds[i], open, p1[i] - s[i]);
+        for (int j = 0; j < 2; ++j) {
+            choose(&o->A[i][j], open, zero);
+            if (!tangent) continue;
+            choose(&o->B0[i][j], open, zero);
+            choose(&o->B1[i][j], open, i == j ? one : zero);
+        }
+        if (!tangent) continue;
+        choose(&o->C0[i], open, zero);
+        choose(&o->C1[i], open, zero);
+    }
+}
+
+/* Part of the step after which T = p - s of size ``size`` leaves the disk: the root of |T + tau
+ * dp|^2 = (R0 + tau dR)^2, without cancellation. ``edge``: T begins on the edge. */
+BD_INLINE bd_vec onset_of_slip(const bd_vec *dp, bd_vec along, bd_vec size, bd_vec R0, bd_vec dR,
+                               bd_mask edge) {
+    const bd_vec zero = bd_all(0.0);
+    const bd_vec a = dp[0] * dp[0] + dp[1] * dp[1] - dR * dR;
+    const bd_vec b = along - R0 * dR;
+    const bd_vec c = bd_select(edge, zero, (size - R0) * (size + R0));
+    const bd_vec h = bd_root(bd_max(b * b - a * c, zero));
+    const bd_vec outward = bd_select(bd_above(b + h, zero), (zero - c) / (b + h), zero);
+    return bd_select(bd_at_least(b, zero), outward, (h - b) / a);
+}
+
 /* Step from sample k0 to the next sample k1; the slider of a sticking lane does not change. */
 BD_INLINE bd_mask take_step(const bd_coupled_lanes *l, int k0, int k1, int v, const bd_vec *s,
                             step *o, bd_mask *sticks, const int tangent) {
-    const int at0 = k0 * BD_LANES + v * BD_WIDTH, at1 = k1 * BD_LANES + v * BD_WIDTH;
     const bd_vec zero = bd_all(0.0), one = bd_all(1.0);
-    const bd_vec p0[2] = {bd_load(l->x + at0), bd_load(l->y + at0)},
-                 p1[2] = {bd_load(l->x + at1), bd_load(l->y + at1)};
-    const bd_vec dp[2] = {p1[0] - p0[0], p1[1] - p0[1]}, g0 = bd_load(l->g + at0),
-                 g1 = bd_load(l->g + at1);
-    const bd_vec R0 = bd_load(l->R + at0), R1 = bd_load(l->R + at1), dR = R1 - R0,
-                 mu = bd_load(l->mu + v * BD_WIDTH);
-    const bd_mask open = ~bd_above(g1, zero), closing = ~open & ~bd_above(g0, zero),
-                  contact = ~open & ~closing;
-    const bd_vec T[2] = {p0[0] - s[0], p0[1] - s[1]}, size = bd_root(T[0] * T[0] + T[1] * T[1]);
+    const int at0 = k0 * BD_LANES + v * BD_WIDTH;
+    const int at1 = k1 * BD_LANES + v * BD_WIDTH;
+    const bd_vec p0[2] = {bd_load(l->x + at0), bd_load(l->y + at0)};
+    const bd_vec p1[2] = {bd_load(l->x + at1), bd_load(l->y + at1)};
+    const bd_vec dp[2] = {p1[0] - p0[0], p1[1] - p0[1]};
+    const bd_vec g0 = bd_load(l->g + at0), g1 = bd_load(l->g + at1);
+    const bd_vec R0 = bd_load(l->R + at0), R1 = bd_load(l->R + at1), dR = R1 - R0;
+    const bd_vec mu = bd_load(l->mu + v * BD_WIDTH);
+
+    const bd_mask open = ~bd_above(g1, zero);
+    const bd_mask closing = ~open & ~bd_above(g0, zero);
+    const bd_mask contact = ~open & ~closing;
+
+    /* direct: T begins on the edge and moves outward; others slip if T ends outside */
+    const bd_vec T[2] = {p0[0] - s[0], p0[1] - s[1]};
+    const bd_vec size = bd_root(T[0] * T[0] + T[1] * T[1]);
     const bd_mask edge = bd_at_least(size, R0 * bd_all(1.0 - EDGE));
-    const bd_vec along = T[0] * dp[0] + T[1] * dp[1], end[2] = {p1[0] - s[0], p1[1] - s[1]};
+    const bd_vec along = T[0] * dp[0] + T[1] * dp[1];
     const bd_mask direct = contact & edge & bd_above(along, size * dR);
-    const bd_mask slips =
-        direct | (contact & ~bd_at_least(R1, bd_root(end[0] * end[0] + end[1] * end[1])));
+    const bd_vec end[2] = {p1[0] - s[0], p1[1] - s[1]};
+    const bd_mask inside = bd_at_least(R1, bd_root(end[0] * end[0] + end[1] * end[1]));
+    const bd_mask slips = direct | (contact & ~inside);
     bd_mask slipping = slips;
     *sticks = contact & ~slips;
+
     if (bd_any(slips) && !bd_any(slips & ~direct)) {
+        /* every slipping lane slips over the whole chord, which all_chords has prepared */
         const bd_vec e[2] = {T[0] / size, T[1] / size};
         const chord w = load_chord(l, at1, tangent);
         slip_step(o, &w, e, zero, R0, R1, mu, dp, p1, tangent);
     } else if (bd_any(slips)) {
-        const bd_vec a = dp[0] * dp[0] + dp[1] * dp[1] - dR * dR, b = along - R0 * dR;
-        const bd_vec c = bd_select(edge, zero, (size - R0) * (size + R0)),
-                     h = bd_root(bd_max(b * b - a * c, zero));
-        const bd_vec crossing =
-            bd_select(bd_at_least(b, zero),
-                      bd_select(bd_above(b + h, zero), (zero - c) / (b + h), zero), (h - b) / a);
-        const bd_vec tau = bd_select(direct, zero, bd_min(one, bd_max(zero, crossing))),
-                     remainder = one - tau;
-        const bd_vec Te[2] = {T[0] + tau * dp[0], T[1] + tau * dp[1]},
-                     size_e = bd_root(Te[0] * Te[0] + Te[1] * Te[1]);
-        const bd_vec e[2] = {Te[0] / size_e, Te[1] / size_e}, R_e = R0 + tau * dR,
-                     D[2] = {remainder * dp[0], remainder * dp[1]};
+        const bd_vec crossing = onset_of_slip(dp, along, size, R0, dR, edge);
+        const bd_vec tau = bd_select(direct, zero, bd_min(one, bd_max(zero, crossing)));
+        const bd_vec remainder = one - tau;
+        const bd_vec Te[2] = {T[0] + tau * dp[0], T[1] + tau * dp[1]};
+        const bd_vec size_e = bd_root(Te[0] * Te[0] + Te[1] * Te[1]);
+        const bd_vec e[2] = {Te[0] / size_e, Te[1] / size_e};
+        const bd_vec R_e = R0 + tau * dR;
+        const bd_vec D[2] = {remainder * dp[0], remainder * dp[1]};
         const chord w = make_chord(D, R_e, R1, tangent);
         slip_step(o, &w, e, tau, R_e, R1, mu, dp, p1, tangent);
     }
-    if (bd_any(closing))
-        close_step(o, &slipping, closing, bd_all(l->interpolate ? -1.0 : 0.0) * g0 / (g1 - g0), g0,
-                   g1, mu, R1, s, dp, p0, p1, l->interpolate, tangent);
-    if (bd_any(open))
-        for (int i = 0; i < 2; ++i) {
-            choose(&o->s[i], open, p1[i]);
-            choose(&o->ds[i], open, p1[i] - s[i]);
-            for (int j = 0; j < 2; ++j) {
-                choose(&o->A[i][j], open, zero);
-                if (!tangent) continue;
-                choose(&o->B0[i][j], open, zero);
-                choose(&o->B1[i][j], open, i == j ? one : zero);
-            }
-            if (tangent) choose(&o->C0[i], open, zero), choose(&o->C1[i], open, zero);
-        }
+    if (bd_any(closing)) {
+        const bd_vec t = bd_all(l->interpolate ? -1.0 : 0.0) * g0 / (g1 - g0);
+        close_step(o, &slipping, closing, t, g0, g1, mu, R1, s, dp, p0, p1, l->interpolate,
+                   tangent);
+    }
+    if (bd_any(open)) open_step(o, open, s, p1, tangent);
     return slipping;
+}
+
+BD_INLINE unsigned char step_kind(bd_mask open, bd_mask sticks, bd_mask slips, size_t lane) {
+    if (bd_entry_int(open, lane)) return BD_STEP_OPEN;
+    if (bd_entry_int(sticks, lane)) return BD_STEP_STICK;
+    if (bd_entry_int(slips, lane)) return BD_STEP_SLIP;
+    return BD_STEP_CLOSE;
 }
 
 BD_INLINE void store_step(bd_coupled_lanes *l, int k, int v, const step *o, const bd_vec *s,
                           bd_mask sticks, bd_mask slips, const int tangent) {
-    const int at = k * BD_LANES + v * BD_WIDTH, n = l->n_time * BD_LANES;
+    const int at = k * BD_LANES + v * BD_WIDTH;
+    const bd_mask open = ~bd_above(bd_load(l->g + at), bd_all(0.0));
+    for (int i = 0; i < BD_WIDTH; ++i)
+        l->step_kind[at + i] = step_kind(open, sticks, slips, (size_t)i);
+
+    const int n = l->n_time * BD_LANES;
     double *to = l->step + at;
     bd_store(to, s[0]);
     bd_store(to + n, s[1]);
-    const bd_mask open = ~bd_above(bd_load(l->g + at), bd_all(0.0));
-    for (int i = 0; i < BD_WIDTH; ++i)
-        l->step_kind[at + i] = (unsigned char)(bd_entry_int(open, (size_t)i)     ? BD_STEP_OPEN
-                                               : bd_entry_int(sticks, (size_t)i) ? BD_STEP_STICK
-                                               : bd_entry_int(slips, (size_t)i)  ? BD_STEP_SLIP
-                                                                                 : BD_STEP_CLOSE);
     if (!tangent) return;
     to += 2 * n;
     for (int i = 0; i < 2; ++i)
@@ -285,36 +355,40 @@ BD_INLINE void store_step(bd_coupled_lanes *l, int k, int v, const step *o, cons
     }
 }
 
+/* One period from the slider l->s: slider at the end, its motion, and its derivative P with respect
+ * to the slider at the start. */
 BD_INLINE void period(bd_coupled_lanes *l, const int store, const int tangent) {
+    const bd_vec zero = bd_all(0.0), one = bd_all(1.0);
     for (int v = 0; v < N_VEC; ++v) {
-        const bd_vec zero = bd_all(0.0), one = bd_all(1.0);
-        bd_vec s[2] = {bd_load(l->s + v * BD_WIDTH), bd_load(l->s + BD_LANES + v * BD_WIDTH)},
-               F[2] = {zero, zero};
+        const int lane = v * BD_WIDTH;
+        bd_vec s[2] = {bd_load(l->s + lane), bd_load(l->s + BD_LANES + lane)};
+        bd_vec net[2] = {zero, zero};
         bd_vec P[2][2] = {{one, zero}, {zero, one}};
         for (int k = 0; k < l->n_time; ++k) {
+            const int before = k > 0 ? k - 1 : l->n_time - 1;
             step o = {0};
             bd_mask sticks;
-            const bd_mask slips =
-                take_step(l, k > 0 ? k - 1 : l->n_time - 1, k, v, s, &o, &sticks, tangent);
+            const bd_mask slips = take_step(l, before, k, v, s, &o, &sticks, tangent);
             const bd_mask moves = ~sticks;
-            if (bd_any(moves))
+            if (bd_any(moves)) {
                 for (int i = 0; i < 2; ++i) {
                     choose(&s[i], moves, o.s[i]);
-                    F[i] += bd_select(moves, o.ds[i], zero);
+                    net[i] += bd_select(moves, o.ds[i], zero);
                 }
-            if (bd_any(moves))
                 for (int j = 0; j < 2; ++j) {
-                    const bd_vec d0 = P[0][j], d1 = P[1][j];
-                    choose(&P[0][j], moves, o.A[0][0] * d0 + o.A[0][1] * d1);
-                    choose(&P[1][j], moves, o.A[1][0] * d0 + o.A[1][1] * d1);
+                    const bd_vec P0 = P[0][j], P1 = P[1][j];
+                    choose(&P[0][j], moves, o.A[0][0] * P0 + o.A[0][1] * P1);
+                    choose(&P[1][j], moves, o.A[1][0] * P0 + o.A[1][1] * P1);
                 }
+            }
             if (store) store_step(l, k, v, &o, s, sticks, slips, tangent);
         }
+
         for (int i = 0; i < 2; ++i) {
-            bd_store(l->end + i * BD_LANES + v * BD_WIDTH, s[i]);
-            bd_store(l->net_motion + i * BD_LANES + v * BD_WIDTH, F[i]);
+            bd_store(l->end + i * BD_LANES + lane, s[i]);
+            bd_store(l->net_motion + i * BD_LANES + lane, net[i]);
             for (int j = 0; j < 2; ++j)
-                bd_store(l->period_derivative + (2 * i + j) * BD_LANES + v * BD_WIDTH, P[i][j]);
+                bd_store(l->period_derivative + (2 * i + j) * BD_LANES + lane, P[i][j]);
         }
     }
 }
@@ -322,11 +396,13 @@ BD_INLINE void period(bd_coupled_lanes *l, const int store, const int tangent) {
 BD_INLINE void all_chords(bd_coupled_lanes *l, const int tangent) {
     for (int k = 0; k < l->n_time; ++k)
         for (int v = 0; v < N_VEC; ++v) {
-            const int at1 = k * BD_LANES + v * BD_WIDTH,
-                      at0 = (k > 0 ? k - 1 : l->n_time - 1) * BD_LANES + v * BD_WIDTH;
+            const int before = k > 0 ? k - 1 : l->n_time - 1;
+            const int at0 = before * BD_LANES + v * BD_WIDTH;
+            const int at1 = k * BD_LANES + v * BD_WIDTH;
             const bd_vec D[2] = {bd_load(l->x + at1) - bd_load(l->x + at0),
                                  bd_load(l->y + at1) - bd_load(l->y + at0)};
-            const chord w = make_chord(D, bd_load(l->R + at0), bd_load(l->R + at1), tangent);
+            const bd_vec R0 = bd_load(l->R + at0), R1 = bd_load(l->R + at1);
+            const chord w = make_chord(D, R0, R1, tangent);
             save_chord(l, at1, &w, tangent);
         }
 }
@@ -356,12 +432,14 @@ double BD_JOIN(bd_disk_violation_, BD_VARIANT)(int n, const double *x, const dou
                                                const double *R, const double *s, int *which) {
     bd_vec most = bd_all(-INFINITY), index = bd_all(0.0);
     for (int k = 0; k < n; k += BD_WIDTH) {
-        const bd_vec dx = bd_load(x + k) - bd_all(s[0]), dy = bd_load(y + k) - bd_all(s[1]);
+        const bd_vec dx = bd_load(x + k) - bd_all(s[0]);
+        const bd_vec dy = bd_load(y + k) - bd_all(s[1]);
         const bd_vec far = bd_root(dx * dx + dy * dy) - bd_load(R + k);
         const bd_mask more = bd_above(far, most);
         choose(&most, more, far);
         choose(&index, more, bd_all((double)k));
     }
+    /* largest of the lanes */
     size_t best = 0;
     for (size_t i = 1; i < BD_WIDTH; ++i)
         if (bd_entry(most, i) > bd_entry(most, best)) best = i;

@@ -14,16 +14,19 @@
 
 #include <string.h>
 
+/* Add factor times a block (n, n) of the tangent times x; a linear block is spring times I. */
 static void add_block(int n, bd_block kind, double spring, const double *block, double factor,
                       const double *x, double *to) {
-    if (kind == BD_BLOCK_LINEAR)
+    if (kind == BD_BLOCK_LINEAR) {
         for (int i = 0; i < n; ++i) to[i] += factor * spring * x[i];
-    if (kind == BD_BLOCK_FULL)
-        for (int i = 0; i < n; ++i) {
-            double sum = 0.0;
-            for (int j = 0; j < n; ++j) sum += block[(size_t)i * (size_t)n + (size_t)j] * x[j];
-            to[i] += factor * sum;
-        }
+    }
+    if (kind != BD_BLOCK_FULL) return;
+    for (int i = 0; i < n; ++i) {
+        const double *row = block + (size_t)i * (size_t)n;
+        double sum = 0.0;
+        for (int j = 0; j < n; ++j) sum += row[j] * x[j];
+        to[i] += factor * sum;
+    }
 }
 
 /* Contribution of the tangential motions (2, BD_MAX_COEF) to the change of the friction force in
@@ -38,40 +41,63 @@ static void add_friction(const bd_element *e, int n, int d, const bd_response *r
 
 static double relative_change(double change, double of) { return of != 0.0 ? change / of : 0.0; }
 
+/* Relative change of the friction limit: of mu and, if it is given, of the load. */
+static double relative_change_of_limit(const bd_element *element, const bd_element *rate) {
+    const double by_friction = relative_change(rate->mu, element->mu);
+    if (!bd_law_is_constant(element->law)) return by_friction;
+    return by_friction + relative_change(rate->load, element->load);
+}
+
+/* Change of X (3, n) that has the same effect as the changes of motion and parameters, and the
+ * stretch u - w (2, n) of the tangential springs. */
+static void equivalent_change(const bd_element *element, const bd_element *rate, int n,
+                              const double *X, const double *dX, double (*change)[BD_MAX_COEF],
+                              double (*stretch)[BD_MAX_COEF]) {
+    const size_t bytes = sizeof(double) * (size_t)n;
+    for (int a = 0; a < 3; ++a) memcpy(change[a], dX + a * n, bytes);
+
+    for (int d = 0; d < 2; ++d) {
+        memcpy(stretch[d], X + d * n, bytes);
+        /* a cubic spring has no slider, and its stiffness does not act like a motion */
+        if (element->law == BD_LAW_CUBIC) continue;
+        stretch[d][0] -= element->w[d];
+        const double stiffer = relative_change(rate->kt[d], element->kt[d]);
+        for (int i = 0; i < n; ++i) change[d][i] += stiffer * stretch[d][i];
+        change[d][0] -= rate->w[d];
+    }
+
+    const double *v = X + 2 * n;
+    const double stiffer = relative_change(rate->kn, element->kn);
+    for (int i = 0; i < n; ++i) change[2][i] += stiffer * v[i];
+    change[2][0] += relative_change(rate->n0, element->kn);
+}
+
 void bd_force_derivative(const bd_element *element, const bd_element *rate, int n_harm,
                          const double *X, const double *dX, const bd_response *response,
                          double *dF) {
-    const int n = bd_n_coef(n_harm), springs = element->law != BD_LAW_CUBIC;
-    double change[3][BD_MAX_COEF], away[2][BD_MAX_COEF];
-    for (int a = 0; a < 3; ++a) memcpy(change[a], dX + a * n, sizeof(double) * (size_t)n);
-    for (int d = 0; d < 2; ++d) {
-        memcpy(away[d], X + d * n, sizeof(double) * (size_t)n);
-        if (!springs) continue;
-        away[d][0] -= element->w[d];
-        const double stiffer = relative_change(rate->kt[d], element->kt[d]);
-        for (int i = 0; i < n; ++i) change[d][i] += stiffer * away[d][i];
-        change[d][0] -= rate->w[d];
-    }
-    for (int i = 0; i < n; ++i)
-        change[2][i] += relative_change(rate->kn, element->kn) * X[2 * n + i];
-    change[2][0] += relative_change(rate->n0, element->kn);
-    const double limit =
-        relative_change(rate->mu, element->mu) +
-        (bd_law_is_constant(element->law) ? relative_change(rate->load, element->load) : 0.0);
+    const int n = bd_n_coef(n_harm);
+    double change[3][BD_MAX_COEF], stretch[2][BD_MAX_COEF];
+    equivalent_change(element, rate, n, X, dX, change, stretch);
+    const double limit = relative_change_of_limit(element, rate);
+
     memset(dF, 0, sizeof(double) * 3 * (size_t)n);
     for (int d = 0; d < 2; ++d) {
-        double *to = dF + d * n;
+        double *dT = dF + d * n;
         const double *T = response->F + d * n;
-        add_friction(element, n, d, response, 1.0, change, to);
+        add_friction(element, n, d, response, 1.0, change, dT);
         if (response->tangential[d] == BD_BLOCK_FULL && response->with_normal[d])
-            add_block(n, BD_BLOCK_FULL, 0.0, response->dTv[d], 1.0, change[2], to);
+            add_block(n, BD_BLOCK_FULL, 0.0, response->dTv[d], 1.0, change[2], dT);
+
+        /* mu dT/dmu = T - B_u (u - w) */
         if (limit != 0.0 && bd_element_has_friction(element, d)) {
-            for (int i = 0; i < n; ++i) to[i] += limit * T[i];
-            add_friction(element, n, d, response, -limit, away, to);
+            for (int i = 0; i < n; ++i) dT[i] += limit * T[i];
+            add_friction(element, n, d, response, -limit, stretch, dT);
         }
-        if (!springs)
-            for (int i = 0; i < n; ++i)
-                to[i] += relative_change(rate->kt[d], element->kt[d]) * T[i];
+
+        if (element->law == BD_LAW_CUBIC) {
+            const double stiffer = relative_change(rate->kt[d], element->kt[d]);
+            for (int i = 0; i < n; ++i) dT[i] += stiffer * T[i];
+        }
     }
     add_block(n, response->normal, element->kn, response->dN, 1.0, change[2], dF + 2 * n);
 }

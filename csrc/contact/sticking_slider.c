@@ -28,55 +28,77 @@
 
 #include <string.h>
 
+/* Number of columns of a derivative: motions u1, u2, v and slider at the start of the period. */
+static size_t n_columns(const bd_coulomb_work *work) {
+    return 3 * (size_t)bd_n_coef(work->n_harm) + 2;
+}
+
 /* Direction and distance from the slider to the centre of a disk that determines it. */
 static double direction(const bd_coulomb_work *work, const bd_disk_point *point, int i, double *e) {
     const int k = point->disk[i];
-    const double x = work->x[k] - point->s[0], y = work->y[k] - point->s[1], size = bd_norm(x, y);
-    e[0] = size > 0.0 ? x / size : 1.0;
-    e[1] = size > 0.0 ? y / size : 0.0;
-    return size;
+    const double x = work->x[k] - point->s[0];
+    const double y = work->y[k] - point->s[1];
+    const double distance = bd_norm(x, y);
+    e[0] = distance > 0.0 ? x / distance : 1.0;
+    e[1] = distance > 0.0 ? y / distance : 0.0;
+    return distance;
 }
 
 /* Add the row of a . dp + b dR at sample k. */
 static void motion_row(const bd_coulomb_work *work, const bd_element *element, int k,
                        const double *a, double b, double *row) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
-    const double *basis = bd_coulomb_basis(work, k),
-                 kn = bd_law_is_constant(element->law) ? 0.0 : element->kn;
+    const double *basis = bd_coulomb_basis(work, k);
+    const double kn = bd_law_is_constant(element->law) ? 0.0 : element->kn;
     const double factor[3] = {a[0] * element->kt[0], a[1] * element->kt[1], b * element->mu * kn};
-    for (size_t c = 0; c < 3; ++c)
-        for (size_t j = 0; j < n_coef; ++j) row[c * n_coef + j] += factor[c] * basis[j];
+    for (size_t c = 0; c < 3; ++c) {
+        double *of_direction = row + c * n_coef;
+        for (size_t j = 0; j < n_coef; ++j) of_direction[j] += factor[c] * basis[j];
+    }
+}
+
+/* Shares f_i of the n disks in the motion of the centre along d: dc_d = sum_i f_i (e_i . dp_i -
+ * dR_i). */
+static void shares_of_disks(int n, double (*e)[2], size_t d, double *f) {
+    for (int i = 0; i < 3; ++i) f[i] = 0.0;
+    if (n == 2) {
+        for (int i = 0; i < 2; ++i) f[i] = 0.5 * e[i][d];
+    }
+    if (n == 3) {
+        const double a[2] = {e[1][0] - e[0][0], e[1][1] - e[0][1]};
+        const double b[2] = {e[2][0] - e[0][0], e[2][1] - e[0][1]};
+        const double det = a[0] * b[1] - a[1] * b[0];
+        const double sign = d == 0 ? 1.0 : -1.0;
+        f[1] = sign * b[1 - d] / det;
+        f[2] = -sign * a[1 - d] / det;
+        f[0] = -f[1] - f[2];
+    }
 }
 
 /* Derivative (2, n_col) of the centre: e_i . dc + d phi = e_i . dp_i - dR_i. Across the line of two
  * centres, the point moves with the line. */
 static void derivative_of_centre(const bd_coulomb_work *work, const bd_element *element,
                                  const bd_disk_point *centre, double *D) {
-    const size_t n_col = 3 * (size_t)bd_n_coef(work->n_harm) + 2;
-    /* dc_d = sum_i along_id . dp_i - f_di dR_i */
-    double e[3][2] = {{0.0}}, r[3] = {0.0}, f[2][3], along[3][2];
+    const size_t n_col = n_columns(work);
+    const int n = centre->n;
+    double e[3][2] = {{0.0}}, r[3] = {0.0};
+    for (int i = 0; i < n; ++i) r[i] = direction(work, centre, i, e[i]);
+
+    /* dc_d = sum_i along_i . dp_i - f_i dR_i */
     memset(D, 0, sizeof(double) * 2 * n_col);
-    for (int i = 0; i < centre->n; ++i) r[i] = direction(work, centre, i, e[i]);
     for (size_t d = 0; d < 2; ++d) {
-        for (int i = 0; i < 3; ++i) f[d][i] = 0.0;
-        if (centre->n == 2)
-            for (int i = 0; i < 2; ++i) f[d][i] = 0.5 * e[i][d];
-        if (centre->n == 3) {
-            const double a[2] = {e[1][0] - e[0][0], e[1][1] - e[0][1]},
-                         b[2] = {e[2][0] - e[0][0], e[2][1] - e[0][1]};
-            const double det = a[0] * b[1] - a[1] * b[0], sign = d == 0 ? 1.0 : -1.0;
-            f[d][1] = sign * b[1 - d] / det;
-            f[d][2] = -sign * a[1 - d] / det;
-            f[d][0] = -f[d][1] - f[d][2];
-        }
-        for (int i = 0; i < centre->n; ++i) {
+        double f[3];
+        shares_of_disks(n, e, d, f);
+        for (int i = 0; i < n; ++i) {
+            double along[2];
             for (size_t c = 0; c < 2; ++c) {
-                along[i][c] = f[d][i] * e[i][c];
-                if (centre->n == 1) along[i][c] = c == d;
-                if (centre->n == 2)
-                    along[i][c] += r[1 - i] / (r[0] + r[1]) * ((c == d) - e[0][d] * e[0][c]);
+                const double same = c == d;
+                along[c] = f[i] * e[i][c];
+                if (n == 1) along[c] = same;
+                /* the nearer centre moves the point more */
+                if (n == 2) along[c] += r[1 - i] / (r[0] + r[1]) * (same - e[0][d] * e[0][c]);
             }
-            motion_row(work, element, centre->disk[i], along[i], -f[d][i], D + d * n_col);
+            motion_row(work, element, centre->disk[i], along, -f[i], D + d * n_col);
         }
     }
 }
@@ -86,20 +108,26 @@ static void derivative_of_centre(const bd_coulomb_work *work, const bd_element *
 static void derivative_of_shifted(bd_coulomb_work *work, const bd_element *element,
                                   const double *initial, const bd_disk_point *centre, double share,
                                   int k) {
-    const size_t n_col = 3 * (size_t)bd_n_coef(work->n_harm) + 2;
+    const size_t n_col = n_columns(work);
     const double line[2] = {centre->s[0] - initial[0], centre->s[1] - initial[1]};
     const bd_disk_point slider = {
         .n = 1, .disk = {k}, .s = {initial[0] + share * line[0], initial[1] + share * line[1]}};
-    double e[2], *D = work->slider_derivative, *follow = work->next_slider;
+    double e[2];
     direction(work, &slider, 0, e);
+
+    double *D = work->slider_derivative;
     derivative_of_centre(work, element, centre, D);
-    memset(follow, 0, sizeof(double) * n_col);
-    motion_row(work, element, k, e, -1.0, follow);
+    double *motion_of_edge = work->next_slider; /* e . dp - dR */
+    memset(motion_of_edge, 0, sizeof(double) * n_col);
+    motion_row(work, element, k, e, -1.0, motion_of_edge);
+
     const double speed = e[0] * line[0] + e[1] * line[1];
+    double *D0 = D, *D1 = D + n_col;
     for (size_t j = 0; j + 2 < n_col; ++j) {
-        const double d_share = (follow[j] - share * (e[0] * D[j] + e[1] * D[n_col + j])) / speed;
-        for (size_t d = 0; d < 2; ++d)
-            D[d * n_col + j] = share * D[d * n_col + j] + line[d] * d_share;
+        const double by_centre = share * (e[0] * D0[j] + e[1] * D1[j]);
+        const double d_share = (motion_of_edge[j] - by_centre) / speed;
+        D0[j] = share * D0[j] + line[0] * d_share;
+        D1[j] = share * D1[j] + line[1] * d_share;
     }
 }
 
@@ -107,71 +135,94 @@ static void derivative_of_shifted(bd_coulomb_work *work, const bd_element *eleme
  * part of the step that ends at its sample. */
 static double slip_turn(const bd_coulomb_work *work, const bd_disk_point *point, int i,
                         const double *e, const double *t) {
-    const int k1 = point->disk[i], k0 = bd_coulomb_before(work, k1);
+    const int k1 = point->disk[i];
+    const int k0 = bd_coulomb_before(work, k1);
     const double dp[2] = {work->x[k1] - work->x[k0], work->y[k1] - work->y[k0]};
-    const double speed = e[0] * dp[0] + e[1] * dp[1] - (work->R[k1] - work->R[k0]),
-                 size = bd_norm(dp[0], dp[1]);
+    const double dR = work->R[k1] - work->R[k0];
+    const double speed = e[0] * dp[0] + e[1] * dp[1] - dR;
     /* otherwise the centre has stopped before */
-    return speed > 1e-6 * size ? 0.5 * (t[0] * dp[0] + t[1] * dp[1]) / speed : 0.0;
+    const int slips = speed > 1e-6 * bd_norm(dp[0], dp[1]);
+    return slips ? 0.5 * (t[0] * dp[0] + t[1] * dp[1]) / speed : 0.0;
+}
+
+/* Add the row of t . D between two disks: the motion of both across the line of the centres. Each
+ * counts with the distance of the other disk. */
+static void row_across(bd_coulomb_work *work, const bd_element *element, const bd_disk_point *point,
+                       double (*e)[2], const double *r, const double *t, double *row) {
+    const double turn =
+        slip_turn(work, point, 0, e[0], t) * r[1] + slip_turn(work, point, 1, e[1], t) * r[0];
+    const double distance = r[0] + r[1];
+    for (int i = 0; i < 2; ++i) {
+        const double share = r[1 - i];
+        const double a[2] = {(share * t[0] - turn * e[i][0]) / distance,
+                             (share * t[1] - turn * e[i][1]) / distance};
+        motion_row(work, element, point->disk[i], a, turn / distance, row);
+    }
+}
+
+/* Add to the derivatives D_i (3, 2, n_col) after three disks the part of D_0, which recurs after
+ * them: D_i += M_i D_0 with D_0 = D_3. */
+static void close_three_disks(double (*e)[2], size_t n_col, double *D) {
+    double M[2][2] = {{1.0, 0.0}, {0.0, 1.0}};
+    for (size_t i = 0; i < 3; ++i)
+        for (size_t c = 0; c < 2; ++c) {
+            const double along = e[i][0] * M[0][c] + e[i][1] * M[1][c];
+            for (size_t d = 0; d < 2; ++d) M[d][c] -= e[i][d] * along;
+        }
+
+    for (size_t j = 0; j + 2 < n_col; ++j) {
+        const double *last = D + 2 * 2 * n_col + j;
+        const double constant_part[2] = {last[0], last[n_col]};
+        double y[2];
+        if (!bd_coulomb_solve_period(M, constant_part, y)) continue;
+        for (size_t i = 0; i < 3; ++i) {
+            const double along = e[i][0] * y[0] + e[i][1] * y[1];
+            for (size_t d = 0; d < 2; ++d) {
+                y[d] -= e[i][d] * along;
+                D[(2 * i + d) * n_col + j] += y[d];
+            }
+        }
+    }
 }
 
 /* Derivatives (n, 2, n_col) of the slider after each of the disks that determine
  * it at the onset of slip. */
 static void derivative_of_onset(bd_coulomb_work *work, const bd_element *element,
                                 const bd_disk_point *point) {
-    const size_t n_col = 3 * (size_t)bd_n_coef(work->n_harm) + 2, n = (size_t)point->n;
-    double *D = work->slider_sums, *across = work->slider_derivative, *follow = work->next_slider,
-           e[3][2] = {{0.0}}, r[3] = {0.0};
+    const size_t n_col = n_columns(work), n = (size_t)point->n;
+    double *D = work->slider_sums;
     memset(D, 0, sizeof(double) * n * 2 * n_col);
-    memset(across, 0, sizeof(double) * n_col);
-    for (int i = 0; i < point->n; ++i) r[i] = direction(work, point, i, e[i]);
     if (n == 1) { /* the load nearly vanishes: the slider follows the motion */
+        const double axes[2][2] = {{1.0, 0.0}, {0.0, 1.0}};
         for (size_t d = 0; d < 2; ++d)
-            motion_row(work, element, point->disk[0], (double[2]){d == 0, d == 1}, 0.0,
-                       D + d * n_col);
+            motion_row(work, element, point->disk[0], axes[d], 0.0, D + d * n_col);
         return;
     }
+
+    double e[3][2] = {{0.0}}, r[3] = {0.0};
+    for (int i = 0; i < point->n; ++i) r[i] = direction(work, point, i, e[i]);
     const double t[2] = {-e[0][1], e[0][0]};
-    if (n == 2) {
-        const double turn =
-            slip_turn(work, point, 0, e[0], t) * r[1] + slip_turn(work, point, 1, e[1], t) * r[0];
-        for (int i = 0; i < 2; ++i) {
-            const double share = r[1 - i], all = r[0] + r[1];
-            const double a[2] = {(share * t[0] - turn * e[i][0]) / all,
-                                 (share * t[1] - turn * e[i][1]) / all};
-            motion_row(work, element, point->disk[i], a, turn / all, across);
-        }
-    }
-    for (size_t i = 0; i < n; ++i) { /* for three disks D_0 = 0 leaves their constant part in D_3 */
-        const double *ei = e[i], *before = i > 0 ? D + (i - 1) * 2 * n_col : NULL;
+    double *across = work->slider_derivative;
+    memset(across, 0, sizeof(double) * n_col);
+    if (n == 2) row_across(work, element, point, e, r, t, across);
+
+    /* for three disks D_0 = 0 leaves their constant part in D_3 */
+    double *motion_of_edge = work->next_slider; /* e_i . dp_i - dR_i */
+    for (size_t i = 0; i < n; ++i) {
+        const double *before = i > 0 ? D + (i - 1) * 2 * n_col : NULL;
         double *now = D + i * 2 * n_col;
-        memset(follow, 0, sizeof(double) * n_col);
-        motion_row(work, element, point->disk[i], ei, -1.0, follow);
+        memset(motion_of_edge, 0, sizeof(double) * n_col);
+        motion_row(work, element, point->disk[i], e[i], -1.0, motion_of_edge);
         for (size_t d = 0; d < 2; ++d)
             for (size_t j = 0; j + 2 < n_col; ++j) {
-                const double along =
-                    n == 3 && before ? ei[0] * before[j] + ei[1] * before[n_col + j] : 0.0;
-                now[d * n_col + j] = ei[d] * (follow[j] - along);
+                double along = 0.0;
+                if (n == 3 && before) along = e[i][0] * before[j] + e[i][1] * before[n_col + j];
+                now[d * n_col + j] = e[i][d] * (motion_of_edge[j] - along);
                 if (n == 2) now[d * n_col + j] += t[d] * across[j];
                 if (n == 3 && before) now[d * n_col + j] += before[d * n_col + j];
             }
     }
-    if (n == 2) return;
-    double M[2][2] = {{1.0, 0.0}, {0.0, 1.0}}; /* the remainder of D_i is M_i D_0 */
-    for (size_t i = 0; i < n; ++i)
-        for (size_t c = 0; c < 2; ++c) {
-            const double along = e[i][0] * M[0][c] + e[i][1] * M[1][c];
-            for (size_t d = 0; d < 2; ++d) M[d][c] -= e[i][d] * along;
-        }
-    for (size_t j = 0; j + 2 < n_col; ++j) {
-        double *last = D + (n - 1) * 2 * n_col + j, y[2], b[2] = {last[0], last[n_col]};
-        if (!bd_coulomb_solve_period(M, b, y)) continue;
-        for (size_t i = 0; i < n; ++i) {
-            const double along = e[i][0] * y[0] + e[i][1] * y[1];
-            for (size_t d = 0; d < 2; ++d)
-                y[d] -= e[i][d] * along, D[(2 * i + d) * n_col + j] += y[d];
-        }
-    }
+    if (n == 3) close_three_disks(e, n_col, D);
 }
 
 /* Sums of the basis over the samples after each of the disks that determine the slider, as factors
@@ -184,9 +235,10 @@ static void basis_sums_of_onset(const bd_coulomb_work *work, const bd_disk_point
     for (int k = 0; k < work->n_time; ++k) {
         for (int i = 0; i < point->n; ++i)
             if (point->disk[i] == k) part = i;
-        const double *b = bd_coulomb_basis(work, k);
+        const double *basis = bd_coulomb_basis(work, k);
+        double *sum = share + (size_t)part * n_coef;
         for (size_t i = 0; i < n_coef; ++i)
-            share[(size_t)part * n_coef + i] += b[i] * (i == 0 ? 1.0 : 2.0) / work->n_time;
+            sum[i] += basis[i] * (i == 0 ? 1.0 : 2.0) / work->n_time;
     }
 }
 
@@ -194,32 +246,38 @@ static void basis_sums_of_onset(const bd_coulomb_work *work, const bd_disk_point
  * changes from part to part of the cycle. */
 static void write_tangent_parts(const bd_coulomb_work *work, const bd_element *element, int n_part,
                                 const double *D, const double *share, bd_response *out) {
-    const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = 3 * n_coef + 2;
+    const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = n_columns(work);
     for (size_t d = 0; d < 2; ++d)
         for (size_t c = 0; c < 3; ++c) {
             double *block = c == 2 ? out->dTv[d] : c == d ? out->dT[d] : out->dTc[d];
             memset(block, 0, sizeof(double) * n_coef * n_coef);
-            for (size_t i = 0; c == d && i < n_coef; ++i) block[i * n_coef + i] = element->kt[d];
-            for (size_t part = 0; part < (size_t)n_part; ++part)
+            if (c == d) {
+                for (size_t i = 0; i < n_coef; ++i) block[i * n_coef + i] = element->kt[d];
+            }
+            for (size_t part = 0; part < (size_t)n_part; ++part) {
+                const double *sum = share + part * n_coef;
+                const double *ds = D + (2 * part + d) * n_col + c * n_coef;
                 for (size_t i = 0; i < n_coef; ++i)
-                    for (size_t j = 0; j < n_coef; ++j)
-                        block[i * n_coef + j] -=
-                            share[part * n_coef + i] * D[(2 * part + d) * n_col + c * n_coef + j];
+                    for (size_t j = 0; j < n_coef; ++j) block[i * n_coef + j] -= sum[i] * ds[j];
+            }
         }
-    out->tangential[0] = out->tangential[1] = BD_BLOCK_FULL;
+    for (int d = 0; d < 2; ++d) {
+        out->tangential[d] = BD_BLOCK_FULL;
+        out->with_normal[d] = 1;
+    }
     out->coupled = 1;
-    out->with_normal[0] = out->with_normal[1] = 1;
 }
 
 void bd_sticking_write_onset(bd_coulomb_work *work, const bd_element *element,
                              const bd_disk_point *found, bd_response *out) {
+    /* disks in the order of time */
     bd_disk_point point = *found;
-    for (int i = 0; i < point.n; ++i) /* in the order of time */
+    for (int i = 0; i < point.n; ++i)
         for (int j = i + 1; j < point.n; ++j)
             if (point.disk[j] < point.disk[i]) {
-                const int swap = point.disk[i];
+                const int later = point.disk[i];
                 point.disk[i] = point.disk[j];
-                point.disk[j] = swap;
+                point.disk[j] = later;
             }
     derivative_of_onset(work, element, &point);
     basis_sums_of_onset(work, &point, work->products);
