@@ -21,6 +21,7 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import ExitStack, closing, suppress
 from contextvars import copy_context
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -35,13 +36,19 @@ from bdamper.model.kinematics import centrifugal_load
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.followed_peak import with_lower_preloads, without_lost_peaks
 from bdamper.response.headline import NEAR_BEST
-from bdamper.response.highest_peak import REACH, AtPreload, check_options, found_at
+from bdamper.response.highest_peak import REACH, AtPreload, Highest, check_options, found_at
 from bdamper.response.linear_limits import linear_peak, peak_interval
 from bdamper.response.optimal_curve_result import OptimalCurve, OptimumPoint
 from bdamper.response.peak import Family, Peak, PeakOptions, find_peak
 from bdamper.response.response_curve import open_at_rest, rattles, without_points
 from bdamper.response.response_curve_result import NO_STEADY, ResponseCurve
-from bdamper.response.scalar_search import Sample, find_minimum, find_root, on_one_branch
+from bdamper.response.scalar_search import (
+    Minimum,
+    Sample,
+    find_minimum,
+    find_root,
+    on_one_branch,
+)
 from bdamper.response.sensitivity import amplitude_sensitivity
 from bdamper.util import validation
 from bdamper.util.errors import (
@@ -100,36 +107,41 @@ def at_preload(
     A curve that uses up ``budget`` is followed again with the default budget, unless the damper
     rattles.
     """
-    cost, slope = Cost(), np.nan
-    for most in dict.fromkeys((budget, None)):
+    cost = Cost()
+    for limit in dict.fromkeys((budget, None)):
+        why_rattling = ""
         with stopped_by(stop or Event()):
             try:
-                response = found_at(problem, preload, frequency, options=options, budget=most)
-                why = (
-                    rattles(response.curve, open_at_rest(problem.at(preload)))
-                    if response.top
-                    else ""
-                )
+                response = found_at(problem, preload, frequency, options=options, budget=limit)
+                if response.top is not None:
+                    at_rest = open_at_rest(problem.at(preload))
+                    why_rattling = rattles(response.curve, at_rest)
             # InterruptedCurve is a KeyboardInterrupt, which ends the search with its results
             except (*LOST, BdamperError) as error:
-                failure, why = f"failed: {type(error).__name__}: {error}", ""
-                lost = without_points(problem, preload, failure, ContinuationOptions(), Cost())
-                response = AtPreload(preload, lost, None, np.nan, "", Cost())
-        curve, cost = response.curve, cost + response.cost
-        if response.known or why or (most and curve.cost.evaluations < most):
+                failure = f"failed: {type(error).__name__}: {error}"
+                empty = without_points(problem, preload, failure, ContinuationOptions(), Cost())
+                response = AtPreload(preload, empty, None, np.nan, "", Cost())
+        cost += response.cost
+        used_up = limit is not None and response.curve.cost.evaluations >= limit
+        if response.known or why_rattling or not used_up:
             break
+    slope = np.nan
     if response.top is not None:
         peak = response.top.peak
-        with suppress(*LOST, BdamperError):  # a corner has no slope
-            slope = amplitude_sensitivity(peak, problem.system, preload) * preload / peak.amplitude
-    return replace(response, curve=_light(curve), slope=slope, rattles=why, cost=cost)
+        # a corner has no slope
+        with suppress(*LOST, BdamperError):
+            by_preload = amplitude_sensitivity(peak, problem.system, preload)
+            slope = by_preload * preload / peak.amplitude
+    return replace(
+        response, curve=_light(response.curve), slope=slope, rattles=why_rattling, cost=cost
+    )
 
 
 def _light(curve: ResponseCurve) -> ResponseCurve:
     """Return a response curve without its unknowns, higher harmonics and log."""
-    return replace(
-        curve, unknowns=np.zeros((len(curve), 0)), harmonics=curve.harmonics[:, :2], start_log=()
-    )
+    no_unknowns = np.zeros((len(curve), 0))
+    mean_and_first = curve.harmonics[:, :2]
+    return replace(curve, unknowns=no_unknowns, harmonics=mean_and_first, start_log=())
 
 
 NOT_FOLLOWED = "no curve was followed"
@@ -199,43 +211,54 @@ def optimal_curve(
     values = preload_values(preload, n)
     validation.flag("progress", progress)
     check_options(options)
-    why = problem.why_no_load
     validation.check(
         problem.carries_load,
         "optimal_curve",
         "a model with a body that carries a load",
-        f"that {why}",
+        f"that {problem.why_no_load}",
     )
     highest = problem.at(float(values[-1]))
     frequency = curve_interval(problem, values, frequency, mode)
-    free, stuck = (linear_peak(highest, frequency, stuck=stuck) for stuck in (False, True))
+    free = linear_peak(highest, frequency, stuck=False)
+    stuck = linear_peak(highest, frequency, stuck=True)
     asked = {"preload": values, "options": options}
     with Curves(problem, frequency, options, executor, resume, progress, asked) as curves:
         optimum = _optimum(curves, values)
     known = curves.known
     if curves.interrupted:
         optimum = _interrupted_optimum(curves)
-    if not any(there.top for there in known.values()):
+    if not any(response.top for response in known.values()):
+        # the reason of an interruption by the executor is an error, Ctrl-C has none
         if curves.interrupted:
             validation.check(
                 not curves.work.reason, "executor", "one that takes tasks", curves.work.reason
             )
             raise KeyboardInterrupt
-        ends = ", ".join(dict.fromkeys(there.status for there in known.values()))
+        low, high = frequency
+        reasons = ", ".join(dict.fromkeys(response.status for response in known.values()))
         raise BdamperError(
-            f"no peak found at any of {len(values)} preloads from {values[0]:g} to {values[-1]:g} N "
-            f"between {frequency[0]:.6g} and {frequency[1]:.6g} Hz: {ends}"
+            f"no peak found at any of {len(values)} preloads from {values[0]:g} to "
+            f"{values[-1]:g} N between {low:.6g} and {high:.6g} Hz: {reasons}"
         )
     edge = rattling_below(known)
-    arm = float("nan")
-    with suppress(SettingError):  # a body on the axis, or without a mass
-        arm = centrifugal_load(problem.model) if problem.settings.engine_order else arm
+    mass_radius = float("nan")
+    if problem.settings.engine_order:
+        # unknown for a body on the axis, or without a mass
+        with suppress(SettingError):
+            mass_radius = centrifugal_load(problem.model)
     settings = problem.record(None) | {"frequency": [float(f) for f in frequency]}
     return OptimalCurve(
-        **_columns(problem, known, values, edge), free=free, stuck=stuck, optimum=optimum, cost=curves.cost(start),
-        settings=settings, model_hash=problem.model.hash, lowest_steady_preload=edge, mass_radius=arm,
+        **_columns(problem, known, values, edge),
+        free=free,
+        stuck=stuck,
+        optimum=optimum,
+        cost=curves.cost(start),
+        settings=settings,
+        model_hash=problem.model.hash,
+        lowest_steady_preload=edge,
+        mass_radius=mass_radius,
         model_doubts=rolling_dampers(problem),
-    )  # fmt: skip
+    )
 
 
 def curve_interval(
@@ -250,14 +273,15 @@ def curve_interval(
     StaticError
         If no preload has a static state.
     """
-    lost: StaticError | None = None
+    first_error: StaticError | None = None
     for preload in preloads[::-1]:
         try:
             return peak_interval(problem.at(float(preload)), frequency, mode)
         except StaticError as error:
-            lost = lost or error
-    assert lost is not None
-    raise lost
+            if first_error is None:
+                first_error = error
+    assert first_error is not None
+    raise first_error
 
 
 @dataclass
@@ -295,15 +319,20 @@ class Curves:
     interrupted: bool = False
 
     def __enter__(self) -> Curves:
-        self.stack, self.work = ExitStack(), LongWork()
-        self.file, self.stored = None, dict[int | str, dict[str, Any]]()
+        self.stack = ExitStack()
+        self.work = LongWork()
+        self.file: ResultsFile | None = None
+        # records of finished curves by the text of their preload
+        self.stored: dict[int | str, dict[str, Any]] = {}
         if self.resume is not None:
             header = {
                 "format": "bdamper-optimal-search",
                 "version": 3,
                 "study": study_fingerprint(self.problem),
+                **INSTALLED.attributes(),
+                "frequency": self.frequency,
+                **self.asked,
             }
-            header |= INSTALLED.attributes() | {"frequency": self.frequency} | self.asked
             self.file = ResultsFile(self.resume, header, "search for an optimal curve")
             self.stack.enter_context(closing(self.file))
             self.stored = {record["index"]: record for record in self.file.finished()}
@@ -312,7 +341,8 @@ class Curves:
         self.report = self.stack.enter_context(
             progress_stages(self.progress, "optimal curve", "curve")
         )
-        _ = self.problem.at(0.0).equations  # shared quantities, before the threads start
+        # shared quantities, before the threads start
+        _ = self.problem.at(0.0).equations
         self.work.__enter__()
         return self
 
@@ -330,48 +360,60 @@ class Curves:
         If ``row`` is not 0, the computation stops after this number of consecutive preloads at
         which the damper rattles. Finished curves are stored, also before an interruption.
         """
-        assert self.executor is not None
-        stop, running = Event(), dict[float, Future[AtPreload]]()
-        out: list[AtPreload] = []
+        stop = Event()
+        running: dict[float, Future[AtPreload]] = {}
+        in_order: list[AtPreload] = []
         try:
-            for p in preloads:
-                if p not in self.known and repr(p) in self.stored:
-                    self.known[p] = AtPreload.of(self.stored[repr(p)])
-                elif p not in self.known:
-                    threads = isinstance(self.executor, ThreadPoolExecutor)
-                    job = (
-                        at_preload,
-                        self.problem,
-                        p,
-                        self.frequency,
-                        self.options,
-                        budget,
-                        stop if threads else None,
-                    )
-                    with executor_errors(RuntimeError):  # raised by an executor that was shut down
-                        running[p] = self.executor.submit(
-                            *((copy_context().run, *job) if threads else job)
-                        )
-            for i, p in enumerate(preloads):
-                if row and len(out) >= row and all(there.rattles for there in out[-row:]):
-                    break
-                self.report(f"{p:.4g} N", len(self.known), len(self.known) + len(preloads) - i)
-                if p in running:
+            for preload in preloads:
+                if preload in self.known:
+                    continue
+                if repr(preload) in self.stored:
+                    self.known[preload] = AtPreload.of(self.stored[repr(preload)])
+                else:
+                    running[preload] = self._submit(preload, budget, stop)
+            for i, preload in enumerate(preloads):
+                if row and len(in_order) >= row:
+                    last = in_order[-row:]
+                    if all(response.rattles for response in last):
+                        break
+                n_left = len(preloads) - i
+                self.report(f"{preload:.4g} N", len(self.known), len(self.known) + n_left)
+                if preload in running:
                     with executor_errors():
-                        there = running.pop(p).result()
-                    self._store(there)
-                out.append(self.known[p])
+                        response = running.pop(preload).result()
+                    self._store(response)
+                in_order.append(self.known[preload])
         except BaseException:
-            for p, future in running.items():
+            for future in running.values():
                 if future.done() and not future.cancelled() and future.exception() is None:
                     self._store(future.result())
             raise
         finally:
-            stop.set()  # ends running curves
+            # ends running curves
+            stop.set()
             for future in running.values():
                 future.cancel()
         self._follow_drops()
-        return [self.known[there.preload] for there in out]
+        return [self.known[response.preload] for response in in_order]
+
+    def _submit(self, preload: float, budget: int | None, stop: Event) -> Future[AtPreload]:
+        """Start the computation at a preload; an event stops it only in a thread."""
+        assert self.executor is not None
+        in_thread = isinstance(self.executor, ThreadPoolExecutor)
+        job = partial(
+            at_preload,
+            self.problem,
+            preload,
+            self.frequency,
+            self.options,
+            budget,
+            stop if in_thread else None,
+        )
+        # an executor that was shut down raises RuntimeError
+        with executor_errors(RuntimeError):
+            if in_thread:
+                return self.executor.submit(copy_context().run, job)
+            return self.executor.submit(job)
 
     def _follow_drops(self) -> None:
         """Replace the highest points above which a peak of the next lower preload still exists.
@@ -386,17 +428,15 @@ class Curves:
             )
         self.known |= without_lost_peaks(self.problem, self.known, self.options)
 
-    def _store(self, there: AtPreload) -> None:
-        self.known[there.preload] = there
+    def _store(self, response: AtPreload) -> None:
+        self.known[response.preload] = response
         if self.file is not None:
-            self.file.append(json_line(there.record()))
+            self.file.append(json_line(response.record()))
 
     def cost(self, start: float) -> Cost:
         """Return the cost of all curves on all threads, with the elapsed time since the start."""
-        return replace(
-            sum((there.cost for there in self.known.values()), Cost()),
-            seconds=time.perf_counter() - start,
-        )
+        total = sum((response.cost for response in self.known.values()), Cost())
+        return replace(total, seconds=time.perf_counter() - start)
 
 
 def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
@@ -404,87 +444,121 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
     curves.follow([float(p) for p in values[::-1]], BUDGET, row=MAX_RATTLING)
     known = curves.known
     edge = rattling_below(known)
-    by_log = {
-        float(np.log(p)): known[p] for p in known if p >= edge
-    }  # with the edge: the minimum may lie just above it
+    # with the edge: the minimum may lie just above it
+    by_log = {float(np.log(p)): known[p] for p in known if p >= edge}
     with_value = [
-        item for item in by_log.values() if np.isfinite(item.value) and item.preload > edge
+        response
+        for response in by_log.values()
+        if np.isfinite(response.value) and response.preload > edge
     ]
     if not with_value:
-        reason = "no preload has a value"
-        noted = [item for item in by_log.values() if item.top is not None and item.top.note]
-        if any(item.followed for item in noted):
-            reason += f"; it is {noted[0].top.note}" if noted[0].top is not None else ""
-        elif noted:
-            reason += "; another resonance is higher, widen frequency"
-        return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, with_reason(NOT_FOUND, reason))
-    height = [item.value for item in with_value]
-    if len(with_value) > 1 and max(height) - min(height) <= FLAT:
-        peak = with_value[int(np.argmin(height))].top.peak  # type: ignore[union-attr]
+        return _no_optimum(with_reason(NOT_FOUND, _why_no_value(list(by_log.values()))))
+    log_amplitudes = [response.value for response in with_value]
+    if len(with_value) > 1 and max(log_amplitudes) - min(log_amplitudes) <= FLAT:
         flat = with_reason(NOT_FOUND, "the preload does not matter")
-        return OptimumPoint(
-            np.nan, peak.amplitude, peak.frequency, "flat", np.inf, flat, peak.half_range
-        )
+        lowest = with_value[int(np.argmin(log_amplitudes))]
+        assert lowest.top is not None
+        return _optimum_at(np.nan, lowest.top.peak, "flat", np.inf, flat)
 
     def sample(x: float) -> Sample:
-        steady = by_log[x].preload > rattling_below(known)
-        return Sample(x, by_log[x].value if steady else np.inf, by_log[x].slope)
+        response = by_log[x]
+        steady = response.preload > rattling_below(known)
+        return Sample(x, response.value if steady else np.inf, response.slope)
 
     def evaluate(logs: Sequence[float]) -> list[Sample]:
-        by_log.update(zip(logs, curves.follow([float(np.exp(x)) for x in logs])))
+        responses = curves.follow([float(np.exp(x)) for x in logs])
+        by_log.update(zip(logs, responses))
         return [sample(x) for x in logs if x in by_log]
 
     def refine(a: Sample, b: Sample, x: float) -> float | None:
-        tops = [by_log[p.x].top for p in (a, b)]
+        tops = [by_log[a.x].top, by_log[b.x].top]
         ends = [top.peak for top in tops if top is not None]
         return smooth_minimum(curves.problem.system, ends, a, b, curves.options)
 
     samples, best = find_minimum([sample(x) for x in by_log], evaluate, refine)
-    if best.kind not in (
-        "end",
-        "unknown",
-    ):  # the ends of the range of acceptable preloads are computed
+    # the ends of the range of acceptable preloads are computed, not only interpolated
+    if best.kind not in ("end", "unknown"):
         evaluate(_near_best(samples, best.index))
-    at, edge, kind = by_log[samples[best.index].x], rattling_below(known), best.kind
-    assert at.top is not None
-    if (
-        kind == "unknown"
-        and not at.slope < 0.0
-        and by_log[samples[best.index - 1].x].preload <= edge
-    ):
-        kind = "edge"
-    status = COMPLETE
-    lower = [
-        p
-        for p in sorted(known)
-        if p > edge and not known[p].known and not known[p].height >= at.top.peak.amplitude
-    ]
-    if lower:
-        unknown = counted(len(lower), "preload")
-        status = with_reason(
-            INCOMPLETE, f"{unknown} without a value could be lower, first {lower[0]:.6g} N"
-        )
-    elif best.open is not None:
-        low, high = np.exp(best.open)
-        status = with_reason(
-            INCOMPLETE, f"the highest peak could be lower between {low:.6g} and {high:.6g} N"
-        )
-    peak = at.top.peak
+    optimum = by_log[samples[best.index].x]
+    assert optimum.top is not None
+    peak = optimum.top.peak
+    edge = rattling_below(known)
+    kind = best.kind
+    # the next lower preload has no steady response, and the amplitude does not fall towards it
+    if kind == "unknown" and not optimum.slope < 0.0:
+        below = by_log[samples[best.index - 1].x]
+        if below.preload <= edge:
+            kind = "edge"
+    status = _status_of_optimum(known, edge, peak.amplitude, best)
+    return _optimum_at(optimum.preload, peak, kind, best.uncertainty, status)
+
+
+def _optimum_at(
+    preload: float, peak: Peak, kind: str, uncertainty: float, status: str
+) -> OptimumPoint:
     return OptimumPoint(
-        at.preload, peak.amplitude, peak.frequency, kind, best.uncertainty, status, peak.half_range
+        preload=preload,
+        amplitude=peak.amplitude,
+        frequency=peak.frequency,
+        kind=kind,
+        uncertainty=uncertainty,
+        status=status,
+        half_range=peak.half_range,
     )
 
 
+def _no_optimum(status: str) -> OptimumPoint:
+    return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, status)
+
+
+def _why_no_value(responses: Sequence[AtPreload]) -> str:
+    """Return the reason why no preload has a value, from the notes on the highest points."""
+    reason = "no preload has a value"
+    with_note = [item for item in responses if item.top is not None and item.top.note]
+    if not with_note:
+        return reason
+    if any(item.followed for item in with_note):
+        first = with_note[0].top
+        assert first is not None
+        return f"{reason}; it is {first.note}"
+    return f"{reason}; another resonance is higher, widen frequency"
+
+
+def _status_of_optimum(
+    known: dict[float, AtPreload], edge: float, amplitude: float, best: Minimum
+) -> str:
+    """Return "complete" unless the amplitude may be lower than the optimum at another preload."""
+    may_be_lower = []
+    for preload in sorted(known):
+        response = known[preload]
+        # an amplitude that is not known may have a lower bound above the optimum
+        if preload > edge and not response.known and not response.height >= amplitude:
+            may_be_lower.append(preload)
+    if may_be_lower:
+        unknown = counted(len(may_be_lower), "preload")
+        first = f"{may_be_lower[0]:.6g} N"
+        reason = f"{unknown} without a value could be lower, first {first}"
+        return with_reason(INCOMPLETE, reason)
+    if best.open is not None:
+        low, high = np.exp(best.open)
+        reason = f"the highest peak could be lower between {low:.6g} and {high:.6g} N"
+        return with_reason(INCOMPLETE, reason)
+    return COMPLETE
+
+
 def _near_best(samples: Sequence[Sample], best: int) -> list[float]:
-    """Return ln(preload) on both sides of the best sample where the amplitude is NEAR_BEST times."""
-    limit, ends = samples[best].value + np.log(NEAR_BEST), []
+    """Return ln(preload) on both sides of the best sample at NEAR_BEST times its amplitude."""
+    limit = samples[best].value + np.log(NEAR_BEST)
+    ends = []
     for side in (samples[best::-1], samples[best:]):
-        for a, b in zip(side, side[1:]):
-            if not b.value <= limit:
-                ends += [a.x + (b.x - a.x) * (limit - a.value) / (b.value - a.value)] * bool(
-                    np.isfinite(b.value)
-                )
-                break
+        for inner, outer in zip(side, side[1:]):
+            if outer.value <= limit:
+                continue
+            # no interpolation towards an infinite or unknown amplitude
+            if np.isfinite(outer.value):
+                rise = outer.value - inner.value
+                ends.append(inner.x + (outer.x - inner.x) * (limit - inner.value) / rise)
+            break
     return ends
 
 
@@ -495,28 +569,37 @@ def smooth_minimum(
 
     The minimum is found as a root of the derivative of the amplitude with respect to the parameter.
     """
-    near = dict(zip((a.x, b.x), ends))
+    # peaks of this branch by ln(parameter)
+    peaks = dict(zip((a.x, b.x), ends))
 
     def slope(x: float) -> float:
-        p, low, high = (
-            float(np.exp(x)),
-            max(k for k in near if k <= x),
-            min(k for k in near if k >= x),
-        )
-        first, last = near[low], near[high]
+        """Return d ln(amplitude)/d ln(parameter) of the peak, found between its neighbours."""
+        parameter = float(np.exp(x))
+        low = max(other for other in peaks if other <= x)
+        high = min(other for other in peaks if other >= x)
         share = (x - low) / (high - low) if high > low else 0.0
+        first = peaks[low]
+        last = peaks[high]
         guess = first.y + share * (last.y - first.y)
-        start = first if share < 0.5 else last
+        nearest = first if share < 0.5 else last
         peak = find_peak(
-            family(p), guess, tangent=start.tangent, scale=start.scale, curvature=start.curvature, options=options,
-            parameter=p, reach=REACH,
-        )  # fmt: skip
+            family(parameter),
+            guess,
+            tangent=nearest.tangent,
+            scale=nearest.scale,
+            curvature=nearest.curvature,
+            options=options,
+            parameter=parameter,
+            reach=REACH,
+        )
         if not peak.converged or peak.corner:
             raise ArithmeticError("the peak is lost")
-        near[x] = peak
-        return amplitude_sensitivity(peak, family, p) * p / peak.amplitude
+        peaks[x] = peak
+        by_parameter = amplitude_sensitivity(peak, family, parameter)
+        return by_parameter * parameter / peak.amplitude
 
-    optimum_tolerance = 1e-7  # relative tolerance of the preload
+    # relative tolerance of the preload
+    optimum_tolerance = 1e-7
     try:
         root = find_root(slope, (a.x, a.slope), (b.x, b.slope), optimum_tolerance)
     except (*LOST, BdamperError):
@@ -527,35 +610,42 @@ def smooth_minimum(
 def _interrupted_optimum(curves: Curves) -> OptimumPoint:
     """Return the smallest value known when the search was interrupted."""
     edge = rattling_below(curves.known)
-    with_value = [
-        (at.value, p, at.top.peak)
-        for p, at in curves.known.items()
-        if p > edge and at.known and at.top
-    ]
     status = with_reason(INTERRUPTED, curves.work.reason or "by the user")
-    if not with_value:
-        return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, status)
-    _, p, peak = min(with_value, key=lambda item: item[0])
-    return OptimumPoint(
-        p, peak.amplitude, peak.frequency, "unknown", np.inf, status, peak.half_range
-    )
+    lowest: AtPreload | None = None
+    for preload, response in curves.known.items():
+        if preload <= edge or not response.known or response.top is None:
+            continue
+        if lowest is None or response.value < lowest.value:
+            lowest = response
+    if lowest is None or lowest.top is None:
+        return _no_optimum(status)
+    return _optimum_at(lowest.preload, lowest.top.peak, "unknown", np.inf, status)
 
 
 def rattling_below(known: dict[float, AtPreload]) -> float:
     """Return the preload (N) up to which all curves show a rattling damper, or 0."""
-    out = 0.0
-    for p in sorted(known):
-        if not known[p].rattles:
+    edge = 0.0
+    for preload in sorted(known):
+        if not known[preload].rattles:
             break
-        out = p
-    return out
+        edge = preload
+    return edge
 
 
-def _status(row: AtPreload | None, preload: float, edge: float, why: str) -> str:
+def _status(response: AtPreload | None, preload: float, edge: float, why: str) -> str:
     """Return the status of a preload; the damper rattles up to ``edge`` (N), because of ``why``."""
     if preload <= edge:
         return with_reason(NOT_FOUND, f"{NO_STEADY} up to {edge:.6g} N: {why}")
-    return with_reason(NOT_FOUND, NOT_FOLLOWED) if row is None else row.status
+    if response is None:
+        return with_reason(NOT_FOUND, NOT_FOLLOWED)
+    return response.status
+
+
+def _known_peak(response: AtPreload | None, edge: float) -> Highest | None:
+    """Return the highest point at a preload if its amplitude counts."""
+    if response is None or response.preload <= edge or not response.known:
+        return None
+    return response.top
 
 
 def _columns(
@@ -563,35 +653,52 @@ def _columns(
 ) -> dict[str, Any]:
     """Return the fields of an optimal curve with one entry for each preload."""
     preloads = np.array(sorted({*values.tolist(), *known}))
-    rows, why = [known.get(float(p)) for p in preloads], known[edge].rattles if edge else ""
-    tops = [
-        None if row is None or row.preload <= edge or not row.known else row.top for row in rows
-    ]
+    why_rattling = known[edge].rattles if edge else ""
+    curves = []
+    lower_bounds = []
+    statuses = []
+    tops = []
+    samples = []
+    for preload in preloads:
+        response = known.get(float(preload))
+        top = _known_peak(response, edge)
+        if response is None:
+            curves.append(_without_curve(problem, preload))
+            lower_bounds.append(np.nan)
+            samples.append(Sample(np.log(preload), np.inf, np.nan))
+        else:
+            curves.append(response.curve)
+            lower_bounds.append(response.height if top is None else np.nan)
+            samples.append(Sample(np.log(preload), response.value, response.slope))
+        tops.append(top)
+        statuses.append(_status(response, preload, edge, why_rattling))
+    goes_on = [False]
+    for before, sample in zip(samples, samples[1:]):
+        both_known = bool(np.isfinite(before.value + sample.value))
+        goes_on.append(both_known and on_one_branch(before, sample))
 
-    def column(name: str, fill: Any) -> NDArray:
-        return np.array([fill if top is None else getattr(top.peak, name) for top in tops])
+    def of_peaks(name: str, size: int | None = None) -> NDArray:
+        """Return a field of all peaks; NaN without a peak, for an array of ``size`` numbers."""
+        unknown = np.nan if size is None else np.full(size, np.nan)
+        return np.array([unknown if top is None else getattr(top.peak, name) for top in tops])
 
-    samples = [Sample(np.log(p), np.inf if row is None else row.value, np.nan if row is None else row.slope)
-               for p, row in zip(preloads, rows)]  # fmt: skip
-    onward = [
-        bool(np.isfinite(a.value + b.value)) and on_one_branch(a, b)
-        for a, b in zip(samples, samples[1:])
-    ]
+    no_unknowns = np.full(problem.n_unknowns, np.nan)
+    unknowns = [no_unknowns if top is None else top.peak.y[:-1] for top in tops]
     return {
         "preload": preloads,
         "requested": np.isin(preloads, values),
-        "curves": tuple(_without_curve(problem, p) if row is None else row.curve for row, p in zip(rows, preloads)),
-        "amplitude": column("amplitude", np.nan),
-        "lower_bound": np.array([np.nan if top or not row else row.height for row, top in zip(rows, tops)]),
-        "half_range": column("half_range", np.nan),
-        "frequency": column("frequency", np.nan),
-        "shares": np.array([np.full(3, np.nan) if top is None else top.peak.shares for top in tops]),
-        "residual": column("residual", np.nan),
-        "unknowns": np.array([np.full(problem.n_unknowns, np.nan) if top is None else top.peak.y[:-1] for top in tops]),
+        "curves": tuple(curves),
+        "amplitude": of_peaks("amplitude"),
+        "lower_bound": np.array(lower_bounds),
+        "half_range": of_peaks("half_range"),
+        "frequency": of_peaks("frequency"),
+        "shares": of_peaks("shares", 3),
+        "residual": of_peaks("residual"),
+        "unknowns": np.array(unknowns),
         "kind": tuple("" if top is None else top.kind for top in tops),
-        "status": tuple(_status(row, p, edge, why) for row, p in zip(rows, preloads)),
-        "goes_on": np.array([False, *onward]),
-    }  # fmt: skip
+        "status": tuple(statuses),
+        "goes_on": np.array(goes_on),
+    }
 
 
 def preload_values(preload: Any, n: int) -> NDArray:
@@ -616,4 +723,6 @@ def preload_values(preload: Any, n: int) -> NDArray:
             "preload", "(low, high) or a longer sequence of increasing values", preload
         )
     n = validation.integer("n", n, least=2)
-    return values if len(values) > 2 else np.geomspace(values[0], values[1], n)
+    if len(values) > 2:
+        return values
+    return np.geomspace(values[0], values[1], n)

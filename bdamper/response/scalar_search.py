@@ -103,56 +103,84 @@ def on_one_branch(a: Sample, b: Sample) -> bool:
     """Return whether values and tangents of two samples match one smooth branch."""
     h = b.x - a.x
     change = h * max(abs(a.slope), abs(b.slope), abs(b.slope - a.slope))
-    return bool(abs(b.value - a.value - 0.5 * h * (a.slope + b.slope)) <= MISMATCH * change + 1e-6)
+    # the trapezoidal rule gives the rise along one branch
+    mismatch = abs(b.value - a.value - 0.5 * h * (a.slope + b.slope))
+    return bool(mismatch <= MISMATCH * change + 1e-6)
 
 
 def lower_bound(a: Sample, b: Sample) -> LowerBound | None:
     """Return the lower bound between two neighbours from their tangents; None if not below both."""
     h = b.x - a.x
-    fall, rise = -min(a.slope, 0.0), max(b.slope, 0.0)
-    if np.isfinite(a.value) != np.isfinite(b.value):  # the known branch may decrease further
+    middle = a.x + 0.5 * h
+    smaller = min(a.value, b.value)
+    # slopes towards lower values inside; a sample without a slope has NaN
+    fall = -min(a.slope, 0.0)
+    rise = max(b.slope, 0.0)
+    # only one value is known: its branch may decrease further
+    if np.isfinite(a.value) != np.isfinite(b.value):
         drop = h * (fall if np.isfinite(a.value) else rise)
-        drop = drop if np.isfinite(drop) else 2.0 * GAIN
-        return (
-            LowerBound(min(a.value, b.value) - drop, a.x + 0.5 * h, False)
-            if drop > 0.0 and h > CORNER
-            else None
-        )
-    narrow = 1e-3  # smallest distance worth searching: at a slope of 1 the gain is half of GAIN
+        if not np.isfinite(drop):
+            drop = 2.0 * GAIN
+        if drop > 0.0 and h > CORNER:
+            return LowerBound(smaller - drop, middle, smooth=False)
+        return None
+    # smallest distance worth searching: at a slope of 1 the gain is half of GAIN
+    narrow = 1e-3
     if not (np.isfinite(a.value + b.value) and h > narrow):
         return None
     if not np.isfinite(fall + rise):
-        return (
-            LowerBound(min(a.value, b.value) - 2.0 * GAIN, a.x + 0.5 * h, False)
-            if h > CORNER
-            else None
-        )
+        if h > CORNER:
+            return LowerBound(smaller - 2.0 * GAIN, middle, smooth=False)
+        return None
+    encloses_minimum = fall * rise > 0.0
     if h <= MAX_DISTANCE and on_one_branch(a, b):
-        if not fall * rise > 0.0:
-            return None
-        rise_between = b.value - a.value
-        t = _minimum_of_cubic(h * a.slope, h * b.slope, rise_between)
-        bend = t * (1.0 - t) * h * ((1.0 - t) * a.slope - t * b.slope)
-        return LowerBound(
-            a.value + bend + t * t * (3.0 - 2.0 * t) * rise_between, a.x + t * h, True
-        )
-    if fall * rise > 0.0 and h <= MAX_DISTANCE:  # two branches may cross
+        return _bound_of_cubic(a, b) if encloses_minimum else None
+    # two branches may cross where the tangents meet
+    if h <= MAX_DISTANCE and encloses_minimum:
         t = (a.value - b.value + rise * h) / ((fall + rise) * h)
         if 0.0 < t < 1.0:
-            return LowerBound(a.value - fall * t * h, a.x + float(np.clip(t, 0.1, 0.9)) * h, False)
+            inside = float(np.clip(t, 0.1, 0.9))
+            return LowerBound(a.value - fall * t * h, a.x + inside * h, smooth=False)
+    # one branch may continue along its tangent
     lowest = min(a.value - fall * h, b.value - rise * h)
-    return LowerBound(lowest, a.x + 0.5 * h, False) if lowest < min(a.value, b.value) else None
+    if lowest < smaller:
+        return LowerBound(lowest, middle, smooth=False)
+    return None
+
+
+def _bound_of_cubic(a: Sample, b: Sample) -> LowerBound:
+    """Return the minimum of the Hermite cubic through two samples that enclose it."""
+    h = b.x - a.x
+    rise = b.value - a.value
+    t = _minimum_of_cubic(h * a.slope, h * b.slope, rise)
+    bend = t * (1.0 - t) * h * ((1.0 - t) * a.slope - t * b.slope)
+    value = a.value + bend + t * t * (3.0 - 2.0 * t) * rise
+    return LowerBound(value, a.x + t * h, smooth=True)
 
 
 def _minimum_of_cubic(first: float, last: float, rise: float) -> float:
     """Return the minimum of the Hermite cubic on (0, 1) that decreases at 0 and increases at 1."""
-    b, c = 6.0 * rise - 4.0 * first - 2.0 * last, 3.0 * (first + last) - 6.0 * rise
+    # the slope is first + b t + c t^2
+    b = 6.0 * rise - 4.0 * first - 2.0 * last
+    c = 3.0 * (first + last) - 6.0 * rise
     root = np.sqrt(max(b * b - 4.0 * c * first, 0.0))
-    return float(np.clip(-2.0 * first / (b + root) if b + root > 0.0 else 0.5, 0.01, 0.99))
+    t = -2.0 * first / (b + root) if b + root > 0.0 else 0.5
+    return float(np.clip(t, 0.01, 0.99))
 
 
-Candidate = tuple[tuple[Sample, Sample], LowerBound]
-"""Two neighbouring samples and the lower bound between them."""
+class Candidate(NamedTuple):
+    """Two neighbouring samples and the lower bound between them."""
+
+    a: Sample
+    b: Sample
+    bound: LowerBound
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Abscissae of both samples."""
+        return self.a.x, self.b.x
+
+
 Evaluate = Callable[[Sequence[float]], Sequence[Sample]]
 """Callable that evaluates the function at several abscissae."""
 Refine = Callable[[Sample, Sample, float], float | None]
@@ -183,29 +211,40 @@ def find_minimum(
     Minimum
         Minimum of the samples.
     """
-    samples, refined, tried = sorted(known), set[float](), set[tuple[float, float]]()
+    samples = sorted(known)
+    # abscissae of refined minima, and neighbours between which a refinement was tried
+    refined: set[float] = set()
+    tried: set[tuple[float, float]] = set()
     # two concurrent evaluations use two cores; the number is fixed so that the result does not
     # depend on the machine
     at_once = 2
-    while len(samples) < len(known) + MAX_EVALUATIONS and (
-        candidates := _candidates(samples, tried)
-    ):
-        new_x, lowest = [], min(p.value for p in samples)
-        for (a, b), bound in candidates[:at_once]:
-            minimum = None
-            if a.slope < 0.0 < b.slope and (a.x, b.x) not in tried:
-                tried.add((a.x, b.x))
+    most_samples = len(known) + MAX_EVALUATIONS
+    while len(samples) < most_samples:
+        candidates = _candidates(samples, tried)
+        if not candidates:
+            break
+        new_x = []
+        lowest = min(sample.value for sample in samples)
+        for candidate in candidates[:at_once]:
+            a, b, bound = candidate
+            minimum: float | None = None
+            if a.slope < 0.0 < b.slope and candidate.ends not in tried:
+                tried.add(candidate.ends)
                 minimum = refine(a, b, bound.x)
             if minimum is not None and a.x < minimum < b.x:
                 new_x.append(minimum)
                 refined.add(minimum)
-                tried |= {(a.x, minimum), (minimum, b.x)}  # the branch between the two is known
+                # the branch between the two is known
+                tried.add((a.x, minimum))
+                tried.add((minimum, b.x))
             elif bound.smooth or bound.value < lowest - GAIN:
                 new_x.append(bound.x)
-        new = evaluate(new_x) if new_x else ()
-        if new_x and not new:  # interrupted
-            break
-        samples = sorted([*samples, *new])
+        if new_x:
+            new = evaluate(new_x)
+            interrupted = not new
+            if interrupted:
+                break
+            samples = sorted([*samples, *new])
     return samples, _classified(samples, refined, _candidates(samples, tried))
 
 
@@ -216,46 +255,56 @@ def _candidates(samples: Sequence[Sample], tried: set[tuple[float, float]]) -> l
     minimum was refined (``tried``): a refinement may fail from samples far apart and succeed from
     closer ones.
     """
-    smallest = min(samples, key=lambda p: p.value)
-    lowest = smallest.value
-    out = []
+    smallest = min(samples, key=lambda sample: sample.value)
+    candidates = []
     for a, b in zip(samples, samples[1:]):
         bound = lower_bound(a, b)
         if bound is None:
             continue
-        around = a.slope < 0.0 < b.slope and smallest in (a, b) and (a.x, b.x) not in tried
-        around = around and abs(smallest.slope) > LEVEL_SLOPE
-        if bound.value < lowest - GAIN or (around and bound.value < lowest):
-            out.append(((a, b), bound))
-    return sorted(out, key=lambda item: item[1].value)
+        candidate = Candidate(a, b, bound)
+        encloses_minimum = a.slope < 0.0 < b.slope
+        next_to_smallest = smallest in (a, b) and abs(smallest.slope) > LEVEL_SLOPE
+        to_refine = encloses_minimum and next_to_smallest and candidate.ends not in tried
+        needed_gain = 0.0 if to_refine else GAIN
+        if bound.value < smallest.value - needed_gain:
+            candidates.append(candidate)
+    return sorted(candidates, key=lambda candidate: candidate.bound.value)
 
 
 def _classified(
     samples: Sequence[Sample], refined: set[float], candidates: Sequence[Candidate]
 ) -> Minimum:
     """Classify the smallest sample and estimate its uncertainty."""
-    k = min(range(len(samples)), key=lambda i: samples[i].value)
-    here = samples[k]
-    where = None if not candidates else (candidates[0][0][0].x, candidates[0][0][1].x)
-    if here.x in refined and abs(here.slope) <= LEVEL_SLOPE:
-        return Minimum(k, "smooth", 0.0, where)
-    toward = k + (1 if here.slope < 0.0 else -1)
-    if not 0 <= toward < len(samples):
-        return Minimum(k, "end", 0.0, where)
-    other = samples[toward]
-    width = abs(other.x - here.x)
+    index = min(range(len(samples)), key=lambda i: samples[i].value)
+    best = samples[index]
+    # candidates remain if the search ended early
+    open_interval = candidates[0].ends if candidates else None
+    if best.x in refined and abs(best.slope) <= LEVEL_SLOPE:
+        return Minimum(index, "smooth", 0.0, open_interval)
+    # the neighbour in the direction of lower values
+    downhill = index + 1 if best.slope < 0.0 else index - 1
+    if not 0 <= downhill < len(samples):
+        return Minimum(index, "end", 0.0, open_interval)
+    other = samples[downhill]
+    width = abs(other.x - best.x)
     if not np.isfinite(other.value):
-        return Minimum(k, "unknown", width, where)
-    if not np.isfinite(here.slope):
-        neighbours = [samples[j] for j in (k - 1, k + 1) if 0 <= j < len(samples)]
-        width = max(abs(p.x - here.x) for p in neighbours)
-        kind = "jump" if max(p.value - here.value for p in neighbours) > 2.0 * width else "crossing"
-        return Minimum(k, kind if width <= CORNER else "unknown", width, where)
-    reached = other.value + other.slope * (
-        here.x - other.x
-    )  # branch of the neighbour, extrapolated
-    meets = other.slope * here.slope < 0.0 and abs(reached - here.value) <= GAIN
-    return Minimum(k, "crossing" if meets else "jump", width, where)
+        return Minimum(index, "unknown", width, open_interval)
+    if not np.isfinite(best.slope):
+        # without a slope both neighbours limit the position
+        neighbours = [*samples[max(index - 1, 0) : index], *samples[index + 1 : index + 2]]
+        width = max(abs(neighbour.x - best.x) for neighbour in neighbours)
+        largest_rise = max(neighbour.value - best.value for neighbour in neighbours)
+        if width > CORNER:
+            kind = "unknown"
+        elif largest_rise > 2.0 * width:
+            kind = "jump"
+        else:
+            kind = "crossing"
+        return Minimum(index, kind, width, open_interval)
+    # branch of the neighbour, extrapolated
+    extrapolated = other.value + other.slope * (best.x - other.x)
+    crosses = other.slope * best.slope < 0.0 and abs(extrapolated - best.value) <= GAIN
+    return Minimum(index, "crossing" if crosses else "jump", width, open_interval)
 
 
 class Root(NamedTuple):
@@ -279,9 +328,12 @@ class Root(NamedTuple):
 
 
 def find_root(
-    function: Callable[[float], float], low: tuple[float, float], high: tuple[float, float], tolerance: float,
+    function: Callable[[float], float],
+    low: tuple[float, float],
+    high: tuple[float, float],
+    tolerance: float,
     most_trials: int = 80,
-) -> Root:  # fmt: skip
+) -> Root:
     """Find the root of a function within a bracket.
 
     Parameters
@@ -304,12 +356,13 @@ def find_root(
         If the values at the ends have the same sign.
     """
     trials = root_trials(low, high, tolerance, most_trials)
-    at = next(trials)
+    x = next(trials)
     while True:
+        value = function(x)
         try:
-            at = trials.send(function(at))
-        except StopIteration as found:
-            root: Root = found.value
+            x = trials.send(value)
+        except StopIteration as end:
+            root: Root = end.value
             return root
 
 
@@ -320,57 +373,82 @@ def root_trials(
 
     The caller evaluates the function, so that the search calls nothing.
     """
-    (a, f_a), (b, f_b) = low, high
+    a, f_a = low
+    b, f_b = high
     if f_a * f_b > 0.0:
         raise ValueError(
             f"a bracket needs values of different signs at its ends, found {f_a:g} and {f_b:g}"
         )
     sign = 1.0 if f_b > f_a else -1.0
-    true_a, true_b = f_a, f_b  # f_a and f_b may be reduced for the secant
-    fixed = ""  # end of the bracket that did not move in the previous trial
-    known = [low, high]
-    x = _secant(a, f_a, b, f_b)
+    # f_a and f_b may be reduced for the secant
+    true_a = f_a
+    true_b = f_b
+    # end of the bracket that did not move in the previous trial
+    fixed = ""
+    points = [low, high]
+    next_x = _secant(a, f_a, b, f_b)
     for trials in range(1, most_trials + 1):
-        at, f = x, (yield x)
-        known.append((at, f))
+        x = next_x
+        f = yield x
+        points.append((x, f))
         if sign * f < 0.0:
-            moved, before = at - a, true_a
-            f_b *= _weight(f, true_a) if fixed == "b" else 1.0
-            a, f_a, true_a, fixed = at, f, f, "b"
+            moved = x - a
+            replaced = true_a
+            if fixed == "b":
+                f_b *= _weight(f, true_a)
+            a = x
+            f_a = true_a = f
+            fixed = "b"
         else:
-            moved, before = b - at, true_b
-            f_a *= _weight(f, true_b) if fixed == "a" else 1.0
-            b, f_b, true_b, fixed = at, f, f, "a"
-        step = min(abs(f * moved / (before - f)) if f != before else np.inf, b - a)
+            moved = b - x
+            replaced = true_b
+            if fixed == "a":
+                f_a *= _weight(f, true_b)
+            b = x
+            f_b = true_b = f
+            fixed = "a"
+        # secant through the last two trials on this side of the root
+        secant_step = abs(f * moved / (replaced - f)) if f != replaced else np.inf
+        step = min(secant_step, b - a)
         if step <= tolerance or f == 0.0:
             break
-        x = 0.5 * (a + b)
-        if abs(f) <= 0.5 * abs(before):
-            x = _zero_of_inverse(sorted(known[-4:]))
-            x = x if a < x < b else _secant(a, f_a, b, f_b)
-    return Root(at, f, step, trials)
+        if abs(f) > 0.5 * abs(replaced):
+            next_x = 0.5 * (a + b)
+            continue
+        next_x = _zero_of_inverse(sorted(points[-4:]))
+        if not a < next_x < b:
+            next_x = _secant(a, f_a, b, f_b)
+    return Root(x, f, step, trials)
 
 
 def _weight(new: float, old: float) -> float:
     """Return the factor for the value at the end that remains."""
-    return 1.0 - new / old if abs(new) < abs(old) else 0.5
+    if abs(new) < abs(old):
+        return 1.0 - new / old
+    return 0.5
 
 
 def _secant(a: float, f_a: float, b: float, f_b: float) -> float:
     """Return the root of the line through two points; the midpoint if it is outside."""
-    x = (a * f_b - b * f_a) / (f_b - f_a) if f_b != f_a else a
-    return x if a < x < b else 0.5 * (a + b)
+    middle = 0.5 * (a + b)
+    if f_b == f_a:
+        return middle
+    x = (a * f_b - b * f_a) / (f_b - f_a)
+    return x if a < x < b else middle
 
 
-def _zero_of_inverse(known: list[tuple[float, float]]) -> float:
+def _zero_of_inverse(points: list[tuple[float, float]]) -> float:
     """Return the zero of the inverse interpolation polynomial (Neville); NaN if not monotonic."""
-    x, f = [at for at, _ in known], np.array([value for _, value in known])
+    x = [position for position, _ in points]
+    f = np.array([value for _, value in points])
     rises = np.diff(f)
     if not ((rises > 0.0).all() or (rises < 0.0).all()):
         return np.nan
+    # each pass joins neighbouring polynomials to polynomials through one more point
     for width in range(1, len(x)):
-        x = [
-            (f[i + width] * x[i] - f[i] * x[i + 1]) / (f[i + width] - f[i])
-            for i in range(len(x) - 1)
-        ]
+        joined = []
+        for i in range(len(x) - 1):
+            left, right = f[i], f[i + width]
+            joined.append((right * x[i] - left * x[i + 1]) / (right - left))
+        x = joined
     return float(x[0])
