@@ -29,8 +29,8 @@ from bdamper.harmonic_balance.equations import OK, STATUS_TEXT, Correction, Equa
 from bdamper.response.events import ContinuationOptions, Events, Path, Step, is_drift
 
 DRIFTED_OFF = (
-    "no periodic solution beyond: the mean position of a free body moves without bound, a mean force drives it and no "
-    "constraint plane takes load"
+    "no periodic solution beyond: the mean position of a free body moves without bound, a mean "
+    "force drives it and no constraint plane takes load"
 )
 MANY_FOLDS, OUT_OF_BUDGET = "many folds", "out of budget"
 TWO_PI = 2.0 * np.pi
@@ -56,7 +56,8 @@ class Follower:
         options: ContinuationOptions,
         on_point: Callable[[Correction], None] | None = None,
     ) -> None:
-        self.system, self.place = system, system.measure.place
+        self.system = system
+        self.place = system.measure.place
         self.low, self.high = limits
         self.options = options
         self.on_point = on_point
@@ -65,17 +66,21 @@ class Follower:
         self.iterations = 0
         self.failed = 0
         self.largest = 0.0
-        self.sign = 0  # of det [J; tangent] along the path, 0 if unknown
+        # sign of det [J; tangent] along the path, 0 if unknown
+        self.sign = 0
         self.tangle: tuple[float, float] | None = None
 
     # ---- units and records ----
 
     def scale_at(self, y: NDArray) -> NDArray:
         """Return the units of mean, vibration and parameter at a point."""
-        vibration = self.system.measure.vibration(y)
+        measure = self.system.measure
+        vibration = measure.vibration(y)
         self.largest = max(self.largest, vibration)
+        # the vibration may vanish at an antiresonance
         least = max(1e-9 * self.largest, 1e-300)
-        return self.system.measure.units(y, max(vibration, least), 0.5 * (self.high - self.low))
+        half_interval = 0.5 * (self.high - self.low)
+        return measure.units(y, max(vibration, least), half_interval)
 
     def drifts(self, tangent: NDArray) -> bool:
         """Return whether only the mean position of the damper moves along a tangent."""
@@ -154,22 +159,22 @@ class Follower:
             if step <= self.options.corner_step:
                 corner = self.events.around_corner(here, step, self.sign)
                 if corner is not None:
-                    return corner[0], corner[1], step, ""
+                    beyond_corner, length = corner
+                    return beyond_corner, length, step, ""
             step *= 0.5 if new.status == OK else 0.25
         return None, step, step, refused
 
     def longer(self, step: float, turn: float, iterations: int) -> float:
         """Return the length of the next step from turn and iterations of the last step."""
-        growth = min(
-            2.0,
-            0.6 * self.options.max_turn / max(turn, 1e-9),
-            2.0 * (3.0 / max(iterations, 1)) ** 1.5,
-        )
+        by_turn = 0.6 * self.options.max_turn / max(turn, 1e-9)
+        by_iterations = 2.0 * (3.0 / max(iterations, 1)) ** 1.5
+        growth = min(2.0, by_turn, by_iterations)
         return min(self.options.max_step, step * max(0.5, growth))
 
     def end_at(self, last: Correction, beyond: NDArray, omega: float) -> Correction | None:
-        """Return the end of the path at a bound that a step crosses; None if the corrector fails."""
-        guess = last.y + (omega - last.y[-1]) / (beyond[-1] - last.y[-1]) * (beyond - last.y)
+        """Return the end of the path at a bound that a step crosses, None without a solution."""
+        share = (omega - last.y[-1]) / (beyond[-1] - last.y[-1])
+        guess = last.y + share * (beyond - last.y)
         scale = last.scale
         c = self.system.correct_at(
             guess[:-1], omega, scale, self.options.tolerance, 2 * self.options.max_iterations
@@ -177,15 +182,17 @@ class Follower:
         self.iterations += c.iterations
         if c.status != OK or norm2((c.y - guess) / scale) >= 1.0:
             return None
-        chord = (c.y - last.y) / scale  # along the path, not along frequency
-        return replace(c, tangent=np.copysign(1.0, c.tangent @ chord) * c.tangent)
+        # along the path, not along frequency
+        chord = (c.y - last.y) / scale
+        sense = np.copysign(1.0, c.tangent @ chord)
+        return replace(c, tangent=sense * c.tangent)
 
     # ---- end of a path ----
 
     def _far(self, y: NDArray, start: NDArray, ratio: float) -> bool:
         """Return whether the mean is large compared with the vibration and its initial value."""
-        n = self.system.n_mean
-        return norm2(y[:n]) > ratio * max(self.largest, norm2(start[:n]))
+        n_mean = self.system.n_mean
+        return norm2(y[:n_mean]) > ratio * max(self.largest, norm2(start[:n_mean]))
 
     def _closes(self, y: NDArray, new: Correction) -> bool:
         """Return whether a step passes through the first point of the path as at the start."""
@@ -194,31 +201,36 @@ class Follower:
         offset = (first.y - y) / first.scale
         length = norm2(chord)
         along = float(offset @ chord) / length
-        if not 0.0 <= along <= length or float(chord @ first.tangent) < 0.8 * length:
+        if not 0.0 <= along <= length:
             return False
-        return norm2(offset - along * chord / length) < 0.05 * length
+        same_direction = float(chord @ first.tangent) >= 0.8 * length
+        if not same_direction:
+            return False
+        distance = norm2(offset - along * chord / length)
+        return distance < 0.05 * length
 
     def _tangled(self, since: int) -> Path:
-        omega = [float(p.y[-1]) for p in self.points[since:]]
-        self.tangle = min(omega), max(omega)
-        low, high = map(self.place, self.tangle)
-        return self.path(
-            MANY_FOLDS,
-            f"{self.options.patience} points of folds from {low} to {high} without progress",
-        )
+        """Return the path if its last points, from a number on, are a tangle of folds."""
+        frequencies = [float(point.y[-1]) for point in self.points[since:]]
+        low = min(frequencies)
+        high = max(frequencies)
+        self.tangle = low, high
+        folds = f"points of folds from {self.place(low)} to {self.place(high)}"
+        return self.path(MANY_FOLDS, f"{self.options.patience} {folds} without progress")
 
     def _stopped(self, y: NDArray, tangent: NDArray, start: NDArray, refused: str) -> Path:
         """Return the path if no step is possible."""
         if self.system.spent:
-            return self.path(
-                OUT_OF_BUDGET, f"its share of the evaluations is used up at {self.place(y[-1])}"
-            )
+            place = self.place(y[-1])
+            return self.path(OUT_OF_BUDGET, f"its share of the evaluations is used up at {place}")
         if self.drifts(tangent) and self._far(y, start, 1e3):
             return self.path("drifted off", DRIFTED_OFF)
         return self.path("stalled", f"at {self.place(y[-1])}: {refused} at the smallest step")
 
     def _arrived(self, bound: float, up: bool, start: float) -> Path:
-        if (bound == self.high) == up:
+        """Return the path at a bound; ``start`` is its first frequency."""
+        at_far_end = (bound == self.high) == up
+        if at_far_end:
             return self.path("complete", f"reached {self.place(bound)}")
         started = ", where it started" if start == bound else ""
         return self.path("turned back", f"came back to {self.place(bound)}{started}")
@@ -239,23 +251,23 @@ class Follower:
         self.events.sense = 1.0 if up else -1.0
         point = self.record(replace(c, tangent=c.tangent if up else -c.tangent, kind="end"))
         step = options.step
+        # frequencies passed, and number of points at the last progress beyond them
         lowest = highest = float(start[-1])
-        front_at = 1
+        progress_at = 1
         while len(self.points) < options.max_points:
             y = point.y
-            if max(lowest - y[-1], y[-1] - highest) > 1e-4 * (self.high - self.low):
-                lowest, highest, front_at = (
-                    min(lowest, y[-1]),
-                    max(highest, y[-1]),
-                    len(self.points),
-                )
-            elif len(self.points) - front_at > options.patience:
-                return self._tangled(front_at)
+            beyond = max(lowest - y[-1], y[-1] - highest)
+            if beyond > 1e-4 * (self.high - self.low):
+                lowest = min(lowest, y[-1])
+                highest = max(highest, y[-1])
+                progress_at = len(self.points)
+            elif len(self.points) - progress_at > options.patience:
+                return self._tangled(progress_at)
             scale = self.scale_at(y)
             tangent = point.tangent * point.scale / scale
             tangent /= norm2(tangent)
             here = replace(point, tangent=tangent, scale=scale)
-            failed = self.failed
+            failed_before = self.failed
             new, step, reach, refused = self.advance(here, step)
             if new is None:
                 return self._stopped(y, tangent, start, refused)
@@ -263,9 +275,9 @@ class Follower:
                 bound = self.high if new.y[-1] > self.high else self.low
                 end = self.end_at(here, new.y, bound)
                 if end is not None:
-                    for event in self.events.between(Step(here, end, norm2((end.y - y) / scale)))[
-                        0
-                    ]:
+                    last_step = Step(here, end, norm2((end.y - y) / scale))
+                    located, _ = self.events.between(last_step)
+                    for event in located:
                         self.record(event)
                     self.record(replace(end, kind="end"))
                     return self._arrived(bound, up, start[-1])
@@ -274,24 +286,26 @@ class Follower:
                 if step < options.min_step:
                     return self.path("stalled", f"no solution at {self.place(bound)}")
                 continue
-            self.sign = new.orientation or self.sign
+            # at a singular Jacobian the sign is unknown
+            if new.orientation:
+                self.sign = new.orientation
             if len(self.points) > 10 and self._closes(y, new):
-                return self.path(
-                    "closed", f"the branch closes on itself at {self.place(new.y[-1])}"
-                )
+                place = self.place(new.y[-1])
+                return self.path("closed", f"the branch closes on itself at {place}")
             located, kind = self.events.between(Step(here, new, reach))
             for event in located:
                 self.record(event)
             point = self.record(replace(new, kind=kind))
             drifting = self.drifts(new.tangent) and self.drifts(tangent)
-            if (self.system.supported and self._far(new.y, start, 1e2)) or (
-                drifting and self._far(new.y, start, 1e6)
-            ):
+            if self.system.supported and self._far(new.y, start, 1e2):
+                return self.path("drifted off", DRIFTED_OFF)
+            if drifting and self._far(new.y, start, 1e6):
                 return self.path("drifted off", DRIFTED_OFF)
             if drifting:
                 # straight and at constant frequency: long steps until a step fails near the next
                 # contact
-                step = min(4.0 * step, 2.0) if self.failed == failed else step
+                if self.failed == failed_before:
+                    step = min(4.0 * step, 2.0)
             else:
                 turn = float(np.arccos(np.clip(new.tangent @ tangent, -1.0, 1.0)))
                 step = self.longer(step, turn, new.iterations)

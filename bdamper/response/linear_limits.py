@@ -51,92 +51,115 @@ def _linear(
 
     Springs (n_points, 3) in N/m replace the contact.
     """
-    watch = CostMeter()
-    low, high = (2.0 * np.pi * f for f in validation.interval("frequency", frequency))
+    meter = CostMeter()
+    lowest, highest = validation.interval("frequency", frequency)
+    low = 2.0 * np.pi * lowest
+    high = 2.0 * np.pi * highest
     check_interval(case, frequency)
-    problem, system = case.problem, case.equations
-    linear, omega = system.structure.linear, np.linspace(low, high, 201)
-    unbounded = []
-    for w, width, _ in linear.resonances((springs,), *around(low, high)):
-        at, amplitude = linear.maximum(system.response_rows[1], springs, w, width)
+    problem = case.problem
+    system = case.equations
+    linear = system.structure.linear
+    row = system.response_rows[1]
+    omega = np.linspace(low, high, 201)
+    undamped = []
+    for pole, width, _ in linear.resonances((springs,), *around(low, high)):
+        maximum, amplitude = linear.maximum(row, springs, pole, width)
         if np.isinf(amplitude):
-            unbounded.append(w)
-            omega = np.concatenate(
-                [omega, w * (1.0 + np.outer((-1.0, 1.0), np.geomspace(NEAREST, 1e-2, 40)).ravel())]
-            )
+            undamped.append(pole)
+            distances = np.outer((-1.0, 1.0), np.geomspace(NEAREST, 1e-2, 40)).ravel()
+            near_pole = pole * (1.0 + distances)
         else:
             # equal steps of phase around each resonance
-            omega = np.concatenate([omega, w + width * np.tan(np.linspace(-1.56, 1.56, 161)), [at]])
-    infinite = [w / (2.0 * np.pi) for w in unbounded if low < w < high]
-    left_out = tuple(
-        LeftOut(f * (1.0 - NEAREST), f * (1.0 + NEAREST), f"{UNBOUNDED}: no damping")
-        for f in infinite
-    )
-    for w in unbounded:
-        omega = omega[np.abs(omega - w) >= 0.5 * NEAREST * w]
+            steps = np.tan(np.linspace(-1.56, 1.56, 161))
+            near_pole = np.append(pole + width * steps, maximum)
+        omega = np.concatenate([omega, near_pole])
+    missing_ranges = []
+    for pole in undamped:
+        # there is no response at the pole of an undamped mode
+        omega = omega[np.abs(omega - pole) >= 0.5 * NEAREST * pole]
+        if low < pole < high:
+            f = pole / (2.0 * np.pi)
+            why = f"{UNBOUNDED}: no damping"
+            missing_ranges.append(LeftOut(f * (1.0 - NEAREST), f * (1.0 + NEAREST), why))
     omega = np.unique(omega[(omega >= low) & (omega <= high)])
 
-    def height(w: float) -> float:
-        return float(abs(linear.response(w, springs) @ system.response_rows[1]))
+    def amplitude_at(w: float) -> float:
+        return float(abs(linear.response(w, springs) @ row))
 
+    # the points next to a pole are no maxima
     tops = [
-        w
-        for w in _maxima(height, omega)
-        if all(abs(w - pole) >= 2.0 * NEAREST * pole for pole in unbounded)
+        top
+        for top in _maxima(amplitude_at, omega)
+        if all(abs(top - pole) >= 2.0 * NEAREST * pole for pole in undamped)
     ]
     omega = np.unique(np.concatenate([omega, tops]))
     n = len(omega)
-    u, error, largest = np.zeros((n, system.n_unknowns)), np.zeros(n), 1e-300
-    for l in problem.settings.excited:
-        force, (cosine, sine) = (
-            system.layout.amplitudes(system.structure.force, l),
-            system.layout.slices(l),
-        )
-        q = np.array([linear.response(w, springs, l) for w in omega])
-        u[:, cosine], u[:, sine] = q.real, -q.imag
-        wrong = [np.abs(linear.matrix(w, springs, l) @ a - force).max() for w, a in zip(omega, q)]
-        error, largest = np.maximum(error, wrong), max(largest, float(np.abs(force).max()))
+    u = np.zeros((n, system.n_unknowns))
+    unbalanced = np.zeros(n)
+    largest_force = 1e-300
+    for harmonic in problem.settings.excited:
+        force = system.layout.amplitudes(system.structure.force, harmonic)
+        cosine, sine = system.layout.slices(harmonic)
+        q = np.array([linear.response(w, springs, harmonic) for w in omega])
+        u[:, cosine] = q.real
+        u[:, sine] = -q.imag
+        for i, w in enumerate(omega):
+            rest = np.abs(linear.matrix(w, springs, harmonic) @ q[i] - force).max()
+            unbalanced[i] = np.maximum(unbalanced[i], rest)
+        largest_force = max(largest_force, float(np.abs(force).max()))
     return ResponseCurve(
         kind=kind,
         frequency=omega / (2.0 * np.pi),
         harmonics=system.response(u),
         unknowns=u,
-        residual=error / largest,
+        residual=unbalanced / largest_force,
         shares=np.tile(_shares(problem, springs), (n, 1)),
         backward=np.zeros(n, bool),
         rank_deficiency=np.zeros(n, int),
         branch=np.zeros(n, int),
         point_kind=tuple("maximum" if w in tops else "regular" for w in omega.tolist()),
         preload=case.preload,
-        status=INCOMPLETE if left_out else COMPLETE,
-        reason=", ".join(["linear", *(part.at_middle for part in left_out)]),
-        missing_ranges=left_out,
-        cost=watch.read(),
+        status=INCOMPLETE if missing_ranges else COMPLETE,
+        reason=", ".join(["linear", *(part.at_middle for part in missing_ranges)]),
+        missing_ranges=tuple(missing_ranges),
+        cost=meter.read(),
         **problem.recorded(),
     )
 
 
 def _shares(problem: Problem, springs: NDArray | None) -> NDArray:
     """Return the fractions (3,) in stick, slip and separation of points with friction or a bond."""
-    held = np.zeros((len(problem.friction), 3)) if springs is None else springs
     counted = problem.friction_points & ((problem.friction > 0.0) | problem.bonded_points)
-    stick = float((held[counted] > 0.0).any(axis=1).mean()) if counted.any() else 0.0
-    return np.array([stick, 0.0, float(counted.any()) - stick])
+    if not counted.any():
+        return np.zeros(3)
+    if springs is None:
+        return np.array([0.0, 0.0, 1.0])
+    stick = float((springs[counted] > 0.0).any(axis=1).mean())
+    return np.array([stick, 0.0, 1.0 - stick])
 
 
 def _maxima(height: Callable[[float], float], omega: NDArray) -> list[float]:
     """Return the frequencies (rad/s) of the maxima within an ascending sample of frequencies."""
-    a = np.array([height(w) for w in omega])
-    flat, within = 1e-9, np.pad(a, 1)  # smaller relative dips between two maxima are rounding
-    found, out = scipy.signal.find_peaks(within, prominence=flat * within)[0] - 1, []
-    for i in found[(found > 0) & (found < len(a) - 1)].tolist():
-        ends = (float(omega[i - 1]), float(omega[i + 1]))
-        exact = {"xatol": 1e-9 * ends[1]}
-        best = scipy.optimize.minimize_scalar(
-            lambda w: -height(w), bounds=ends, method="bounded", options=exact
+    amplitude = np.array([height(w) for w in omega])
+    # zeros beyond both ends, so that the prominence refers to other maxima alone
+    padded = np.pad(amplitude, 1)
+    # smaller relative dips between two maxima are rounding
+    rounding = 1e-9
+    peaks, _ = scipy.signal.find_peaks(padded, prominence=rounding * padded)
+    peaks = peaks - 1
+    inside = (peaks > 0) & (peaks < len(amplitude) - 1)
+    maxima = []
+    for i in peaks[inside].tolist():
+        low, high = float(omega[i - 1]), float(omega[i + 1])
+        refined = scipy.optimize.minimize_scalar(
+            lambda w: -height(w),
+            bounds=(low, high),
+            method="bounded",
+            options={"xatol": 1e-9 * high},
         )
-        out.append(float(best.x) if -best.fun > a[i] else float(omega[i]))
-    return out
+        higher = -refined.fun > amplitude[i]
+        maxima.append(float(refined.x) if higher else float(omega[i]))
+    return maxima
 
 
 # ---- interval of a resonance ----
@@ -169,17 +192,23 @@ def free_and_stuck(case: LoadCase, modes: int) -> tuple[NDArray, NDArray]:
     """
     sector = case.problem.at(0.0).sector
     basis = sector.bases[1]
-    modes_alone = np.array([c.is_mode for c in basis.coordinates], bool)
-    elastic = np.sort(basis.omega2[(basis.omega2 > 0.0) & (basis.mass == 1.0) & modes_alone])
     if np.any(sector.springs):
-        elastic = sector.linear.modes(None)[0] ** 2
-    validation.check(1 <= modes <= len(elastic), "mode", f"1 to {len(elastic)}", modes)
-    free = np.sqrt(elastic[:modes])
-    poles = list(sector.linear.modes(case.stuck_springs(touching=True))[0])
+        # springs couple the modes of the bodies
+        frequencies, *_ = sector.linear.modes(None)
+        omega2 = frequencies**2
+    else:
+        # without rigid bodies and residual modes
+        are_modes = np.array([coordinate.is_mode for coordinate in basis.coordinates], bool)
+        elastic = (basis.omega2 > 0.0) & (basis.mass == 1.0) & are_modes
+        omega2 = np.sort(basis.omega2[elastic])
+    validation.check(1 <= modes <= len(omega2), "mode", f"1 to {len(omega2)}", modes)
+    free = np.sqrt(omega2[:modes])
+    stuck_frequencies, *_ = sector.linear.modes(case.stuck_springs(touching=True))
+    left = list(stuck_frequencies)
     stuck = []
-    for w in free:
-        poles = [p for p in poles if p >= w * (1.0 - 1e-9)]
-        stuck.append(poles.pop(0) if poles else w)
+    for omega in free:
+        left = [pole for pole in left if pole >= omega * (1.0 - 1e-9)]
+        stuck.append(left.pop(0) if left else omega)
     return free / (2.0 * np.pi), np.array(stuck) / (2.0 * np.pi)
 
 
@@ -200,7 +229,9 @@ def resonance_interval(case: LoadCase, mode: int = 1) -> tuple[float, float]:
     StaticError
         If there is no static state at the preload.
     """
-    free, stuck = (float(f[-1]) for f in free_and_stuck(case, mode))
+    free_frequencies, stuck_frequencies = free_and_stuck(case, mode)
+    free = float(free_frequencies[-1])
+    stuck = float(stuck_frequencies[-1])
     margin = beyond(free, stuck)
     return max(0.1 * free, free - margin), stuck + margin
 
@@ -217,16 +248,22 @@ def linear_peak(case: LoadCase, frequency: tuple[float, float], *, stuck: bool) 
     """
     if stuck and not case.static.converged:
         return Limit(np.nan, np.nan)
-    sector = (case if stuck else case.problem.at(0.0)).sector
-    springs = case.stuck_springs(touching=True) if stuck else None
-    low, high = (2.0 * np.pi * f for f in frequency)
-    poles = sector.linear.resonances((springs,), *around(low, high))
-    tops = [
-        sector.linear.maximum(sector.response_rows[1], springs, w, width) for w, width, _ in poles
-    ]
-    within = [top for top in tops if low <= top[0] <= high]
-    omega, amplitude = max(within, key=lambda top: top[1], default=(np.nan, np.nan))
-    return Limit(omega / (2.0 * np.pi), amplitude)
+    if stuck:
+        sector = case.sector
+        springs = case.stuck_springs(touching=True)
+    else:
+        sector = case.problem.at(0.0).sector
+        springs = None
+    low = 2.0 * np.pi * frequency[0]
+    high = 2.0 * np.pi * frequency[1]
+    highest = Limit(np.nan, np.nan)
+    for pole, width, _ in sector.linear.resonances((springs,), *around(low, high)):
+        omega, amplitude = sector.linear.maximum(sector.response_rows[1], springs, pole, width)
+        if not low <= omega <= high:
+            continue
+        if np.isnan(highest.amplitude) or amplitude > highest.amplitude:
+            highest = Limit(omega / (2.0 * np.pi), amplitude)
+    return highest
 
 
 def peak_interval(
