@@ -22,6 +22,7 @@
 
 enum { N_VEC = BD_LANES / BD_WIDTH, MOST_KEPT = 14 };
 
+/* Sticking range of the slider at a sample. */
 typedef struct {
     bd_vec lo, hi, inside; /* inside: slider before the clip if the contact closes here */
     bd_mask contact, closing;
@@ -30,15 +31,18 @@ typedef struct {
 BD_INLINE int before(const bd_lanes *l, int k) { return k > 0 ? k - 1 : l->n_time - 1; }
 
 BD_INLINE range range_at(const bd_lanes *l, int k, int v) {
-    const int at = k * BD_LANES + v * BD_WIDTH, at_before = before(l, k) * BD_LANES + v * BD_WIDTH;
-    const bd_vec u = bd_load(l->u + at), g = bd_load(l->g + at),
-                 g_before = bd_load(l->g + at_before), zero = bd_all(0.0);
+    const bd_vec zero = bd_all(0.0);
+    const int at = k * BD_LANES + v * BD_WIDTH;
+    const int at_before = before(l, k) * BD_LANES + v * BD_WIDTH;
+    const bd_vec u = bd_load(l->u + at);
+    const bd_vec g = bd_load(l->g + at);
+    const bd_vec g_before = bd_load(l->g + at_before);
     const bd_vec c = bd_load(l->slope + v * BD_WIDTH) * bd_max(g, zero);
     range r = {.lo = u - c, .hi = u + c, .inside = u, .contact = bd_above(g, zero)};
     r.closing = r.contact & ~bd_above(g_before, zero);
     if (bd_any(r.closing)) {
-        const bd_vec u_before = bd_load(l->u + at_before),
-                     dg = bd_select(r.closing, g - g_before, bd_all(1.0));
+        const bd_vec u_before = bd_load(l->u + at_before);
+        const bd_vec dg = bd_select(r.closing, g - g_before, bd_all(1.0));
         const bd_vec t = zero - bd_all(l->interpolate ? 1.0 : 0.0) * g_before / dg;
         r.inside = bd_select(r.closing, (bd_all(1.0) - t) * u_before + t * u, u);
     }
@@ -48,19 +52,25 @@ BD_INLINE range range_at(const bd_lanes *l, int k, int v) {
 /* dw = (part[0] b' + part[1] b) . du + (part[2] b' + part[3] b) . dg for the
  * slider w set at sample k. */
 static void derivative_of_slider(const bd_lanes *l, int lane, int k, double w, double *part) {
-    const int at = k * BD_LANES + lane, at_before = before(l, k) * BD_LANES + lane;
-    const double u = l->u[at], g = l->g[at], u_before = l->u[at_before], g_before = l->g[at_before],
-                 slope = l->slope[lane];
+    const int at = k * BD_LANES + lane;
+    const int at_before = before(l, k) * BD_LANES + lane;
+    const double u = l->u[at], u_before = l->u[at_before];
+    const double g = l->g[at], g_before = l->g[at_before];
+    const double slope = l->slope[lane];
+
+    /* open: the slider moves with the surface */
     part[0] = part[2] = part[3] = 0.0;
     part[1] = 1.0;
     if (!(g > 0.0)) return;
-    const double c = slope * g, middle = w - u;
+
+    /* closing inside the range, which sets the slider at the instant t */
+    const double c = slope * g;
     if (!(g_before > 0.0)) {
-        const double t = l->interpolate ? -g_before / (g - g_before) : 0.0,
-                     inside = (1.0 - t) * (u_before - u);
+        const double dg = g - g_before;
+        const double t = l->interpolate ? -g_before / dg : 0.0;
+        const double inside = (1.0 - t) * (u_before - u);
         if (inside >= -c && inside <= c) {
-            const double factor =
-                l->interpolate ? (u - u_before) / ((g - g_before) * (g - g_before)) : 0.0;
+            const double factor = l->interpolate ? (u - u_before) / (dg * dg) : 0.0;
             part[0] = 1.0 - t;
             part[1] = t;
             part[2] = -factor * g;
@@ -68,9 +78,13 @@ static void derivative_of_slider(const bd_lanes *l, int lane, int k, double w, d
             return;
         }
     }
+
+    /* slip: w = u -+ c */
+    const double middle = w - u;
     part[3] = middle < 0.0 ? -slope : slope;
 }
 
+/* Keep the running sums of one lane: a sticking part begins. */
 static void save_stick_sums(bd_lanes *l, int lane) {
     const int n_power = bd_n_power(l->n_harm);
     for (int n = 0; n < n_power; ++n) l->saved[n * BD_LANES + lane] = l->stick[n * BD_LANES + lane];
@@ -80,12 +94,20 @@ static void save_stick_sums(bd_lanes *l, int lane) {
 BD_NOT_INLINE void end_stick_part(bd_lanes *l, int lane, double w, int origin) {
     const int n_coef = bd_n_coef(l->n_harm), n_power = bd_n_power(l->n_harm);
     const size_t nc = (size_t)n_coef;
-    double g[BD_MAX_COEF], du[BD_MAX_COEF], dg[BD_MAX_COEF], part[4];
-    for (int i = 0; i < n_coef; ++i)
-        g[i] = l->stick[(i + 1) * BD_LANES + lane] - l->saved[(i + 1) * BD_LANES + lane];
+
+    /* sums of the basis over this part */
+    double g[BD_MAX_COEF];
+    for (int i = 0; i < n_coef; ++i) {
+        const int at = (i + 1) * BD_LANES + lane;
+        g[i] = l->stick[at] - l->saved[at];
+    }
     save_stick_sums(l, lane);
-    for (int i = 0; i < n_coef; ++i) l->stick_slider[(size_t)lane * nc + (size_t)i] += w * g[i];
+    double *stick_slider = l->stick_slider + (size_t)lane * nc;
+    for (int i = 0; i < n_coef; ++i) stick_slider[i] += w * g[i];
+
+    /* the initial slider has no derivative */
     if (origin < 0 || !l->stick_slider_u) return;
+    double part[4], du[BD_MAX_COEF], dg[BD_MAX_COEF];
     derivative_of_slider(l, lane, origin, w, part);
     const double *b1 = l->power + (size_t)origin * (size_t)n_power + 1;
     const double *b0 = l->power + (size_t)before(l, origin) * (size_t)n_power + 1;
@@ -94,11 +116,12 @@ BD_NOT_INLINE void end_stick_part(bd_lanes *l, int lane, double w, int origin) {
         dg[i] = part[2] * b0[i] + part[3] * b1[i];
     }
     for (size_t i = 0; i < nc; ++i) {
-        double *restrict hu = l->stick_slider_u + ((size_t)lane * nc + i) * nc,
-                         *restrict hg = l->stick_slider_g + ((size_t)lane * nc + i) * nc;
+        const size_t row = ((size_t)lane * nc + i) * nc;
+        double *restrict by_u = l->stick_slider_u + row;
+        double *restrict by_g = l->stick_slider_g + row;
         for (size_t j = 0; j < nc; ++j) {
-            hu[j] += g[i] * du[j];
-            hg[j] += g[i] * dg[j];
+            by_u[j] += g[i] * du[j];
+            by_g[j] += g[i] * dg[j];
         }
     }
 }
@@ -119,6 +142,8 @@ void BD_JOIN(bd_lanes_settle_, BD_VARIANT)(bd_lanes *l) {
         w[v] = bd_load(l->w + v * BD_WIDTH);
         origin[v] = bd_all_int(-1);
     }
+
+    /* ranges; a slider set by closing does not depend on the previous one */
     for (int k = 0; k < l->n_time; ++k)
         for (int v = 0; v < N_VEC; ++v) {
             range r = range_at(l, k, v);
@@ -130,15 +155,19 @@ void BD_JOIN(bd_lanes_settle_, BD_VARIANT)(bd_lanes *l) {
             bd_store(l->lo + k * BD_LANES + v * BD_WIDTH, r.lo);
             bd_store(l->hi + k * BD_LANES + v * BD_WIDTH, r.hi);
         }
+
+    /* slider, and the sample that has set it last */
     for (int k = 0; k < l->n_time; ++k)
         for (int v = 0; v < N_VEC; ++v) {
-            const bd_vec lo = bd_load(l->lo + k * BD_LANES + v * BD_WIDTH),
-                         hi = bd_load(l->hi + k * BD_LANES + v * BD_WIDTH);
+            const int at = k * BD_LANES + v * BD_WIDTH;
+            const bd_vec lo = bd_load(l->lo + at);
+            const bd_vec hi = bd_load(l->hi + at);
             const bd_vec next = bd_min(hi, bd_max(lo, w[v]));
             const bd_mask set = bd_differ(next, w[v]) | bd_equal(lo, hi);
             origin[v] = (set & bd_all_int(k)) | (~set & origin[v]);
             w[v] = next;
         }
+
     for (int v = 0; v < N_VEC; ++v) {
         bd_store(l->w + v * BD_WIDTH, w[v]);
         for (int i = 0; i < BD_WIDTH; ++i)
@@ -166,6 +195,13 @@ BD_INLINE bd_mask load_int(const int *p) {
     return x;
 }
 
+BD_INLINE unsigned char state_of(bd_mask stick, bd_mask plus, bd_mask minus, size_t lane) {
+    if (bd_entry_int(stick, lane)) return BD_STICK;
+    if (bd_entry_int(plus, lane)) return BD_SLIP_PLUS;
+    if (bd_entry_int(minus, lane)) return BD_SLIP_MINUS;
+    return BD_OPEN;
+}
+
 /* Sums over the samples that stick and slip. fixed_power > 0 is a compile-time n_power, whose sums
  * stay in registers. */
 BD_INLINE void sum_samples(bd_lanes *l, const int fixed_power) {
@@ -182,20 +218,24 @@ BD_INLINE void sum_samples(bd_lanes *l, const int fixed_power) {
     for (int k = 0; k < l->n_time; ++k) {
         const double *power = l->power + (size_t)k * (size_t)n_power;
         for (int v = 0; v < N_VEC; ++v) {
+            const int at = k * BD_LANES + v * BD_WIDTH;
             const range r = range_at(l, k, v);
             const bd_vec start = bd_select(r.closing, r.inside, w_before[v]);
-            const bd_mask plus = r.contact & bd_above(r.lo, start),
-                          minus = r.contact & ~plus & bd_above(start, r.hi);
-            const bd_mask stick = r.contact & ~plus & ~minus, ending = stuck[v] & ~stick,
-                          set = ~stick | r.closing;
+            const bd_mask plus = r.contact & bd_above(r.lo, start);
+            const bd_mask minus = r.contact & ~plus & bd_above(start, r.hi);
+            const bd_mask stick = r.contact & ~plus & ~minus;
+
+            const bd_mask ending = stuck[v] & ~stick;
             if (bd_any(ending)) {
                 for (int n = 0; n < fixed_power; ++n)
                     bd_store(l->stick + n * BD_LANES + v * BD_WIDTH, sum_stick[n][v]);
                 end_stick_parts(l, v, ending, w_before[v], origin[v]);
             }
-            w_before[v] = bd_load(l->path + k * BD_LANES + v * BD_WIDTH);
+            const bd_mask set = ~stick | r.closing;
+            w_before[v] = bd_load(l->path + at);
             origin[v] = (set & bd_all_int(k)) | (~set & origin[v]);
             stuck[v] = stick;
+
             const bd_vec sticking = bd_select(stick, one, zero);
             const bd_vec slipping = bd_select(plus, one, bd_select(minus, zero - one, zero));
             for (int n = 0; n < fixed_power; ++n) {
@@ -203,19 +243,18 @@ BD_INLINE void sum_samples(bd_lanes *l, const int fixed_power) {
                 sum_slip[n][v] += power[n] * slipping;
             }
             for (int n = 0; n < n_power && !fixed_power; ++n) {
-                double *to_stick = l->stick + n * BD_LANES + v * BD_WIDTH,
-                       *to_slip = l->slip + n * BD_LANES + v * BD_WIDTH;
+                double *to_stick = l->stick + n * BD_LANES + v * BD_WIDTH;
+                double *to_slip = l->slip + n * BD_LANES + v * BD_WIDTH;
                 bd_store(to_stick, bd_load(to_stick) + power[n] * sticking);
                 bd_store(to_slip, bd_load(to_slip) + power[n] * slipping);
             }
-            for (int i = 0; l->state && i < BD_WIDTH; ++i)
-                l->state[k * BD_LANES + v * BD_WIDTH + i] =
-                    (unsigned char)(bd_entry_int(stick, (size_t)i)   ? BD_STICK
-                                    : bd_entry_int(plus, (size_t)i)  ? BD_SLIP_PLUS
-                                    : bd_entry_int(minus, (size_t)i) ? BD_SLIP_MINUS
-                                                                     : BD_OPEN);
+            if (!l->state) continue;
+            for (int i = 0; i < BD_WIDTH; ++i)
+                l->state[at + i] = state_of(stick, plus, minus, (size_t)i);
         }
     }
+
+    /* sticking parts that reach the end of the period */
     for (int v = 0; v < N_VEC; ++v) {
         for (int n = 0; n < fixed_power; ++n) {
             bd_store(l->stick + n * BD_LANES + v * BD_WIDTH, sum_stick[n][v]);
@@ -255,13 +294,15 @@ void BD_JOIN(bd_lanes_contact_, BD_VARIANT)(int n_power, int n_time, const doubl
                                             const double *g, double *E) {
     const bd_vec zero = bd_all(0.0), one = bd_all(1.0);
     for (int n = 0; n < n_power * BD_LANES; ++n) E[n] = 0.0;
-    for (int k = 0; k < n_time; ++k)
+    for (int k = 0; k < n_time; ++k) {
+        const double *power_at_sample = power + (size_t)k * (size_t)n_power;
         for (int v = 0; v < N_VEC; ++v) {
-            const bd_vec in =
-                bd_select(bd_above(bd_load(g + k * BD_LANES + v * BD_WIDTH), zero), one, zero);
+            const bd_vec load = bd_load(g + k * BD_LANES + v * BD_WIDTH);
+            const bd_vec in_contact = bd_select(bd_above(load, zero), one, zero);
             for (int n = 0; n < n_power; ++n) {
-                double *e = E + n * BD_LANES + v * BD_WIDTH;
-                bd_store(e, bd_load(e) + power[(size_t)k * (size_t)n_power + (size_t)n] * in);
+                double *sum = E + n * BD_LANES + v * BD_WIDTH;
+                bd_store(sum, bd_load(sum) + power_at_sample[n] * in_contact);
             }
         }
+    }
 }

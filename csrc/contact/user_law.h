@@ -44,15 +44,19 @@ static inline void bd_point_law_step(const bd_point_law *point_law, const double
                                      const double *from, double *to, double *F,
                                      bd_point_law_derivatives *derivatives) {
     const size_t n = (size_t)point_law->n_state;
+    double *Fx = NULL, *Fs = NULL, *sx = NULL, *ss = NULL;
     if (derivatives) {
-        memset(derivatives->Fx, 0, sizeof derivatives->Fx);
-        memset(derivatives->Fs, 0, sizeof(double) * 3 * n);
-        memset(derivatives->sx, 0, sizeof(double) * 6 * n);
-        memset(derivatives->ss, 0, sizeof(double) * n * n);
+        Fx = derivatives->Fx;
+        Fs = derivatives->Fs;
+        sx = derivatives->sx;
+        ss = derivatives->ss;
+        /* a law writes its nonzero entries only */
+        memset(Fx, 0, sizeof derivatives->Fx);
+        memset(Fs, 0, sizeof(double) * 3 * n);
+        memset(sx, 0, sizeof(double) * 6 * n);
+        memset(ss, 0, sizeof(double) * n * n);
     }
-    point_law->function(x, from, point_law->parameter, from + 3, to + 3, F,
-                        derivatives ? derivatives->Fx : NULL, derivatives ? derivatives->Fs : NULL,
-                        derivatives ? derivatives->sx : NULL, derivatives ? derivatives->ss : NULL,
+    point_law->function(x, from, point_law->parameter, from + 3, to + 3, F, Fx, Fs, sx, ss,
                         point_law->data);
     for (int i = 0; i < 3; ++i) to[i] = x[i];
 }

@@ -9,8 +9,7 @@
  *
  * unless the last step was more than half as long as the previous one. The sum is computed by
  * doubling, R += A^m R with m = 1, 2, 4, ... A state that no period changes (a slider that sticks
- * throughout) therefore stays constant, although 1
- * - A is singular.
+ * throughout) therefore stays constant, although 1 - A is singular.
  *
  * The derivative S = ds/dX with respect to the motion advances through the steady period from
  * S_0 = 0 to S_N. The derivative of the steady state is (1 + A + A^2 + ...) S_N. A state that
@@ -30,43 +29,58 @@ static const double REPEATS = 1e-15;
 static const double SETTLED = 1e-13; /* last Newton step, relative as above */
 static const double FADED = 1e-3;    /* remainder of a change of the state after many periods */
 
+/* Part of n numbers of a block of memory, which begins where the previous part ends. */
+static double *next_part(double **memory, size_t n) {
+    double *part = *memory;
+    *memory += n;
+    return part;
+}
+
 bd_status bd_user_create(bd_user_work *work, const bd_sampled_work *sampled, int n_state) {
     memset(work, 0, sizeof *work);
-    const size_t n_coef = (size_t)bd_n_coef(sampled->n_harm), k = (size_t)sampled->n_time,
-                 n = (size_t)n_state;
-    const size_t n_col = n + 3 * n_coef, n_power = (size_t)bd_n_power(sampled->n_harm);
-    const size_t size = bd_point_law_work_size(n_state) + k * (n_coef + 15 + n) + n_power +
-                        2 * (3 + n) + 3 * n + 3 * n * n_col + 3 * (k + n_coef) * n_col + 2 * n * n +
-                        BD_KERNEL_PAD;
-    if (!(work->memory = calloc(size, sizeof(double)))) return BD_NO_MEMORY;
+    const size_t n_coef = (size_t)bd_n_coef(sampled->n_harm);
+    const size_t n_power = (size_t)bd_n_power(sampled->n_harm);
+    const size_t n_time = (size_t)sampled->n_time;
+    const size_t n = (size_t)n_state;
+    const size_t n_col = n + 3 * n_coef;
+    const size_t of_law = bd_point_law_work_size(n_state);
+    const size_t of_samples = n_time * (n_coef + 15 + n) + n_power;
+    const size_t of_state = 2 * (3 + n) + 3 * n + 2 * n * n;
+    const size_t of_derivatives = 3 * n * n_col + 3 * (n_time + n_coef) * n_col;
+    const size_t size = of_law + of_samples + of_state + of_derivatives + BD_KERNEL_PAD;
+    work->memory = calloc(size, sizeof(double));
+    if (!work->memory) return BD_NO_MEMORY;
+
     double *m = work->memory;
-    work->derivatives = bd_point_law_derivatives_in(m, n_state),
-    m += bd_point_law_work_size(n_state);
-    work->basis = m, m += k * n_coef;
-    work->motion = m, m += 3 * k;
-    work->force = m, m += 3 * k;
-    work->states = m, m += k * n;
-    work->motion_force_derivative = m, m += 9 * k;
-    work->power_sum = m, m += n_power;
-    for (int i = 0; i < 2; ++i) work->law_memory[i] = m, m += 3 + n;
-    work->start = m, m += n;
-    work->state_scale = m, m += n;
-    work->step = m, m += n;
-    work->state_derivative = m, m += n * n_col;
-    work->motion_derivative = m, m += n * n_col;
-    work->next_derivative = m, m += n * n_col;
-    work->state_force_derivative = m, m += 3 * k * n_col;
-    work->derivative_coef = m, m += 3 * n_coef * n_col;
-    work->power = m, m += n * n;
-    work->square = m;
+    work->derivatives = bd_point_law_derivatives_in(next_part(&m, of_law), n_state);
+    work->basis = next_part(&m, n_time * n_coef);
+    work->motion = next_part(&m, 3 * n_time);
+    work->force = next_part(&m, 3 * n_time);
+    work->states = next_part(&m, n_time * n);
+    work->motion_force_derivative = next_part(&m, 9 * n_time);
+    work->power_sum = next_part(&m, n_power);
+    work->law_memory[0] = next_part(&m, 3 + n);
+    work->law_memory[1] = next_part(&m, 3 + n);
+    work->start = next_part(&m, n);
+    work->state_scale = next_part(&m, n);
+    work->step = next_part(&m, n);
+    work->state_derivative = next_part(&m, n * n_col);
+    work->motion_derivative = next_part(&m, n * n_col);
+    work->next_derivative = next_part(&m, n * n_col);
+    work->state_force_derivative = next_part(&m, 3 * n_time * n_col);
+    work->derivative_coef = next_part(&m, 3 * n_coef * n_col);
+    work->power = next_part(&m, n * n);
+    work->square = next_part(&m, n * n);
+
     work->n_harm = sampled->n_harm;
     work->n_time = sampled->n_time;
     work->n_state = n_state;
     work->kernel = sampled->kernel;
     work->powers = sampled->power;
-    for (size_t i = 0; i < k; ++i)
-        memcpy(work->basis + i * n_coef, sampled->power + i * (size_t)bd_n_power(work->n_harm) + 1,
-               sizeof(double) * n_coef);
+    for (size_t k = 0; k < n_time; ++k) {
+        const double *basis_at_sample = sampled->power + k * n_power + 1;
+        memcpy(work->basis + k * n_coef, basis_at_sample, sizeof(double) * n_coef);
+    }
     return BD_OK;
 }
 
@@ -74,6 +88,12 @@ void bd_user_destroy(bd_user_work *work) {
     if (!work) return;
     free(work->memory);
     memset(work, 0, sizeof *work);
+}
+
+static void swap_parts(double **a, double **b) {
+    double *former = *a;
+    *a = *b;
+    *b = former;
 }
 
 /* ---- sums of powers ---- */
@@ -84,32 +104,47 @@ static void add_times(const bd_user_work *work, size_t n, size_t m, const double
     work->kernel->add_product(n, m, n, 1.0, A, n, B, stride, out, stride_out);
 }
 
+/* Largest size of an entry of x (n, m); NaN stays. */
 static double largest(size_t n, size_t m, size_t stride, const double *x) {
     double most = 0.0;
     for (size_t i = 0; i < n; ++i)
-        for (size_t j = 0; j < m; ++j)
-            if (!(fabs(x[i * stride + j]) <= most)) most = fabs(x[i * stride + j]);
+        for (size_t j = 0; j < m; ++j) {
+            const double size = fabs(x[i * stride + j]);
+            if (!(size <= most)) most = size;
+        }
     return most;
+}
+
+/* Copy the first n columns of state_derivative, A = dP/ds, to work->power. */
+static void copy_period_derivative(bd_user_work *work, size_t n, size_t n_col) {
+    for (size_t i = 0; i < n; ++i)
+        memcpy(work->power + i * n, work->state_derivative + i * n_col, sizeof(double) * n);
+}
+
+/* Replace A (n, n) by A^2; the arrays exchange their places. */
+static void square_matrix(const bd_user_work *work, size_t n, double **A, double **square) {
+    memset(*square, 0, sizeof(double) * n * n);
+    add_times(work, n, n, *A, *A, n, *square, n);
+    swap_parts(A, square);
 }
 
 /* Replace R (n, m) by (1 + A + A^2 + ...) R; A is the first n columns of state_derivative.
  * next_derivative is overwritten. Return 0 if the sum diverges. */
 static int sum_powers(bd_user_work *work, size_t n, size_t n_col, size_t m, double *R,
                       size_t stride) {
-    double *A = work->power, *square = work->square, *more = work->next_derivative;
-    for (size_t i = 0; i < n; ++i)
-        memcpy(A + i * n, work->state_derivative + i * n_col, sizeof(double) * n);
+    copy_period_derivative(work, n, n_col);
+    double *A = work->power, *square = work->square;
+    double *more = work->next_derivative;
     for (int k = 0; k < DOUBLINGS; ++k) {
+        /* R += A^m R with m = 2^k */
         memset(more, 0, sizeof(double) * n * m);
         add_times(work, n, m, A, R, stride, more, m);
-        const double added = largest(n, m, m, more), present = largest(n, m, stride, R);
+        const double added = largest(n, m, m, more);
+        const double present = largest(n, m, stride, R);
         for (size_t i = 0; i < n; ++i)
             for (size_t j = 0; j < m; ++j) R[i * stride + j] += more[i * m + j];
         if (added <= 1e-16 * present) return 1;
-        memset(square, 0, sizeof(double) * n * n);
-        add_times(work, n, n, A, A, n, square, n);
-        double *swap = A;
-        A = square, square = swap;
+        square_matrix(work, n, &A, &square);
     }
     return 0;
 }
@@ -124,43 +159,64 @@ typedef struct {
     int k;
 } stage;
 
+/* Basis (n_coef) at a sample; -1 is the last one. */
 static const double *basis(const bd_user_work *work, int k) {
-    return work->basis + (size_t)(k >= 0 ? k : work->n_time - 1) * (size_t)bd_n_coef(work->n_harm);
+    const size_t sample = (size_t)(k >= 0 ? k : work->n_time - 1);
+    return work->basis + sample * (size_t)bd_n_coef(work->n_harm);
 }
 
 /* Add the derivative of one entry of the state with respect to the motion at both ends of a step to
  * a row. */
 static void add_motion(const bd_user_work *work, const stage *at, const double *by, double *row) {
-    const double *now = basis(work, at->k), *last = basis(work, at->k - 1);
-    for (size_t c = 0; c < 3 && at->n_col > at->n; ++c) {
-        if (by[c] == 0.0 && by[3 + c] == 0.0) continue;
+    const int without_motion = at->n_col <= at->n;
+    if (without_motion) return;
+    const double *now = basis(work, at->k);
+    const double *last = basis(work, at->k - 1);
+    for (size_t c = 0; c < 3; ++c) {
+        const double by_now = by[c], by_last = by[3 + c];
+        if (by_now == 0.0 && by_last == 0.0) continue;
         double *restrict to = row + at->n + c * at->n_coef;
-        for (size_t j = 0; j < at->n_coef; ++j) to[j] += by[c] * now[j] + by[3 + c] * last[j];
+        for (size_t j = 0; j < at->n_coef; ++j) to[j] += by_now * now[j] + by_last * last[j];
     }
 }
 
+static int is_diagonal(size_t n, const double *A) {
+    for (size_t i = 0; i < n; ++i)
+        for (size_t j = 0; j < n; ++j)
+            if (i != j && A[i * n + j] != 0.0) return 0;
+    return 1;
+}
+
+/* Advance the derivative of the state over a step: S <- ss S + sx dx. */
 static void advance_derivative(bd_user_work *work, const stage *at) {
     const size_t n = at->n, n_col = at->n_col;
     const double *ss = work->derivatives.ss, *sx = work->derivatives.sx;
-    int diagonal = 1;
-    for (size_t i = 0; i < n && diagonal; ++i)
-        for (size_t j = 0; j < n; ++j) diagonal &= i == j || ss[i * n + j] == 0.0;
+
     /* a diagonal ss changes the rows in place; constant states need no operation */
-    for (size_t i = 0; i < n; ++i) {
-        double *restrict to =
-            (diagonal ? work->state_derivative : work->next_derivative) + i * n_col;
-        if (!diagonal) memset(to, 0, sizeof(double) * n_col);
-        for (size_t j = 0; j < n && !diagonal; ++j) {
-            const double a = ss[i * n + j], *restrict from = work->state_derivative + j * n_col;
-            for (size_t c = 0; c < n_col && a != 0.0; ++c) to[c] += a * from[c];
+    if (is_diagonal(n, ss)) {
+        for (size_t i = 0; i < n; ++i) {
+            double *restrict row = work->state_derivative + i * n_col;
+            const double factor = ss[i * n + i];
+            if (factor != 1.0) {
+                for (size_t c = 0; c < n_col; ++c) row[c] *= factor;
+            }
+            add_motion(work, at, sx + 6 * i, row);
         }
-        const double point_law = ss[i * n + i];
-        for (size_t c = 0; c < n_col && diagonal && point_law != 1.0; ++c) to[c] *= point_law;
-        add_motion(work, at, sx + 6 * i, to);
+        return;
     }
-    if (diagonal) return;
-    double *swap = work->state_derivative;
-    work->state_derivative = work->next_derivative, work->next_derivative = swap;
+
+    for (size_t i = 0; i < n; ++i) {
+        double *restrict row = work->next_derivative + i * n_col;
+        memset(row, 0, sizeof(double) * n_col);
+        for (size_t j = 0; j < n; ++j) {
+            const double factor = ss[i * n + j];
+            if (factor == 0.0) continue;
+            const double *restrict from = work->state_derivative + j * n_col;
+            for (size_t c = 0; c < n_col; ++c) row[c] += factor * from[c];
+        }
+        add_motion(work, at, sx + 6 * i, row);
+    }
+    swap_parts(&work->state_derivative, &work->next_derivative);
 }
 
 /* Store the derivative of the forces at a sample: direct factors of the motion, and the part
@@ -175,9 +231,8 @@ static void store_force_derivative(bd_user_work *work, const stage *at) {
         double *restrict to = work->state_force_derivative + (3 * (size_t)at->k + a) * n_col;
         int written = 0;
         for (size_t i = 0; i < n; ++i) {
-            const double f = work->derivatives.Fs[a * n + i], *restrict from =
-                                                                  work->state_derivative +
-                                                                  i * n_col;
+            const double f = work->derivatives.Fs[a * n + i];
+            const double *restrict from = work->state_derivative + i * n_col;
             if (f == 0.0) continue;
             if (written)
                 for (size_t c = 0; c < n_col; ++c) to[c] += f * from[c];
@@ -190,6 +245,37 @@ static void store_force_derivative(bd_user_work *work, const stage *at) {
     }
 }
 
+/* Begin a period: memory of the law, scale of the state, and derivatives at the start. */
+static void start_period(bd_user_work *work, size_t n, size_t n_col) {
+    const size_t n_time = (size_t)work->n_time;
+    double *memory = work->law_memory[0];
+    for (size_t d = 0; d < 3; ++d) memory[d] = work->motion[d * n_time + n_time - 1];
+    memcpy(memory + 3, work->start, sizeof(double) * n);
+    for (size_t i = 0; i < n; ++i) work->state_scale[i] = fabs(work->start[i]);
+    if (n_col == 0) return;
+
+    for (size_t i = 0; i < n; ++i)
+        for (size_t j = 0; j < n; ++j) work->state_derivative[i * n_col + j] = i == j;
+    if (n_col == n) return;
+
+    memcpy(work->motion_derivative, work->state_derivative, sizeof(double) * n * n_col);
+    memset(work->has_motion_derivative, 0, sizeof work->has_motion_derivative);
+    memset(work->has_state_derivative, 0, sizeof work->has_state_derivative);
+}
+
+/* Store the state after sample k; return whether it equals the stored one. */
+static int store_state(bd_user_work *work, size_t n, size_t k, const double *state) {
+    double *stored = work->states + n * k;
+    int same = 1;
+    for (size_t i = 0; i < n; ++i) {
+        const double size = fabs(state[i]);
+        same &= state[i] == stored[i];
+        stored[i] = state[i];
+        if (!(size <= work->state_scale[i])) work->state_scale[i] = size;
+    }
+    return same;
+}
+
 /* Integrate one period from the state `start` and store its forces. With columns, advance the
  * derivative of the state; with columns of the motion, also the derivative of the forces. Return 1
  * if a sample agrees with the previous period: the remainder of the period is then equal, and the
@@ -200,38 +286,28 @@ static int integrate_period(bd_user_work *work, const bd_point_law *point_law, s
                 .n = n,
                 .n_coef = (size_t)bd_n_coef(work->n_harm),
                 .n_col = n_col};
-    double *from = work->law_memory[0], *to = work->law_memory[1];
-    for (size_t d = 0; d < 3; ++d) from[d] = work->motion[d * n_time + n_time - 1];
-    memcpy(from + 3, work->start, sizeof(double) * n);
-    for (size_t i = 0; i < n; ++i) work->state_scale[i] = fabs(work->start[i]);
-    for (size_t i = 0; i < n && n_col; ++i)
-        for (size_t j = 0; j < n; ++j) work->state_derivative[i * n_col + j] = i == j;
-    if (n_col > n) {
-        memcpy(work->motion_derivative, work->state_derivative, sizeof(double) * n * n_col);
-        memset(work->has_motion_derivative, 0, sizeof work->has_motion_derivative);
-        memset(work->has_state_derivative, 0, sizeof work->has_state_derivative);
-    }
-    const int first = work->n_period++ == 0;
+    const int is_first = work->n_period == 0;
+    ++work->n_period;
+    /* derivatives need the whole period */
+    const int may_recur = !is_first && n_col == 0;
+    start_period(work, n, n_col);
+
     int recurs = 0;
     for (at.k = 0; at.k < work->n_time && !recurs; ++at.k) {
-        double x[3], F[3], *path = work->states + n * (size_t)at.k;
-        for (size_t d = 0; d < 3; ++d) x[d] = work->motion[d * n_time + (size_t)at.k];
+        const size_t k = (size_t)at.k;
+        const double *from = work->law_memory[0];
+        double *to = work->law_memory[1];
+        double x[3], F[3];
+        for (size_t d = 0; d < 3; ++d) x[d] = work->motion[d * n_time + k];
         bd_point_law_step(point_law, x, from, to, F, n_col ? &work->derivatives : NULL);
         ++work->n_call;
-        recurs = !first && !n_col;
-        for (size_t i = 0; i < n; ++i) {
-            const double s = to[3 + i];
-            recurs &= s == path[i];
-            path[i] = s;
-            if (!(fabs(s) <= work->state_scale[i])) work->state_scale[i] = fabs(s);
-        }
-        for (size_t d = 0; d < 3; ++d) work->force[d * n_time + (size_t)at.k] = F[d];
+        for (size_t d = 0; d < 3; ++d) work->force[d * n_time + k] = F[d];
+        const int same = store_state(work, n, k, to + 3);
+        recurs = may_recur && same;
         if (n_col) advance_derivative(work, &at);
         if (n_col > n) store_force_derivative(work, &at);
-        double *swap = from;
-        from = to, to = swap;
+        swap_parts(&work->law_memory[0], &work->law_memory[1]);
     }
-    work->law_memory[0] = from, work->law_memory[1] = to;
     return recurs;
 }
 
@@ -241,8 +317,8 @@ static int integrate_period(bd_user_work *work, const bd_point_law *point_law, s
 static double relative_change(const bd_user_work *work, size_t n, const double *change) {
     double most = 0.0;
     for (size_t i = 0; i < n; ++i) {
-        const double share =
-            fabs(change[i]) / (work->state_scale[i] > 0.0 ? work->state_scale[i] : 1.0);
+        const double scale = work->state_scale[i] > 0.0 ? work->state_scale[i] : 1.0;
+        const double share = fabs(change[i]) / scale;
         if (!(share <= most)) most = share;
         if (isnan(most)) break;
     }
@@ -253,28 +329,36 @@ static double relative_change(const bd_user_work *work, size_t n, const double *
  * of the motion, advance the derivative of the state. */
 static int settle(bd_user_work *work, const bd_point_law *point_law, size_t n_x) {
     const size_t n = (size_t)point_law->n_state;
-    double before = INFINITY;
     memcpy(work->start, point_law->memory + 3, sizeof(double) * n);
     memset(work->state_derivative, 0, sizeof(double) * n * (n + n_x));
     work->n_period = 0;
+    double last_length = INFINITY; /* of a Newton step; infinite after a free period */
     for (int period = 0; period < MOST_PERIODS; ++period) {
-        int newton = period >= FREE;
-        const size_t n_col = n_x ? n + n_x : newton ? n : 0;
+        const int newton = period >= FREE;
+        const size_t columns_of_state = newton ? n : 0;
+        const size_t n_col = n_x ? n + n_x : columns_of_state;
         const int recurs = integrate_period(work, point_law, n_col);
-        const double *end = work->law_memory[0] + 3;
         if (recurs) return 1;
+
+        const double *end = work->law_memory[0] + 3;
         for (size_t i = 0; i < n; ++i) work->step[i] = end[i] - work->start[i];
         double length = relative_change(work, n, work->step);
         if (length <= REPEATS) return 1;
+
+        int accepted = 0;
         if (newton) {
-            newton = sum_powers(work, n, n_col, 1, work->step, 1);
+            const int has_sum = sum_powers(work, n, n_col, 1, work->step, 1);
             length = relative_change(work, n, work->step);
+            accepted = has_sum && length < 0.5 * last_length;
         }
-        const int steps = newton && length < 0.5 * before;
-        before = steps ? length : INFINITY;
-        for (size_t i = 0; i < n; ++i)
-            work->start[i] = steps ? work->start[i] + work->step[i] : end[i];
-        if (steps && length <= SETTLED) {
+        if (!accepted) {
+            memcpy(work->start, end, sizeof(double) * n);
+            last_length = INFINITY;
+            continue;
+        }
+        for (size_t i = 0; i < n; ++i) work->start[i] = work->start[i] + work->step[i];
+        last_length = length;
+        if (length <= SETTLED) {
             integrate_period(work, point_law, n_x ? n + n_x : 0);
             return 1;
         }
@@ -287,15 +371,10 @@ static int settle(bd_user_work *work, const bd_point_law *point_law, size_t n_x)
 /* Return whether a change of the state vanishes after many periods: a power of A
  * has no entry above FADED. */
 static int decays(bd_user_work *work, size_t n, size_t n_col) {
+    copy_period_derivative(work, n, n_col);
     double *A = work->power, *square = work->square;
-    for (size_t i = 0; i < n; ++i)
-        memcpy(A + i * n, work->state_derivative + i * n_col, sizeof(double) * n);
-    for (int k = 0; k < FADES && largest(n, n, n, A) > FADED; ++k) {
-        memset(square, 0, sizeof(double) * n * n);
-        add_times(work, n, n, A, A, n, square, n);
-        double *swap = A;
-        A = square, square = swap;
-    }
+    for (int k = 0; k < FADES && largest(n, n, n, A) > FADED; ++k)
+        square_matrix(work, n, &A, &square);
     return largest(n, n, n, A) <= FADED;
 }
 
@@ -310,80 +389,108 @@ static void differentiate(bd_user_work *work, const bd_point_law *point_law) {
     settle(work, point_law, n_x);
 }
 
+/* Block of the tangent: force a by motion c. */
+static double *tangent_block(bd_response *out, size_t a, size_t c) {
+    if (a == 2) return c == 2 ? out->dN : out->dNt[c];
+    if (c == 2) return out->dTv[a];
+    return c == a ? out->dT[a] : out->dTc[a];
+}
+
+/* Sum the derivative of the forces through the state over the period, with the basis. */
+static void sum_state_derivatives(bd_user_work *work, size_t n, const double *of_steady_state) {
+    const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_time = (size_t)work->n_time;
+    const size_t n_x = 3 * n_coef, n_col = n + n_x;
+    memset(work->derivative_coef, 0, sizeof(double) * n_coef * 3 * n_col);
+    /* rows of forces after the last one that depends on the state are zero */
+    size_t rows = 0;
+    for (size_t a = 0; a < 3; ++a)
+        if (work->has_state_derivative[a]) rows = a + 1;
+    if (rows == 0) return;
+    work->kernel->product(n_coef, rows * n_col, n_time, work->basis, work->state_force_derivative,
+                          3 * n_col, work->derivative_coef, 3 * n_col);
+    work->kernel->add_product(3 * n_coef, n_x, n, 1.0, work->derivative_coef, n_col,
+                              of_steady_state, n_col, work->derivative_coef + n, n_col);
+}
+
 /* Derivative of the steady state minus its value at the start of the last
  * period, and the tangent. */
 static void write_tangent(bd_user_work *work, size_t n, bd_response *out) {
-    const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_x = 3 * n_coef, n_col = n + n_x,
-                 n_time = (size_t)work->n_time;
+    const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_time = (size_t)work->n_time;
     const size_t n_power = (size_t)bd_n_power(work->n_harm);
-    /* change of the motion's derivative during the period */
+    const size_t n_x = 3 * n_coef, n_col = n + n_x;
+
+    /* (1 + A + ...) (S_N - S_0) */
     double *more = work->motion_derivative;
     for (size_t i = 0; i < n; ++i)
         for (size_t j = n; j < n_col; ++j)
             more[i * n_col + j] = work->state_derivative[i * n_col + j] - more[i * n_col + j];
     sum_powers(work, n, n_col, n_x, more + n, n_col);
-    memset(work->derivative_coef, 0, sizeof(double) * n_coef * 3 * n_col);
-    /* the other rows are zero */
-    const size_t rows = work->has_state_derivative[2]   ? 3
-                        : work->has_state_derivative[1] ? 2
-                                                        : (size_t)work->has_state_derivative[0];
-    if (rows > 0) {
-        work->kernel->product(n_coef, rows * n_col, n_time, work->basis,
-                              work->state_force_derivative, 3 * n_col, work->derivative_coef,
-                              3 * n_col);
-        work->kernel->add_product(3 * n_coef, n_x, n, 1.0, work->derivative_coef, n_col, more + n,
-                                  n_col, work->derivative_coef + n, n_col);
-    }
+    sum_state_derivatives(work, n, more + n);
+
     for (size_t a = 0; a < 3; ++a)
         for (size_t c = 0; c < 3; ++c) {
-            double *block = a == 2   ? (c == 2 ? out->dN : out->dNt[c])
-                            : c == 2 ? out->dTv[a]
-                            : c == a ? out->dT[a]
-                                     : out->dTc[a];
+            /* direct factors of the motion */
+            double *block = tangent_block(out, a, c);
+            const double *factors = work->motion_force_derivative + (3 * a + c) * n_time;
             memset(work->power_sum, 0, sizeof(double) * n_power);
             if (work->has_motion_derivative[3 * a + c])
-                work->kernel->multiply_transposed(n_time, n_power, work->powers,
-                                                  work->motion_force_derivative +
-                                                      (3 * a + c) * n_time,
+                work->kernel->multiply_transposed(n_time, n_power, work->powers, factors,
                                                   work->power_sum);
             bd_cycle_products(work->n_harm, work->power_sum, block);
+
             for (size_t i = 0; i < n_coef; ++i) {
-                const double *restrict row =
+                const double *restrict through_state =
                     work->derivative_coef + (3 * i + a) * n_col + n + c * n_coef;
+                double *restrict row = block + i * n_coef;
                 const double scale = (i == 0 ? 1.0 : 2.0) / (double)n_time;
-                for (size_t j = 0; j < n_coef; ++j)
-                    block[i * n_coef + j] = scale * (block[i * n_coef + j] + row[j]);
+                for (size_t j = 0; j < n_coef; ++j) row[j] = scale * (row[j] + through_state[j]);
             }
         }
+}
+
+/* Samples without any force. */
+static int count_open(const double *force, size_t n_time) {
+    const double *T1 = force, *T2 = force + n_time, *N = force + 2 * n_time;
+    int n_open = 0;
+    for (size_t k = 0; k < n_time; ++k) n_open += T1[k] == 0.0 && T2[k] == 0.0 && N[k] == 0.0;
+    return n_open;
 }
 
 void bd_user_evaluate(const bd_element *element, const double *x, bd_response *out,
                       bd_status_share *share, bd_user_work *work) {
     const bd_point_law *point_law = element->point_law;
-    const size_t n = (size_t)point_law->n_state, n_coef = (size_t)bd_n_coef(work->n_harm),
-                 n_time = (size_t)work->n_time;
+    const size_t n = (size_t)point_law->n_state, n_time = (size_t)work->n_time;
+    const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
     const int tangent = out->dN != NULL;
+
+    /* motion at the samples; the closing is zero when the surfaces touch */
     for (size_t d = 0; d < 3; ++d)
         work->kernel->multiply(n_time, n_coef, work->basis, x + d * n_coef,
                                work->motion + d * n_time);
-    for (size_t k = 0; k < n_time; ++k)
-        work->motion[2 * n_time + k] += bd_static_closing(element->kn, element->n0);
+    const double closing_at_rest = bd_static_closing(element->kn, element->n0);
+    for (size_t k = 0; k < n_time; ++k) work->motion[2 * n_time + k] += closing_at_rest;
+
     work->n_call = 0;
     const int settled = settle(work, point_law, 0);
     if (tangent) differentiate(work, point_law);
-    const double *f = work->force;
-    int n_open = 0;
-    for (size_t k = 0; k < n_time; ++k)
-        n_open += f[k] == 0.0 && f[n_time + k] == 0.0 && f[2 * n_time + k] == 0.0;
+
     memset(out->F, 0, sizeof(double) * 3 * n_coef);
-    for (size_t d = 0; d < 3; ++d)
-        work->kernel->multiply_transposed(n_time, n_coef, work->basis, f + d * n_time,
-                                          out->F + d * n_coef);
-    for (size_t i = 0; i < 3 * n_coef; ++i)
-        out->F[i] = settled ? out->F[i] * ((i % n_coef == 0 ? 1.0 : 2.0) / (double)n_time) : NAN;
-    out->tangential[0] = out->tangential[1] = out->normal = BD_BLOCK_FULL;
-    out->coupled = out->with_normal[0] = out->with_normal[1] = out->with_tangential = 1;
+    for (size_t d = 0; d < 3; ++d) {
+        double *F = out->F + d * n_coef;
+        work->kernel->multiply_transposed(n_time, n_coef, work->basis, work->force + d * n_time, F);
+        for (size_t i = 0; i < n_coef; ++i)
+            F[i] = settled ? F[i] * ((i == 0 ? 1.0 : 2.0) / (double)n_time) : NAN;
+    }
+
+    out->normal = BD_BLOCK_FULL;
+    out->coupled = 1;
+    out->with_tangential = 1;
+    share->open = (double)count_open(work->force, n_time) / (double)n_time;
+    for (int d = 0; d < 2; ++d) {
+        out->tangential[d] = BD_BLOCK_FULL;
+        out->with_normal[d] = 1;
+        share->stick[d] = 0.0;
+        share->slip[d] = 1.0 - share->open;
+    }
     if (tangent) write_tangent(work, n, out);
-    share->open = (double)n_open / (double)n_time;
-    for (int d = 0; d < 2; ++d) share->stick[d] = 0.0, share->slip[d] = 1.0 - share->open;
 }
