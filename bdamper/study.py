@@ -312,8 +312,6 @@ class Study(Comparable):
         def shown(value: Any) -> str:
             return f"{value:.6g}" if isinstance(value, float) else text_of(value)
 
-        absolute = ", absolute" if seen.absolute else ""
-
         def force(e: Excitation) -> str:
             return f"{e.amplitude:g} {s.unit_of(e)} {e.shown}, order {e.engine_order or s.engine_order}"
 
@@ -322,7 +320,7 @@ class Study(Comparable):
             Fact("excitation", float(at.amplitude), f"{s.unit_of(at)} {at.shown}"),
             Fact("beside it", "; ".join(map(force, at.beside))),
             Fact("engine order", int(s.engine_order)),
-            Fact("response", f"{seen.location} {text_of(seen.direction)}{absolute}"),
+            Fact("response", seen.shown),
             Fact("harmonics", " ".join(map(str, s.harmonic_numbers))),
             Fact("friction coefficient", ", ".join(f"{mu:g}" for mu in friction) or "none"),
             Fact("contact stiffness", text_of(self.problem.stiffness_method)),

@@ -84,8 +84,8 @@ class MeasuredResponse(Summarised, validation.Checked):
     Parameters
     ----------
     data : Measurement
-        Displacement, velocity or acceleration at the response location of the study. If it has a
-        phase, it is relative to the excitation: ``x(t) = Re(X exp(i omega t))`` under ``Re(F exp(i
+        Displacement, velocity or acceleration at the response location of the study, or strain at
+        its gauge. If it has a phase, it is relative to the excitation: ``x(t) = Re(X exp(i omega t))`` under ``Re(F exp(i
         omega t))``.
     preload : float, N
         Preload of the damper.
@@ -318,6 +318,15 @@ def of_test(varied: Variations, test: MeasuredResponse, noise: float) -> Separat
     expected = f"the excitation of the study in {settings.unit_of(settings.excitation)}"
     fits = test.at_base is None or test.at_base == settings.at_base(settings.excitation)
     found = "accelerations of the base" if test.at_base else "forces"
+    validation.check(fits, test.data.name, expected, found)
+    place = settings.response_location
+    is_gauge = place.elastic is not None
+    # a sum of degrees of freedom of a lumped model may be a strain
+    is_lumped = any(body.kind == "lumped" for body in settings.model.bodies.values())
+    fits = test.data.is_strain == is_gauge or (is_lumped and not is_gauge)
+    expected = f"the response of the study in {place.unit}"
+    remedy = "; bd.Response(point, direction, elastic=(modulus, ratio)) is a gauge"
+    found = f"strains{remedy}" if test.data.is_strain else "motions"
     validation.check(fits, test.data.name, expected, found)
     # under phase control the frequency of a solution may differ from the measured frequency
     margin = BESIDE if test.control == "phase" else EDGE

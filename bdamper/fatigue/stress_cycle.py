@@ -24,7 +24,8 @@ from bdamper.fatigue import criteria
 from bdamper.harmonic_balance.checks import Solutions, SomeResult, solutions_of
 from bdamper.harmonic_balance.contact_setup import without_separation
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.model.loads import Direction, direction_vector
+from bdamper.model.gauges import gauge_point, gauge_weights
+from bdamper.model.loads import Direction
 from bdamper.model.structure import Body, ModalBasis, StressSet
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Plottable
@@ -175,43 +176,11 @@ def gauge_stress(
     elastic: Sequence[float] | None = None,
 ) -> NDArray:
     """See :meth:`bdamper.Study.gauge_stress`."""
-    sets = chosen_sets(problem)
-    places = {}
-    for stress_set in sets:
-        for k, name in enumerate(stress_set.point_names):
-            places[name] = (stress_set, k)
-    if not isinstance(gauge, str):
-        gauge = _nearest_point(validation.numbers("gauge, m", gauge, 3), places)
-    stress_set, k = places[validation.choice("gauge", gauge, places)]
+    chosen_sets(problem)
+    stress_set, k = gauge_point(problem.coupling.model.stress, gauge)
     coefficients = coefficients_of(problem, solutions_of(problem, result), (stress_set,))
-
-    # n^T sigma n with the components in the order xx, yy, zz, xy, yz, xz
-    x, y, z = direction_vector(direction, "direction")
-    weights = np.array([x * x, y * y, z * z, 2.0 * x * y, 2.0 * y * z, 2.0 * x * z])
-    if elastic is not None:
-        modulus, poisson = validation.numbers(
-            "elastic, Young's modulus and Poisson's ratio", elastic, 2, least=0.0
-        )
-        expected = "a modulus above 0 and a ratio from 0 to 0.5"
-        validation.check(modulus > 0.0 and poisson <= 0.5, "elastic", expected, elastic)
-        # E epsilon = (1 + nu) sigma - nu trace(sigma)
-        trace = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
-        weights = ((1.0 + poisson) * weights - poisson * trace) / modulus
+    weights = gauge_weights(direction, elastic)
     return np.asarray(np.einsum("c,mcl->ml", weights, coefficients[:, k]))
-
-
-def _nearest_point(position: NDArray, places: Mapping[str, tuple[StressSet, int]]) -> str:
-    """Return the name of the point nearest to a position, which must be close to it."""
-    points = np.array([stress_set.points[k] for stress_set, k in places.values()])
-    distance = np.linalg.norm(points - position, axis=1)
-    nearest = int(distance.argmin())
-    name = list(places)[nearest]
-    least = float(distance[nearest])
-    limit = 0.05 * np.abs(points).max()
-    expected = f"coordinates within {amount(limit, 'm')} of a point of the stress sets"
-    found = f"'{name}' as the nearest, {amount(least, 'm')} away"
-    validation.check(least <= limit, "gauge", expected, found)
-    return name
 
 
 def _highest(result: Any, solutions: Solutions) -> int:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC, LAW_NORMAL, LAW_USER, OwnLaws, PointArrays
 from bdamper.contact.preload_state import OPEN, PreloadState
-from bdamper.contact.residual_flexibility import ResidualModes, joined
+from bdamper.contact.residual_flexibility import RESIDUAL, ResidualModes, joined
 from bdamper.contact.static_contact import WedgeFriction, wedge_friction
 from bdamper.contact.static_state import StaticSystem, scaled_state, static_state
 from bdamper.contact.stiffness import Contact, check_method
@@ -37,6 +37,7 @@ from bdamper.harmonic_balance.model_sizes import Sizes
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.harmonic_balance.settings import Settings, check_history
 from bdamper.model.contact_points import unite_contact_points
+from bdamper.model.gauges import ALONG_GAUGE, GAUGE, with_gauge
 from bdamper.model.kinematics import (
     Coordinate,
     Coupling,
@@ -200,6 +201,8 @@ class Problem:
         model = replace(self.model, bodies=bodies)
         if settings.contact_points is not None:
             model = unite_contact_points(model, settings.contact_points)
+        if settings.response_location.elastic is not None:
+            model = with_gauge(model, settings.response_location)
         model, retained = completed(
             model,
             settings.places,
@@ -496,20 +499,48 @@ class Problem:
     def rows_at(self, place: Response) -> list[NDArray]:
         """Return a row (n_modes,) of each harmonic, from the mean on.
 
-        It gives the motion of a location along a direction.
+        It gives the motion of a location along a direction, or the strain of a gauge.
         """
+        location = str(place.location)
         direction = direction_vector(place.direction, "response direction")
+        if place.elastic is not None:
+            location, direction = GAUGE, ALONG_GAUGE
         active = self.settings.active_harmonics
         rows = []
         for harmonic in range(self.harmonic_numbers[-1] + 1):
             if harmonic in active:
-                row = direction @ self.location_modes(place.location, harmonic)
+                row = direction @ self.location_modes(location, harmonic)
+                if place.elastic is not None:
+                    row = row + self._strain_of_residual_modes(place, harmonic)
                 moves_base = [c.body == BASE for c in self.bases[harmonic].coordinates]
                 rows.append(row if place.absolute else np.where(moves_base, 0.0, row))
             else:
                 rows.append(np.zeros(0))
         rows[0] = rows[0].real
         return rows
+
+    def _strain_of_residual_modes(self, place: Response, harmonic: int) -> NDArray:
+        """Return the row (n_modes,) of the strain that contact forces cause beyond the retained modes.
+
+        Residual modes follow the contact forces, ``omega2 q = -G^H F``.  The row combines them to
+        the strain ``-s^H F`` of these forces.
+        """
+        basis = self.bases[harmonic]
+        row = np.zeros(basis.n_modes, complex)
+        is_residual = np.array([c.body == RESIDUAL for c in basis.coordinates])
+        strain = self.coupling.strain_by_contact(place, harmonic)
+        if not is_residual.any():
+            if strain.any() and harmonic == 1:
+                warn(
+                    "response: the strain lacks the local part that contact forces cause at the "
+                    "gauge, as the contact stiffness is not that of residual modes; "
+                    "study.gauge_stress includes it"
+                )
+            return row
+        G = basis.G.reshape(-1, basis.n_modes)[:, is_residual]
+        parts = np.linalg.lstsq(G, strain, rcond=1e-9)[0]
+        row[is_residual] = parts.conj() * basis.omega2[is_residual]
+        return row
 
     @made_once
     def sizes(self) -> Sizes:

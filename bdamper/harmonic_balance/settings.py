@@ -35,6 +35,7 @@ from bdamper.harmonic_balance.effects import (
     Law,
     harmonic_numbers,
 )
+from bdamper.model.gauges import ALONG_GAUGE, GAUGE, gauge_point, gauge_weights
 from bdamper.model.kinematics import RIGID_NAMES
 from bdamper.model.loads import FIELD, Excitation, Response, direction_vector
 from bdamper.model.structure import Interface, Model
@@ -312,7 +313,11 @@ class Settings(validation.Answering):
             moves = any(map(self.at_base, self._forces))
             expected = "an excitation at the base, bd.Excitation('base', ...), for absolute=True"
             validation.check(moves, "response", expected, f"one {self.excitation.shown}")
-        validation.choice("response location", self.response_location.location, places)
+        if self.response_location.elastic is not None:
+            gauge_point(self.model.stress, self.response_location.location)
+            gauge_weights(self.response_location.direction, self.response_location.elastic)
+        else:
+            validation.choice("response location", self.response_location.location, places)
 
     def _check_orders(self) -> None:
         """Check that each force acts on a harmonic of the response, one of them on the first."""
@@ -381,8 +386,10 @@ class Settings(validation.Answering):
                 if location in self.model.locations:
                     places.append((location, direction))
         response = self.response_location
+        if response.elastic is not None:
+            return (*places, (GAUGE, ALONG_GAUGE))
         direction = direction_vector(response.direction, "response direction")
-        return (*places, (response.location, direction))
+        return (*places, (str(response.location), direction))
 
     @property
     def free_bodies(self) -> tuple[str, ...]:

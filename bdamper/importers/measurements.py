@@ -67,6 +67,18 @@ ACCELERATIONS = {
     "in/s^2": 0.0254,
 }
 """Units of acceleration in metres per second squared."""
+STRAINS = {
+    "m/m": 1.0,
+    "strain": 1.0,
+    "mm/m": 1e-3,
+    "um/m": 1e-6,
+    "microstrain": 1e-6,
+    "ustrain": 1e-6,
+    "ue": 1e-6,
+    "u\u03b5": 1e-6,
+    "1e-6": 1e-6,
+}
+"""Units of strain in metres per metre."""
 FORCES = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "lbf": 4.4482216152605, "kip": 4448.2216152605}
 """Units of force in newtons."""
 HERTZ = {"Hz": 1.0, "kHz": 1e3, "rad/s": 0.5 / np.pi}
@@ -83,6 +95,7 @@ OTHER_NAMES = {
     "vel": "amplitude",
     "acceleration": "amplitude",
     "acc": "amplitude",
+    "strain": "amplitude",
     "angle": "phase",
 }
 """Names of columns that mean another name, unless the file has a column of that name."""
@@ -104,7 +117,7 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
     name : str
     frequency : (n,) float, Hz
     response : (n,) complex
-        Response in ``unit``: displacement, velocity or acceleration.
+        Response in ``unit``: displacement, velocity, acceleration or strain.
     node, direction : int
         Measured node, and axis (±1, ±2, ±3 for X, Y, Z).
     unit : str
@@ -169,6 +182,11 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
         return np.abs(self.response)
 
     @property
+    def is_strain(self) -> bool:
+        """Whether the response is a strain."""
+        return _plain(self.unit) in STRAINS
+
+    @property
     def phase(self) -> Radians:
         """Phase of the response (n,), rad."""
         return np.angle(self.response)
@@ -179,14 +197,16 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
 
     @property
     def displacement(self) -> NDArray:
-        """Complex displacement (n,), m; velocity and acceleration are divided by powers of ``i
-        omega``.
+        """Complex displacement (n,), m, or strain, m/m; velocity and acceleration are divided by
+        powers of ``i omega``.
 
         Raises
         ------
         SettingError
-            If the unit is not a known unit of displacement, velocity or acceleration.
+            If the unit is not a known unit of displacement, velocity, acceleration or strain.
         """
+        if self.is_strain:
+            return np.asarray(STRAINS[_plain(self.unit)] * self.response)
         factor, order = motion_unit(f"measurement '{self.name}'", self.unit or "m")
         derivative = (2j * np.pi * np.asarray(self.frequency)) ** order
         return np.asarray(factor * self.response / derivative)
@@ -209,9 +229,14 @@ def motion_unit(where: str, unit: str) -> tuple[float, int]:
     for order, units in enumerate(kinds):
         if _plain(unit) in units:
             return units[_plain(unit)], order
-    known = [name for units in kinds for name in units]
+    if _plain(unit) in STRAINS:
+        expected = (
+            "a displacement, velocity or acceleration, as strain has no derivatives over time"
+        )
+        raise validation.invalid(where, expected, f"the unit '{unit}'")
+    known = [name for units in (*kinds, STRAINS) for name in units]
     expected = (
-        f"a displacement, velocity or acceleration in one of {known} "
+        f"a displacement, velocity, acceleration or strain in one of {known} "
         "or a scale to metres (scale=...)"
     )
     raise validation.invalid(where, expected, f"the unit '{unit}'")
@@ -520,11 +545,12 @@ def read_response(
 
     The header names the columns with their units in brackets: ``frequency (Hz)``, and ``amplitude
     (mm)`` with or without ``phase (deg)``, or ``real (m)`` and ``imag (m)``. ``displacement``,
-    ``velocity`` and ``acceleration`` are other names of the amplitude; its unit determines which of
-    these it is, and ``dB re 1 mm/s`` is a level. A column ``force (N)`` contains the force at each
-    point, a column ``base acceleration (g)`` the acceleration of a shaken base. Rows with an empty
-    value, other columns and lines that start with ``#`` are ignored. Separators, decimal commas and
-    encodings are detected. Files of ``curve.to_csv`` can be read.
+    ``velocity``, ``acceleration`` and ``strain`` are other names of the amplitude; its unit
+    determines which of these it is, and ``dB re 1 mm/s`` is a level. A column ``force (N)``
+    contains the force at each point, a column ``base acceleration (g)`` the acceleration of a
+    shaken base. Rows with an empty value, other columns and lines that start with ``#`` are
+    ignored. Separators, decimal commas and encodings are detected. Files of ``curve.to_csv`` can be
+    read.
 
     Parameters
     ----------
@@ -629,7 +655,7 @@ def _responses(
     validation.choice("phase_of", phase_of, ("response", "displacement", "none"))
     if phase_of == "none":
         response = np.abs(response) + 0j
-    if phase_of == "displacement":
+    if phase_of == "displacement" and _plain(stated) not in STRAINS:
         _, order = motion_unit(source, stated or "m")
         response = response * 1j**order
     title = name or Path(source).stem

@@ -437,7 +437,10 @@ class DiskProblem(Summarised):
     def response_row(self) -> NDArray:
         """Row (n,) whose product with the blade coordinates is the response, m."""
         response = self.structure.tuned.settings.response_location
-        return self.structure.location_rows(response.location, response.direction, "response")
+        no_gauge = response.elastic is None
+        expected = "the motion of a location, in which bladed disks respond"
+        validation.check(no_gauge, "response", expected, f"a strain gauge, {response.shown}")
+        return self.structure.location_rows(str(response.location), response.direction, "response")
 
     def state(self, preload: float) -> Loaded:
         """Return the static state under a preload (N)."""

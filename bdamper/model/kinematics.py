@@ -40,6 +40,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from bdamper.model.gauges import GAUGE, gauge_point, gauge_weights
+from bdamper.model.loads import Response
 from bdamper.model.modal_basis import rigid_motions
 from bdamper.model.structure import Body, ModalBasis, Model
 from bdamper.util import validation
@@ -425,11 +427,38 @@ class Coupling:
         for body, basis, keep in self._moving(harmonic):
             modes = None
             if body.name == place.body:
+                if location not in basis.locations:
+                    d, _ = self._nodal_diameter(harmonic)
+                    expected = f"a stress set with nodal diameter {d} of harmonic {harmonic}"
+                    raise SettingError(f"{location}: expected {expected}, found one without")
                 modes = basis.locations[location]
             elif place.kind == "base" and body.kind == "free":
                 modes = inertia_of_free_body(body)
             columns.append(_picked(modes, keep, (3,)))
         return np.concatenate(columns, axis=1)
+
+    def strain_by_contact(self, place: Response, harmonic: int) -> NDArray:
+        """Return ``s`` (3 n_points,), with the strain ``-s^H F`` of a gauge under contact forces F.
+
+        It is the static strain beyond the retained modes: of the other modes, and of the local
+        deformation that all modes lack.
+        """
+        stress_set, index = gauge_point(self.model.stress, place.location)
+        weights = gauge_weights(place.direction, place.elastic)
+        d, conjugate = self._nodal_diameter(harmonic)
+        for body, basis, keep in self._moving(harmonic):
+            if body.name != stress_set.body or not body.ports:
+                continue
+            omitted = np.setdiff1d(np.flatnonzero(basis.omega2 > 0.0), keep)
+            row = basis.locations[GAUGE][0, omitted] / basis.omega2[omitted]
+            at_ports = basis.contact_modes[..., omitted] @ row.conj()
+            if stress_set.contact:
+                local = weights @ stress_set.contact[d][index]
+                # the stress set has no conjugate, unlike the modes
+                local = local if conjugate else local.conj()
+                at_ports = at_ports + local.reshape(-1, 3)
+            return self.placed(body, at_ports[..., None], harmonic).reshape(-1)
+        return np.zeros(3 * self.n_points)
 
     def carried_by_base(self, location: str, base: str) -> NDArray:
         """Return the motion (3, 3) of a location along X, Y, Z for unit translations of the base.

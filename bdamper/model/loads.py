@@ -50,6 +50,20 @@ def _phase(name: str, value: float) -> float:
     return phase
 
 
+def _place(name: str, value: str | Sequence[float]) -> str | tuple[float, ...]:
+    if isinstance(value, str):
+        return value
+    expected = "the name of a location"
+    value = validation.instance(name, value, (tuple, list, np.ndarray), expected)
+    return tuple(validation.numbers(name, value, 3).tolist())
+
+
+def _elastic(name: str, value: Sequence[float]) -> tuple[float, ...]:
+    return tuple(
+        validation.numbers(f"{name}, Young's modulus and Poisson's ratio", value, 2).tolist()
+    )
+
+
 def _excitations(name: str, value: Sequence[Excitation]) -> tuple[Excitation, ...]:
     for part in validation.instance(name, value, (tuple, list), "a sequence of Excitation"):
         validation.instance(name, part, Excitation)
@@ -121,22 +135,44 @@ class Excitation:
 @validation.check_arguments
 @dataclass(frozen=True)
 class Response:
-    """Location and direction of the response.
+    """Location and direction of the response, or a strain gauge.
 
     Parameters
     ----------
-    location : str
+    location : str or (3,) float, m
+        Location of the model.  For a gauge: a point of a stress set or coordinates near one, as in
+        :meth:`bdamper.Study.gauge_stress`.
     direction : {"tangential", "radial", "axial"} or three floats
     absolute : bool
         Motion in space instead of the motion relative to the base, for an excitation at the base.
+    elastic : (Young's modulus in Pa, Poisson's ratio), optional
+        The response is the strain of a gauge along the direction, on this material.
     """
 
-    location: Location
+    location: Annotated[str | tuple[float, float, float], _place]
     direction: Direction = "tangential"
     absolute: bool = False
+    elastic: Annotated[tuple[float, float], _elastic] | None = None
 
     def __post_init__(self) -> None:
         validation.check_fields(self, "response ")
+        is_place = isinstance(self.location, str) or self.elastic is not None
+        expected = "the name of a location, or elastic=(modulus, ratio) for a strain gauge there"
+        validation.check(is_place, "response location", expected, self.location)
+        one = not (self.absolute and self.elastic is not None)
+        validation.check(one, "response", "absolute=True without a strain gauge", "both")
+
+    @property
+    def shown(self) -> str:
+        """Location and direction as text."""
+        kind = ", absolute" if self.absolute else ""
+        kind = kind if self.elastic is None else ", strain"
+        return f"{text_of(self.location)} {text_of(self.direction)}{kind}"
+
+    @property
+    def unit(self) -> str:
+        """Unit of the response: m, or m/m at a strain gauge."""
+        return "m" if self.elastic is None else "m/m"
 
 
 @validation.check_arguments

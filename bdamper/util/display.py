@@ -205,7 +205,15 @@ class Summarised:
             *table,
             *texts,
         ]
-        return "\n".join(line for line in lines if line)
+        return self._in_unit_of_response("\n".join(line for line in lines if line))
+
+    def _in_unit_of_response(self, text: str) -> str:
+        """Return a text whose lengths are strains if the response of the result is one: m/m."""
+        settings = getattr(self, "settings", None) or {}
+        response = settings.get("response") or {} if isinstance(settings, Mapping) else {}
+        if response.get("elastic") is None:
+            return text
+        return re.sub(r"(?<=[\d)] )([pnµm]?m)(?![\w/])", r"\1/m", text)
 
     def __str__(self) -> str:
         rows = [row for row in self._table() if row]
@@ -213,12 +221,14 @@ class Summarised:
         lines = shown or [
             t for t in self.summary().split("\n")[1:] if " of the processor: " not in t
         ]
+        headline = self._in_unit_of_response(self._headline())
         # no line break between a number and its unit
-        sentences = re.sub(r"(\d) (?=(?:\S{1,2}|[kMG]Pa|rad/s)\b)", "\\1\0", self._headline())
+        sentences = re.sub(r"(\d) (?=(?:\S{1,2}|[kMG]Pa|rad/s)\b)", "\\1\0", headline)
         first = textwrap.fill(sentences, width=100).replace("\0", " ").split("\n")
         left = f"{counted(len(lines) - 9, 'further row')}; " if shown and len(lines) > 9 else ""
         lines = [*lines[:9], f"{left}summary() has the rest"]
-        return "\n".join([*first, *(f"  {line.removeprefix('  ')}" for line in lines)])
+        rest = "\n".join(f"  {line.removeprefix('  ')}" for line in lines)
+        return "\n".join([*first, self._in_unit_of_response(rest)])
 
     def _rows(self) -> list[tuple[str, ...]]:
         """Return the header and rows of the table of a tabular result; otherwise an empty list."""
