@@ -92,11 +92,14 @@ def power_law_sliders(
     stiffness = moment[0]
 
     mean = moment[1] / stiffness
-    square, cube = moment[2] / stiffness, moment[3] / stiffness
+    square = moment[2] / stiffness
+    cube = moment[3] / stiffness
     variance = square - mean**2
     skewed = (cube - 3.0 * mean * square + 2.0 * mean**3) / variance
     half = np.hypot(0.5 * skewed, np.sqrt(variance))
-    low, high = mean + 0.5 * skewed - half, mean + 0.5 * skewed + half
+    # two points of Gaussian quadrature
+    low = mean + 0.5 * skewed - half
+    high = mean + 0.5 * skewed + half
     of_low = (high - mean) / (high - low)
     share = np.stack([stiffness * of_low, stiffness * (1.0 - of_low)], axis=1)
     slip = np.stack([low, high], axis=1)

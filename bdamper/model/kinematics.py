@@ -371,19 +371,24 @@ class Coupling:
             If the model lacks the nodal diameter that this harmonic excites.
         """
         coordinates: list[Coordinate] = []
-        omega2, damping_ratio, drag, G = [], [], [], []
+        omega2 = []
+        damping_ratio = []
+        drag = []
+        G = []
         diameter = 0
         for body, basis, keep in self._moving(harmonic):
             if body.kind == "constrained":
                 diameter, _ = self._nodal_diameter(harmonic)
             relative = self.placed(body, basis.contact_modes[..., keep], harmonic)
-            if harmonic == 0:  # the mean position is real, also with the modes of the fundamental
+            # the mean position is real, also with the modes of the fundamental
+            if harmonic == 0:
                 relative = relative.real.astype(complex)
             G.append(relative)
             omega2.append(basis.omega2[keep])
             damping_ratio.append(basis.damping_ratio[keep])
             drag.append(_picked(basis.drag, keep))
-            coordinates += [Coordinate(body.name, int(i), _mode_name(body, int(i))) for i in keep]
+            for mode in keep.tolist():
+                coordinates.append(Coordinate(body.name, mode, _mode_name(body, mode)))
         stiffness = np.concatenate(omega2)
         return HarmonicBasis(
             coordinates=tuple(coordinates),
@@ -514,7 +519,9 @@ class Coupling:
             Relative motion.
         omega2, damping_ratio : (n,) float
         """
-        G, omega2, ratio = [], [], []
+        G = []
+        omega2 = []
+        ratio = []
         for body, basis, keep in self._moving(harmonic):
             omitted = np.setdiff1d(np.flatnonzero(basis.omega2 > 0.0), keep)
             placed = self.placed(body, basis.contact_modes[..., omitted], harmonic)

@@ -120,8 +120,8 @@ def read_model(file: h5py.Group) -> Model:
     check_text(file, "time_convention", TIME_CONVENTION)
     check_text(file, "phase_convention", PHASE_CONVENTION)
     axis = np.asarray(file.attrs.get("axis", "nothing"))
-    good = axis.dtype.kind in "fiu" and np.array_equal(axis, AXIS)
-    check(good, place(file, "@axis"), f"{list(AXIS)}", f"{axis.tolist()!r}")
+    is_z = axis.dtype.kind in "fiu" and np.array_equal(axis, AXIS)
+    check(is_z, place(file, "@axis"), f"{list(AXIS)}", f"{axis.tolist()!r}")
     model = read_record(file, Model)
     return _with_bases(model, lambda path, basis: _with_derived(basis, place(file, path)))
 

@@ -80,7 +80,8 @@ def check_model(model: Model, *, where: str = "model") -> None:
         If a condition is violated; the message describes the first violation.
     """
     check(isinstance(model, Model), where, "a Model", type(model).__name__)
-    with np.errstate(all="ignore"):  # numbers out of range cause an error, not also a warning
+    # numbers out of range cause an error, not also a warning
+    with np.errstate(all="ignore"):
         _check_head(model, where)
         for name, interface in model.interfaces.items():
             _check_interface(interface, model, f"{where}: /interfaces/{name}")
@@ -110,9 +111,9 @@ def _check_head(model: Model, where: str) -> None:
         check_type(members, Mapping, f"{where}: /{group.place()}")
         for name, member in members.items():
             item = f"{where}: /{group.place(name)}"
-            good = isinstance(name, str) and name and name.isprintable()
-            good = good and not set(name) & set("/.")
-            check(good, item, "a name of printable characters without '/' and '.'", repr(name))
+            is_name = isinstance(name, str) and name and name.isprintable()
+            is_name = is_name and not set(name) & set("/.")
+            check(is_name, item, "a name of printable characters without '/' and '.'", repr(name))
             check_type(member, group.kind, item)
             member_name = getattr(member, "name", name)
             check(member_name == name, item, f"the name '{name}'", repr(member_name))
@@ -146,19 +147,19 @@ def _check_ports(body: Body, model: Model, item: str) -> None:
     item = f"{item}/@ports"
     check_type(body.ports, tuple, item)
     for port in body.ports:
-        pair = isinstance(port, tuple) and len(port) == 2
-        good = pair and isinstance(port[0], str) and isinstance(port[1], str)
-        good = good and port[1] in ("a", "b")
-        check(good, item, "pairs (interface, 'a' or 'b')", repr(port))
+        is_pair = isinstance(port, tuple) and len(port) == 2
+        are_texts = is_pair and isinstance(port[0], str) and isinstance(port[1], str)
+        is_port = are_texts and port[1] in ("a", "b")
+        check(is_port, item, "pairs (interface, 'a' or 'b')", repr(port))
 
     sides = [(face.name, "a") for face in model.interfaces.values() if face.body_a == body.name]
     sides += [(face.name, "b") for face in model.interfaces.values() if face.body_b == body.name]
     sides.sort()
-    good = sorted(body.ports) == sides
+    agrees = sorted(body.ports) == sides
     if body.kind == "ground":
-        good = good or set(body.ports) <= set(sides)
+        agrees = agrees or set(body.ports) <= set(sides)
     expected = f"the sides of interfaces that name this body, {sides}"
-    check(good, item, expected, f"{list(body.ports)}")
+    check(agrees, item, expected, f"{list(body.ports)}")
 
 
 def _check_sides(interface: Interface, model: Model, item: str) -> None:
@@ -392,8 +393,10 @@ def _check_rigid(body: Body, model: Model, item: str) -> None:
 def _rigid_motions(body: Body, model: Model) -> NDArray:
     """Return mass-orthonormal rigid motions at contact points, then locations, (3 n, 6)."""
     assert body.mass is not None and body.centre is not None and body.inertia is not None
-    points, frames = [], []
-    for name, side in body.ports:  # rotated into the sector of the body
+    points = []
+    frames = []
+    # rotated into the sector of the body
+    for name, side in body.ports:
         face = model.interfaces[name]
         sector = face.sector_a if side == "a" else face.sector_b
         rotation = turn(2 * np.pi * sector / model.n_blades)
@@ -476,9 +479,9 @@ def _check_disk(disk: NDArray, n_blades: int, item: str) -> None:
     for d, matrix in enumerate(disk):
         check_hermitian(matrix, f"{item} at nodal diameter {d}")
         may_be_complex = 2 * d % n_blades > 0
-        good = may_be_complex or not np.any(matrix.imag)
+        is_allowed = may_be_complex or not np.any(matrix.imag)
         found = f"imaginary parts up to {np.abs(matrix.imag).max():.3g}"
-        check(good, f"{item} at nodal diameter {d}", "real numbers", found)
+        check(is_allowed, f"{item} at nodal diameter {d}", "real numbers", found)
 
 
 def _check_cantilever(local: LocalBasis, item: str) -> None:
@@ -547,9 +550,9 @@ def _check_stress(stress: StressSet, model: Model, item: str) -> None:
     check(len(stress) > 0, f"{item}/points", "at least one point", "none")
 
     diameters = sorted(stress.modes)
-    known = 0 in stress.modes and set(stress.modes) <= set(body.bases)
+    in_bases = 0 in stress.modes and set(stress.modes) <= set(body.bases)
     expected = f"nodal diameter 0 and others of {sorted(body.bases)}"
-    check(known, f"{item} (nodal diameters)", expected, diameters)
+    check(in_bases, f"{item} (nodal diameters)", expected, diameters)
     paired = not stress.contact or set(stress.contact) == set(stress.modes)
     of_contact = sorted(stress.contact)
     check(paired, f"{item} (nodal diameters of contact)", f"{diameters}", of_contact)
@@ -567,8 +570,8 @@ def _check_provenance(model: Model, where: str) -> None:
         check(isinstance(key, str) and isinstance(value, str), item, "texts", entry)
         text = key + value
         in_utf8 = text.encode(errors="ignore").decode() == text
-        good = key and "\0" not in text and in_utf8
-        check(good, item, "named texts that UTF-8 can hold, without NUL", entry)
+        is_storable = key and "\0" not in text and in_utf8
+        check(is_storable, item, "named texts that UTF-8 can hold, without NUL", entry)
         size = len(value.encode())
         most = 60000  # bytes; an HDF5 attribute with its name has at most 64 KiB
         found = f"{size} bytes in '{key[:40]}'"

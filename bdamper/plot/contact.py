@@ -218,7 +218,7 @@ def plot_contacts(
     else:
         states = _states_of_vibration(result, study, point)
     status = states.status
-    # faces that are open all the time have no picture, unless all of them are
+    # faces that are open all the time have a picture only if no face touches
     always_open: list[str] = []
     touching: list[str] = []
     for name in states.frames:
@@ -409,21 +409,21 @@ def plot_static(state: PreloadState, quantity: str = "pressure") -> NDArray:
         raise BdamperError(
             "plot: this static state has no contact faces; compute it with study.static"
         )
-    normal = state.force[:, 2]
-    closed = normal > 0.0
-    choices = {
-        "pressure": (np.where(closed, pressure, np.nan), label_of(PreloadState, "pressure")),
-        "gap": (np.maximum(-state.closing, 0.0), "Gap (m)"),
-        "friction": (
-            np.where(closed, _used_friction(state.force, friction), np.nan),
-            "Friction force / limit",
-        ),
-    }
-    values, label = choices[validation.choice("quantity", quantity, choices)]
+    validation.choice("quantity", quantity, ("pressure", "gap", "friction"))
+    is_closed = state.force[:, 2] > 0.0
+    if quantity == "pressure":
+        values = np.where(is_closed, pressure, np.nan)
+        label = label_of(PreloadState, "pressure")
+    elif quantity == "gap":
+        values = np.maximum(-state.closing, 0.0)
+        label = "Gap (m)"
+    else:
+        values = np.where(is_closed, _used_friction(state.force, friction), np.nan)
+        label = "Friction force / limit"
     if not np.isfinite(values).any():
         values = np.zeros(len(values))
     names = np.array(state.interface)
-    # faces without friction have no picture, unless all of them are
+    # faces without friction have a picture only if no face has friction
     shown = names[friction > 0.0] if friction.any() else names
     rows_of_face = {str(name): names == name for name in shown}
     faces = [(name, points[rows], frame[rows]) for name, rows in rows_of_face.items()]

@@ -312,7 +312,7 @@ _other_threads = _OtherThreads()
 
 
 def processor_time() -> float:
-    """Return the processor time (s) of this thread, with the time of the threads that have worked for it."""
+    """Return the processor time (s) of this thread and of the threads that have worked for it."""
     return time.thread_time() + _other_threads.seconds
 
 
@@ -327,7 +327,7 @@ WEIGHED = ("evaluations", "jacobians", "factorisations", "least_norm")
 
 @dataclass
 class CostMeter:
-    """Meter for the cost of a result on the thread that created the meter, and on the threads that work for it.
+    """Meter for the cost of a result on the creating thread and the threads that work for it.
 
     It sums time, the counters of several systems, and the cost of parts measured separately.
     """
