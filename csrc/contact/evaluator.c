@@ -18,10 +18,14 @@ bd_status bd_evaluator_create(bd_evaluator *evaluator, bd_evaluation evaluation,
 }
 
 bd_status bd_evaluator_add_laws(bd_evaluator *evaluator, int n, const bd_point_law *point_law) {
-    int n_state = -1;
-    for (int p = 0; p < n && point_law; ++p)
-        if (point_law[p].function && point_law[p].n_state > n_state) n_state = point_law[p].n_state;
-    return n_state < 0 ? BD_OK : bd_user_create(&evaluator->user, &evaluator->sampled, n_state);
+    if (!point_law) return BD_OK;
+    int most_states = -1;
+    for (int p = 0; p < n; ++p) {
+        const int is_law = point_law[p].function != NULL;
+        if (is_law && point_law[p].n_state > most_states) most_states = point_law[p].n_state;
+    }
+    if (most_states < 0) return BD_OK;
+    return bd_user_create(&evaluator->user, &evaluator->sampled, most_states);
 }
 
 void bd_evaluator_destroy(bd_evaluator *evaluator) {
@@ -55,16 +59,18 @@ void bd_contact_evaluate_many(int n, const bd_element *element, const double *x,
         cubic_springs(n, element, x, out, share, evaluator);
         return;
     }
+
     bd_sampled_evaluate(n, element, x, out, share, &evaluator->sampled);
-    evaluator->latest_is_coupled = 0;
-    for (int i = 0; i < n; ++i) evaluator->latest_is_coupled |= bd_law_is_coupled(element[i].law);
-    if (evaluator->latest_is_coupled)
-        bd_coulomb_evaluate(n, element, x, out, share, &evaluator->coulomb);
+    int has_coupled = 0;
+    for (int i = 0; i < n; ++i) has_coupled |= bd_law_is_coupled(element[i].law);
+    evaluator->latest_is_coupled = has_coupled;
+    if (has_coupled) bd_coulomb_evaluate(n, element, x, out, share, &evaluator->coulomb);
     cubic_springs(n, element, x, out, share, evaluator);
-    for (int i = 0; i < n; ++i)
-        if (element[i].law == BD_LAW_USER)
-            bd_user_evaluate(element + i, x + (size_t)i * size, out + i, share + i,
-                             &evaluator->user);
+    for (int i = 0; i < n; ++i) {
+        if (element[i].law != BD_LAW_USER) continue;
+        const double *x_of_point = x + (size_t)i * size;
+        bd_user_evaluate(element + i, x_of_point, out + i, share + i, &evaluator->user);
+    }
 }
 
 void bd_contact_evaluate(const bd_element *element, const double *x, bd_response *out,

@@ -36,28 +36,43 @@ void bd_law_jenkins(const double x[3], const double before[3], const double *p, 
                     void *data) {
     (void)data;
     const size_t n = (size_t)p[0], n_state = 2 * n;
-    const double kn = p[1], gain = x[2] - before[2];
-    const int open = kn > 0.0 && !(x[2] > 0.0),
-              closes = kn > 0.0 && x[2] > 0.0 && !(before[2] > 0.0) && gain > 0.0;
+    const double kn = p[1];
+    const int separates = kn > 0.0;
+    const int open = separates && !(x[2] > 0.0);
+    /* the contact closes at the part t of the step */
+    const double gain = x[2] - before[2];
+    const int closes = separates && x[2] > 0.0 && !(before[2] > 0.0) && gain > 0.0;
     const double t = closes ? -before[2] / gain : 0.0;
+
     normal_spring(kn, x, F, Fx);
     for (size_t d = 0; d < 2; ++d)
         for (size_t i = 0; i < n; ++i) {
-            const double k = p[2 + 3 * i], r = (p[3 + 3 * i] + p[4 + 3 * i] * F[2]) / k;
             const size_t at = d * n + i;
+            const double k = p[2 + 3 * i], f = p[3 + 3 * i], mu = p[4 + 3 * i];
+            const double reach = (f + mu * F[2]) / k;
             const double start = closes ? before[d] + t * (x[d] - before[d]) : s0[at];
-            const int sense = open || start < x[d] - r ? -1 : start > x[d] + r ? 1 : 0;
-            s1[at] = open ? x[d] : sense ? x[d] + sense * r : start;
+
+            /* side of the range on which the slider ends; 0 within the range */
+            int side = 0;
+            if (start > x[d] + reach) side = 1;
+            if (start < x[d] - reach) side = -1;
+            if (open)
+                s1[at] = x[d];
+            else
+                s1[at] = side ? x[d] + side * reach : start;
             F[d] += k * (x[d] - s1[at]);
             if (!Fx) continue;
+
             double *by = sx + 6 * at;
-            if (!open) {
-                Fx[4 * d] += k;
-                Fs[d * n_state + at] = -k;
-            }
-            if (sense) {
+            if (open) {
                 by[d] = 1.0;
-                if (!open) by[2] = sense * p[4 + 3 * i] * kn / k;
+                continue;
+            }
+            Fx[4 * d] += k;
+            Fs[d * n_state + at] = -k;
+            if (side) {
+                by[d] = 1.0;
+                by[2] = side * mu * kn / k;
             } else if (closes) {
                 const double by_t = (x[d] - before[d]) / (gain * gain);
                 by[d] = t;
@@ -76,7 +91,8 @@ typedef struct {
 
 /* f = dz/du for steps of the given sign, and its derivative. */
 static double rate(const bouc_wen *law, double sense, double z, double *by_z) {
-    const double size = fabs(z), power = law->n == 1.0 ? 1.0 : pow(size, law->n - 1.0);
+    const double size = fabs(z);
+    const double power = law->n == 1.0 ? 1.0 : pow(size, law->n - 1.0);
     const double c = law->gamma + (sense * z < 0.0 ? -law->beta : law->beta);
     *by_z = z < 0.0 ? law->n * power * c : -law->n * power * c;
     return 1.0 - c * power * size;
@@ -84,11 +100,20 @@ static double rate(const bouc_wen *law, double sense, double z, double *by_z) {
 
 /* z after a step du, and its derivatives with respect to du and to z before the step. */
 static double evolve(const bouc_wen *law, double du, double z, double *by_u, double *by_z) {
+    *by_u = 0.0;
+    *by_z = 1.0;
+    if (du == 0.0) {
+        /* an elastic step in either direction; the one-sided derivatives differ unless z is 0 */
+        *by_u = 1.0;
+        return z;
+    }
+
     const double h = du / STEPS;
-    *by_u = 0.0, *by_z = 1.0;
-    for (int i = 0; i < STEPS && du != 0.0; ++i) {
+    for (int i = 0; i < STEPS; ++i) {
+        /* y - h/2 f(y) = z + h/2 f(z) by Newton's method */
         double slope, slope_y, y = z;
-        const double f = rate(law, du, z, &slope), target = z + 0.5 * h * f;
+        const double f = rate(law, du, z, &slope);
+        const double target = z + 0.5 * h * f;
         double f_y = rate(law, du, y, &slope_y);
         for (int j = 0; j < MOST_ITERATIONS; ++j) {
             const double change = (y - 0.5 * h * f_y - target) / (1.0 - 0.5 * h * slope_y);
@@ -96,13 +121,13 @@ static double evolve(const bouc_wen *law, double du, double z, double *by_u, dou
             f_y = rate(law, du, y, &slope_y);
             if (fabs(change) <= 1e-15 * fabs(y)) break;
         }
-        const double below = 1.0 - 0.5 * h * slope_y, by = (1.0 + 0.5 * h * slope) / below;
-        *by_u = by * *by_u + 0.5 * (f + f_y) / below / STEPS;
-        *by_z *= by;
+
+        const double below = 1.0 - 0.5 * h * slope_y;
+        const double by_z_before = (1.0 + 0.5 * h * slope) / below;
+        *by_u = by_z_before * *by_u + 0.5 * (f + f_y) / below / STEPS;
+        *by_z *= by_z_before;
         z = y;
     }
-    /* an elastic step in either direction; the one-sided derivatives differ unless z is 0 */
-    if (du == 0.0) *by_u = 1.0;
     return z;
 }
 
@@ -130,18 +155,23 @@ void bd_law_bouc_wen(const double x[3], const double before[3], const double *p,
 
 static int jenkins_fits(const bd_point_law *point_law) {
     const double *p = point_law->parameter;
-    if (point_law->n_parameter < 2 || 2.0 * p[0] != point_law->n_state ||
-        2.0 + 3.0 * p[0] != point_law->n_parameter || !(p[1] >= 0.0))
-        return 0;
-    for (int i = 2; i < point_law->n_parameter; i += 3)
-        if (!(p[i] > 0.0 && p[i + 1] >= 0.0 && p[i + 2] >= 0.0)) return 0;
+    if (point_law->n_parameter < 2) return 0;
+    const double n = p[0], kn = p[1];
+    if (point_law->n_state != 2.0 * n || point_law->n_parameter != 2.0 + 3.0 * n) return 0;
+    if (!(kn >= 0.0)) return 0;
+    for (int i = 2; i < point_law->n_parameter; i += 3) {
+        const double k = p[i], f = p[i + 1], mu = p[i + 2];
+        if (!(k > 0.0 && f >= 0.0 && mu >= 0.0)) return 0;
+    }
     return 1;
 }
 
 static int bouc_wen_fits(const bd_point_law *point_law) {
+    if (point_law->n_parameter != 6 || point_law->n_state != 2) return 0;
     const double *p = point_law->parameter;
-    return point_law->n_parameter == 6 && point_law->n_state == 2 && p[0] >= 0.0 && p[1] > 0.0 &&
-           p[2] >= 0.0 && p[2] <= 1.0 && fabs(p[4]) <= p[3] && p[5] >= 1.0;
+    const double kn = p[0], k = p[1], alpha = p[2], beta = p[3], gamma = p[4], n = p[5];
+    const int is_stiffness = kn >= 0.0 && k > 0.0 && alpha >= 0.0 && alpha <= 1.0;
+    return is_stiffness && fabs(gamma) <= beta && n >= 1.0;
 }
 
 const char *bd_law_parameter_error(const bd_point_law *point_law) {
@@ -156,18 +186,20 @@ const char *bd_law_parameter_error(const bd_point_law *point_law) {
 }
 
 bd_point_law *bd_point_laws_create(int n, const bd_point_law *from) {
-    size_t size = sizeof(bd_point_law) * (size_t)n;
+    const size_t of_laws = sizeof(bd_point_law) * (size_t)n;
+    size_t n_number = 0;
     for (int p = 0; p < n && from; ++p)
-        if (from[p].function)
-            size += sizeof(double) * (size_t)(from[p].n_parameter + 3 + from[p].n_state);
-    bd_point_law *point_law = malloc(size + 1);
+        if (from[p].function) n_number += (size_t)(from[p].n_parameter + 3 + from[p].n_state);
+    bd_point_law *point_law = malloc(of_laws + sizeof(double) * n_number + 1);
     if (!point_law) return NULL;
-    memset(point_law, 0, sizeof(bd_point_law) * (size_t)n);
+
+    /* the numbers of all laws follow the laws */
+    memset(point_law, 0, of_laws);
     double *number = (double *)(void *)(point_law + n);
     for (int p = 0; p < n && from; ++p) {
         if (!from[p].function) continue;
-        const size_t n_parameter = (size_t)from[p].n_parameter,
-                     n_memory = 3 + (size_t)from[p].n_state;
+        const size_t n_parameter = (size_t)from[p].n_parameter;
+        const size_t n_memory = 3 + (size_t)from[p].n_state;
         point_law[p] = from[p];
         point_law[p].parameter = memcpy(number, from[p].parameter, sizeof(double) * n_parameter);
         number += n_parameter;

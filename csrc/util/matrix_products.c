@@ -20,14 +20,17 @@ typedef struct {
     double alpha;
 } left_factor;
 
+/* Add alpha A B to n_rows rows of C from row i, in n_columns columns: those of n_vec vectors, of
+ * which the last one may be incomplete. */
 BD_INLINE void tile(const int n_rows, const int n_vec, size_t i, size_t k, const left_factor f,
                     const double *B, size_t stride_b, double *C, size_t stride_c,
                     size_t n_columns) {
     bd_vec sum[MOST_ROWS][MOST_VECTORS];
-    for (int i = 0; i < n_rows; ++i)
-        for (int v = 0; v < n_vec; ++v) sum[i][v] = bd_all(0.0);
+    for (int r = 0; r < n_rows; ++r)
+        for (int v = 0; v < n_vec; ++v) sum[r][v] = bd_all(0.0);
     for (size_t p = 0; p < k; ++p) {
-        const double *a = f.A + i * f.of_row + p * f.of_column, *b = B + p * stride_b;
+        const double *a = f.A + i * f.of_row + p * f.of_column;
+        const double *b = B + p * stride_b;
         bd_vec row[MOST_VECTORS];
         for (int v = 0; v < n_vec; ++v) row[v] = bd_load(b + v * BD_WIDTH);
         for (int r = 0; r < n_rows; ++r) {
@@ -35,20 +38,23 @@ BD_INLINE void tile(const int n_rows, const int n_vec, size_t i, size_t k, const
             for (int v = 0; v < n_vec; ++v) sum[r][v] += ar * row[v];
         }
     }
+
     for (int r = 0; r < n_rows; ++r) {
         double *c = C + (i + (size_t)r) * stride_c;
         for (int v = 0; v < n_vec; ++v) {
             const size_t from = (size_t)(v * BD_WIDTH);
-            if (from + BD_WIDTH <= n_columns)
+            if (from + BD_WIDTH <= n_columns) {
                 bd_store(c + from, bd_load(c + from) + f.alpha * sum[r][v]);
-            else
-                /* constant indices leave the vector in registers */
-                for (size_t j = 0; j + 1 < BD_WIDTH; ++j)
-                    if (from + j < n_columns) c[from + j] += f.alpha * bd_entry(sum[r][v], j);
+                continue;
+            }
+            /* constant indices leave the vector in registers */
+            for (size_t j = 0; j + 1 < BD_WIDTH; ++j)
+                if (from + j < n_columns) c[from + j] += f.alpha * bd_entry(sum[r][v], j);
         }
     }
 }
 
+/* All rows of the columns of one tile. */
 BD_INLINE void strip(const int n_vec, size_t m, size_t k, const left_factor f, const double *B,
                      size_t stride_b, double *C, size_t stride_c, size_t n_columns) {
     size_t i = 0;
@@ -95,6 +101,15 @@ static void add_product(size_t m, size_t n, size_t k, double alpha, const double
     all_strips(m, n, k, (left_factor){A, stride_a, 1, alpha}, B, stride_b, C, stride_c);
 }
 
+/* Exchange n entries at a distance of `stride`. */
+static void exchange(int n, double *a, double *b, int stride) {
+    for (int i = 0; i < n; ++i) {
+        const double former = a[i * stride];
+        a[i * stride] = b[i * stride];
+        b[i * stride] = former;
+    }
+}
+
 /* Eliminate b columns of A from `first` by Gauss and Jordan. P (b, stride) holds these
  * columns; pivoting exchanges whole rows of A. Return the sign of the determinant, 0 if a
  * pivot is zero or infinite. */
@@ -107,23 +122,24 @@ static int eliminate_columns(int n, int first, int b, double *P, int stride, dou
         for (int i = k + 1; i < n; ++i)
             if (fabs(column[i]) > fabs(column[p])) p = i;
         pivot[k] = p;
-        const double found = column[p];
-        if (!(fabs(found) > 0.0) || isinf(found)) return 0;
-        if ((found < 0.0) != (p != k)) sign = -sign;
-        for (int j = 0; j < n && p != k; ++j) {
-            const double t = A[p * n + j];
-            A[p * n + j] = A[k * n + j], A[k * n + j] = t;
-        }
-        for (double *to = P; to < P + b * stride; to += stride) {
-            if (to == column) continue;
-            const double f = to[p] / found;
+        const double largest = column[p];
+        if (!(fabs(largest) > 0.0) || isinf(largest)) return 0;
+        /* an exchange of rows changes the sign, and a negative pivot too */
+        const int exchanged = p != k;
+        if ((largest < 0.0) != exchanged) sign = -sign;
+        if (exchanged) exchange(n, A + p * n, A + k * n, 1);
+
+        for (double *other = P; other < P + b * stride; other += stride) {
+            if (other == column) continue;
+            const double factor = other[p] / largest;
             for (int i = 0; i < n; i += BD_WIDTH)
-                bd_store(to + i, bd_load(to + i) - f * bd_load(column + i));
-            to[p] = to[k], to[k] = f;
+                bd_store(other + i, bd_load(other + i) - factor * bd_load(column + i));
+            other[p] = other[k];
+            other[k] = factor;
         }
-        for (int i = 0; i < n; i += BD_WIDTH) bd_store(column + i, bd_load(column + i) / -found);
+        for (int i = 0; i < n; i += BD_WIDTH) bd_store(column + i, bd_load(column + i) / -largest);
         column[p] = column[k];
-        column[k] = 1.0 / found;
+        column[k] = 1.0 / largest;
     }
     return sign;
 }
@@ -133,30 +149,39 @@ static int invert(int n, double *restrict A, int *restrict pivot, double *restri
     const int stride = (n + 7) / 8 * 8;
     int sign = 1;
     for (int first = 0; first < n; first += BD_KERNEL_BLOCK) {
-        const int b = n - first < BD_KERNEL_BLOCK ? n - first : BD_KERNEL_BLOCK;
-        double *rows = work, *P = work + b * stride;
-        memset(P, 0, sizeof(double) * (size_t)(b * stride));
+        const int left = n - first;
+        const int b = left < BD_KERNEL_BLOCK ? left : BD_KERNEL_BLOCK;
+        const size_t bytes_of_block = sizeof(double) * (size_t)b;
+        const size_t bytes_of_rows = bytes_of_block * (size_t)n;
+        double *rows = work;           /* (b, n) */
+        double *P = work + b * stride; /* (b, stride) */
+
+        /* columns of the block */
+        memset(P, 0, bytes_of_block * (size_t)stride);
         for (int j = 0; j < b; ++j)
             for (int i = 0; i < n; ++i) P[j * stride + i] = A[i * n + first + j];
-        const int found = eliminate_columns(n, first, b, P, stride, A, pivot);
-        if (!found) return 0;
-        sign *= found;
-        memcpy(rows, A + first * n, sizeof(double) * (size_t)(b * n));
-        for (int i = 0; i < n; ++i) memset(A + i * n + first, 0, sizeof(double) * (size_t)b);
-        memset(A + first * n, 0, sizeof(double) * (size_t)(b * n));
+        const int sign_of_block = eliminate_columns(n, first, b, P, stride, A, pivot);
+        if (!sign_of_block) return 0;
+        sign *= sign_of_block;
+
+        /* rows of the block, with the identity in its columns */
+        memcpy(rows, A + first * n, bytes_of_rows);
         for (int i = 0; i < b; ++i) {
-            memset(rows + i * n + first, 0, sizeof(double) * (size_t)b);
-            rows[i * n + first + i] = 1.0;
+            double *own = rows + i * n + first;
+            memset(own, 0, bytes_of_block);
+            own[i] = 1.0;
         }
-        all_strips((size_t)n, (size_t)n, (size_t)b, (left_factor){P, 1, (size_t)stride, 1.0}, rows,
-                   (size_t)n, A, (size_t)n);
+
+        /* the product replaces rows and columns of the block, and updates the remainder */
+        for (int i = 0; i < n; ++i) memset(A + i * n + first, 0, bytes_of_block);
+        memset(A + first * n, 0, bytes_of_rows);
+        const left_factor columns = {P, 1, (size_t)stride, 1.0};
+        all_strips((size_t)n, (size_t)n, (size_t)b, columns, rows, (size_t)n, A, (size_t)n);
     }
+
+    /* exchanged rows are columns of the inverse */
     for (int k = n - 1; k >= 0; --k)
-        if (pivot[k] != k)
-            for (int i = 0; i < n; ++i) {
-                const double t = A[i * n + k];
-                A[i * n + k] = A[i * n + pivot[k]], A[i * n + pivot[k]] = t;
-            }
+        if (pivot[k] != k) exchange(n, A + k, A + pivot[k], n);
     return sign;
 }
 
@@ -165,20 +190,25 @@ static int invert(int n, double *restrict A, int *restrict pivot, double *restri
 /* Columns j .. j + n_vec*BD_WIDTH of harmonic m, all rows. */
 BD_INLINE void fill_columns(const bd_fill *f, int m, const int n_row, const int n_source,
                             const int n_vec, size_t columns, size_t j) {
-    const size_t n_coef = (size_t)bd_n_coef(f->n_harm), first = (size_t)f->first[m] + j;
+    const size_t n_coef = (size_t)bd_n_coef(f->n_harm);
+    const size_t first = (size_t)f->first[m] + j;
     const size_t slot = m == 0 ? 0 : 2 * (size_t)m - 1;
+
+    /* rows of the modes, which stay in registers */
     bd_vec g[6][2];
     for (int s = 0; s < n_source; ++s)
-        for (int t = 0; t < n_row; ++t)
+        for (int t = 0; t < n_row; ++t) {
+            const double *row = f->g[m * n_source + s] + (size_t)t * columns + j;
             for (int v = 0; v < n_vec; ++v)
-                g[s * n_row + t][v] = bd_load(f->g[m * n_source + s] + (size_t)t * columns + j +
-                                              (size_t)(v * BD_WIDTH));
+                g[s * n_row + t][v] = bd_load(row + (size_t)(v * BD_WIDTH));
+        }
+
     for (size_t i = 0; i < n_coef; ++i) {
         bd_vec sum[2] = {bd_all(0.0), bd_all(0.0)};
         for (int s = 0; s < n_source; ++s)
             for (int t = 0; t < n_row; ++t) {
-                const bd_vec c = bd_all(f->block[s][i * n_coef + slot + (size_t)t]);
-                for (int v = 0; v < n_vec; ++v) sum[v] += c * g[s * n_row + t][v];
+                const bd_vec tangent = bd_all(f->block[s][i * n_coef + slot + (size_t)t]);
+                for (int v = 0; v < n_vec; ++v) sum[v] += tangent * g[s * n_row + t][v];
             }
         for (int v = 0; v < n_vec; ++v) bd_store(f->z[i] + first + (size_t)(v * BD_WIDTH), sum[v]);
     }
@@ -224,22 +254,27 @@ BD_INLINE double dot(size_t n, const double *a, const double *x) {
  * that a full vector has covered are zero. */
 BD_INLINE void dots(const int n_rows, size_t n, const double *A, const double *x, bd_vec last,
                     double *y) {
+    /* two sums for each row, of alternate vectors */
     bd_vec sum[4][2];
     for (int r = 0; r < n_rows; ++r) sum[r][0] = sum[r][1] = bd_all(0.0);
     size_t j = 0;
     for (; j + 2 * BD_WIDTH <= n; j += 2 * BD_WIDTH)
-        for (int r = 0; r < n_rows; ++r)
+        for (int r = 0; r < n_rows; ++r) {
+            const double *a = A + (size_t)r * n + j;
             for (size_t v = 0; v < 2; ++v)
-                sum[r][v] +=
-                    bd_load(A + (size_t)r * n + j + v * BD_WIDTH) * bd_load(x + j + v * BD_WIDTH);
+                sum[r][v] += bd_load(a + v * BD_WIDTH) * bd_load(x + j + v * BD_WIDTH);
+        }
     if (j + BD_WIDTH <= n) {
         for (int r = 0; r < n_rows; ++r)
             sum[r][0] += bd_load(A + (size_t)r * n + j) * bd_load(x + j);
         j += BD_WIDTH;
     }
-    if (j < n)
-        for (int r = 0; r < n_rows; ++r)
-            sum[r][1] += bd_load(A + (size_t)r * n + n - BD_WIDTH) * last;
+    if (j < n) {
+        for (int r = 0; r < n_rows; ++r) {
+            const double *end = A + (size_t)(r + 1) * n;
+            sum[r][1] += bd_load(end - BD_WIDTH) * last;
+        }
+    }
     for (int r = 0; r < n_rows; ++r) y[r] = bd_sum(sum[r][0] + sum[r][1]);
 }
 
@@ -306,12 +341,14 @@ static void grid_values(int n_coef, int n_time, const double *basis, int n_poly,
         }
 }
 
+/* Largest a - r b and smallest a + r b of n entries. */
 static void bounds(int n, double r, const double *a, const double *b, double *largest,
                    double *smallest) {
-    bd_vec most = bd_load(a) - r * bd_load(b), least = bd_load(a) + r * bd_load(b);
+    bd_vec most = bd_load(a) - r * bd_load(b);
+    bd_vec least = bd_load(a) + r * bd_load(b);
     for (int k = BD_WIDTH; k < n; k += BD_WIDTH) {
-        const bd_vec lo = bd_load(a + k) - r * bd_load(b + k),
-                     hi = bd_load(a + k) + r * bd_load(b + k);
+        const bd_vec lo = bd_load(a + k) - r * bd_load(b + k);
+        const bd_vec hi = bd_load(a + k) + r * bd_load(b + k);
         most = bd_select(bd_above(lo, most), lo, most);
         least = bd_select(bd_above(least, hi), hi, least);
     }
