@@ -1030,6 +1030,7 @@ class Study(Comparable):
         on: str = "amplitude",
         sets: str | Sequence[str] | None = None,
         speed: float | None = None,
+        temperature: float | Sequence[float] | Mapping[str, float] | None = None,
     ) -> Margins | MarginCurve:
         """Compute safety factors against fatigue for infinite life.
 
@@ -1046,7 +1047,7 @@ class Study(Comparable):
             harmonic balance; ``notes`` contain this ratio.
         criterion : {"von_mises", "findley"}
             Definition of the stress amplitude (:mod:`bdamper.fatigue.criteria`).
-        line : {"goodman", "gerber", "soderberg"}
+        line : {"goodman", "gerber", "soderberg", "table"}
             Failure line in the Haigh diagram. "findley" ignores it, since it includes the mean
             stress.
         on : {"amplitude", "both"}
@@ -1054,6 +1055,9 @@ class Study(Comparable):
             and mean.
         sets, speed
             See :meth:`stress`.
+        temperature : float, (n,) float, or mapping of name to float, °C, optional
+            Temperature of the points, for the line "table": one value, a value for each point, or
+            values by names of points and of stress sets.
 
         Returns
         -------
@@ -1065,7 +1069,15 @@ class Study(Comparable):
         SettingError
             If the model has no stress sets, or if a setting or the result does not fit.
         """
-        judge = LeastMargin(material, criterion=criterion, line=line, on=on, sets=sets, speed=speed)
+        judge = LeastMargin(
+            material,
+            criterion=criterion,
+            line=line,
+            on=on,
+            sets=sets,
+            speed=speed,
+            temperature=temperature,
+        )
         return margins.margin(self.problem, result, judge, index, time_response=time_response)
 
     @partial(validation.check_arguments, name="best_margin")
@@ -1080,6 +1092,7 @@ class Study(Comparable):
         on: str = "amplitude",
         sets: str | Sequence[str] | None = None,
         speed: float | None = None,
+        temperature: float | Sequence[float] | Mapping[str, float] | None = None,
     ) -> MarginCurve:
         """Compute margins along an optimal curve, and refine the preload with the largest margin.
 
@@ -1089,7 +1102,7 @@ class Study(Comparable):
             Curve of this study. If it contains amplitudes from time integration, ``in_time``
             contains their margins.
         material : Material
-        criterion, line, on, sets, speed
+        criterion, line, on, sets, speed, temperature
             See :meth:`margin`.
 
         Returns
@@ -1103,7 +1116,15 @@ class Study(Comparable):
         SettingError
             If the model has no stress sets, or a setting does not fit.
         """
-        judge = LeastMargin(material, criterion=criterion, line=line, on=on, sets=sets, speed=speed)
+        judge = LeastMargin(
+            material,
+            criterion=criterion,
+            line=line,
+            on=on,
+            sets=sets,
+            speed=speed,
+            temperature=temperature,
+        )
         return robust_optimum.best_margin(self.problem, curve, judge)
 
     # importance of physical effects

@@ -7,7 +7,17 @@ stress, and the safety factor for infinite life. It does not compute a number of
 """
 
 from bdamper.fatigue.criteria import AISI_1050, CRITERIA, LINES, Material
+from bdamper.fatigue.haigh_table import HaighTable
 from bdamper.fatigue.margin import MarginCurve, Margins
 from bdamper.fatigue.stress_cycle import StressCycle
 
-__all__ = ["AISI_1050", "CRITERIA", "LINES", "MarginCurve", "Margins", "Material", "StressCycle"]
+__all__ = [
+    "AISI_1050",
+    "CRITERIA",
+    "LINES",
+    "HaighTable",
+    "MarginCurve",
+    "Margins",
+    "Material",
+    "StressCycle",
+]

@@ -44,6 +44,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.fatigue.haigh_table import HaighTable, means_per_amplitude
 from bdamper.util import validation
 
 CRITERIA = ("von_mises", "findley")
@@ -420,7 +421,7 @@ def _circumcentre(a: NDArray, b: NDArray, c: NDArray) -> NDArray:
     return c + np.stack([x, y], axis=1)
 
 
-LINES = ("goodman", "gerber", "soderberg")
+LINES = ("goodman", "gerber", "soderberg", "table")
 ON = ("amplitude", "both")
 
 
@@ -441,11 +442,14 @@ class Material(validation.Checked):
         Determine it from two endurance limits if they are known.
     name, source : str
         Description and origin of the data.
+    haigh : HaighTable, optional
+        Endurable amplitudes of one survival probability, which the line "table" uses.
 
     Raises
     ------
     SettingError
-        If a number is not positive, or if yield strength or endurance limit exceed the ultimate
+        If a number is not positive, if yield strength or endurance limit exceed the ultimate
+        strength, or if the table has several probabilities or a mean stress above the ultimate
         strength.
     """
 
@@ -455,14 +459,25 @@ class Material(validation.Checked):
     findley_k: validation.Positive = 0.3
     name: str = ""
     source: str = ""
+    haigh: HaighTable | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.haigh is not None:
+            self._check_table(validation.instance("haigh", self.haigh, HaighTable))
         for name in ("yield_strength", "endurance_limit"):
             expected = f"at most the ultimate strength, {self.ultimate_strength:g} Pa"
             strength = getattr(self, name)
             too_large = strength > self.ultimate_strength
             validation.check(not too_large, name, expected, f"{strength:g}")
+
+    def _check_table(self, table: HaighTable) -> None:
+        n_probabilities = len(table.probabilities)
+        expected = "a table of one survival probability (table.at_probability(0.99))"
+        validation.check(n_probabilities == 1, "haigh", expected, n_probabilities)
+        expected = f"mean stresses below the ultimate strength, {self.ultimate_strength:g} Pa"
+        largest = max(table.mean)
+        validation.check(largest < self.ultimate_strength, "haigh", expected, f"{largest:g}")
 
     def limit(self, line: str) -> float:
         """Return the mean stress (Pa) at which no amplitude is endurable."""
@@ -470,8 +485,20 @@ class Material(validation.Checked):
             return float(self.yield_strength)
         return float(self.ultimate_strength)
 
-    def allowed(self, mean: NDArray | float, line: str = "goodman") -> NDArray:
-        """Return the endurable stress amplitude (...) in Pa at a mean stress (...) in Pa."""
+    def allowed(
+        self,
+        mean: NDArray | float,
+        line: str = "goodman",
+        temperature: NDArray | float | None = None,
+    ) -> NDArray:
+        """Return the endurable stress amplitude (...) in Pa at a mean stress (...) in Pa.
+
+        The line "table" needs the ``temperature`` (...) in °C if the table has several.
+        """
+        if line == "table":
+            if self.haigh is None:
+                raise validation.invalid("line", "a material with a HaighTable (haigh=)", line)
+            return self.haigh.allowed(mean, self.ultimate_strength, temperature)
         share = np.maximum(np.asarray(mean, float), 0.0) / self.limit(line)
         if line == "gerber":
             share = share**2
@@ -484,6 +511,7 @@ class Material(validation.Checked):
         mean: NDArray | float,
         line: str = "goodman",
         on: str = "amplitude",
+        temperature: NDArray | float | None = None,
     ) -> NDArray:
         """Return the safety factor of stress cycles.
 
@@ -491,10 +519,12 @@ class Material(validation.Checked):
         ----------
         amplitude, mean : (...) float, Pa
             Stress amplitude and mean stress.
-        line : {"goodman", "gerber", "soderberg"}
+        line : {"goodman", "gerber", "soderberg", "table"}
             Failure line in the Haigh diagram.
         on : {"amplitude", "both"}
             Quantity that the factor multiplies: the amplitude, or amplitude and mean.
+        temperature : (...) float, °C, optional
+            Temperature at the points, for the line "table".
 
         Returns
         -------
@@ -505,16 +535,61 @@ class Material(validation.Checked):
         amplitude, mean = np.broadcast_arrays(np.asarray(amplitude, float), np.asarray(mean, float))
         with np.errstate(divide="ignore", invalid="ignore"):
             if on == "amplitude":
-                allowed = self.allowed(mean, line)
+                allowed = self.allowed(mean, line, temperature)
                 # without vibration the mean stress alone decides
                 at_rest = np.where(allowed > 0.0, np.inf, 0.0)
                 return np.where(amplitude > 0.0, allowed / amplitude, at_rest)
+            if line == "table":
+                vibrates = amplitude > 0.0
+                rays = np.where(vibrates, mean / amplitude, 0.0)
+                endurable = self._on_ray(rays, line, temperature)
+                at_rest = self.ultimate_strength / np.maximum(mean, 0.0)
+                return np.where(vibrates, endurable / amplitude, at_rest)
             of_amplitude = amplitude / self.endurance_limit
             of_mean = np.maximum(mean, 0.0) / self.limit(line)
             if line == "gerber":  # positive root, in the form without cancellation
                 root = np.sqrt(of_amplitude**2 + 4.0 * of_mean**2)
                 return np.asarray(2.0 / (of_amplitude + root))
             return np.asarray(1.0 / (of_amplitude + of_mean))
+
+    def amplitude_at_ratio(
+        self,
+        ratio: NDArray | float,
+        line: str = "goodman",
+        temperature: NDArray | float | None = None,
+    ) -> NDArray:
+        """Return the endurable stress amplitude at a stress ratio R = minimum over maximum.
+
+        Parameters
+        ----------
+        ratio : (...) float
+            Below 1; -1 is fully reversed stress, 0 pulsating tension.
+        line : {"goodman", "gerber", "soderberg", "table"}
+        temperature : (...) float, °C, optional
+            Temperature, for the line "table".
+
+        Returns
+        -------
+        (...) float, Pa
+        """
+        validation.choice("line", line, LINES)
+        return self._on_ray(means_per_amplitude(ratio), line, temperature)
+
+    def _on_ray(self, rays: NDArray, line: str, temperature: NDArray | float | None) -> NDArray:
+        """Return the endurable amplitudes (...) on rays (...) of a mean stress per amplitude.
+
+        They are found by bisection: the amplitude rises along the ray, the endurable one falls.
+        """
+        highest = self.endurance_limit if self.haigh is None else max(self.haigh.amplitude)
+        low = np.zeros_like(rays, float)
+        high = np.full_like(low, 1.001 * max(highest, self.endurance_limit))
+        n_halvings = 60  # to the last digit of a double
+        for _ in range(n_halvings):
+            middle = 0.5 * (low + high)
+            endured = self.allowed(middle * rays, line, temperature) >= middle
+            low = np.where(endured, middle, low)
+            high = np.where(endured, high, middle)
+        return np.asarray(0.5 * (low + high))
 
     @property
     def findley_limit(self) -> float:

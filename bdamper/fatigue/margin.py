@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from bdamper.fatigue import criteria
 from bdamper.fatigue import stress_cycle as over_cycle
 from bdamper.fatigue.criteria import LINES, ON, Material
+from bdamper.fatigue.haigh_table import at_points
 from bdamper.fatigue.stress_cycle import AtPoints, StressCycle
 from bdamper.harmonic_balance.checks import Solutions, SomeResult, solutions_of
 from bdamper.harmonic_balance.problem import Problem
@@ -46,7 +47,7 @@ class Rule(validation.Checked):
     ----------
     criterion : {"von_mises", "findley"}
         Definition of the stress amplitude (:mod:`bdamper.fatigue.criteria`).
-    line : {"goodman", "gerber", "soderberg"}
+    line : {"goodman", "gerber", "soderberg", "table"}
         Failure line in the Haigh diagram. "findley" ignores it, since it includes the mean stress.
     on : {"amplitude", "both"}
         Quantity that the factor multiplies: the vibration, or mean and vibration.
@@ -64,7 +65,7 @@ class Rule(validation.Checked):
         return f"{text}, factor on {what}"
 
     def judge(
-        self, coefficients: NDArray, material: Material
+        self, coefficients: NDArray, material: Material, temperature: NDArray | None = None
     ) -> tuple[NDArray, NDArray, NDArray, NDArray]:
         """Evaluate stress cycles.
 
@@ -72,6 +73,7 @@ class Rule(validation.Checked):
         ----------
         coefficients : (n, 6, H + 1) complex, Pa
         material : Material
+        temperature : (n,) float, °C, optional
 
         Returns
         -------
@@ -86,7 +88,7 @@ class Rule(validation.Checked):
         if self.criterion == "findley":
             factor = self._findley_factor(coefficients, material)
         else:
-            factor = material.factor(amplitude, mean, self.line, self.on)
+            factor = material.factor(amplitude, mean, self.line, self.on, temperature)
         largest = np.maximum(criteria.largest_von_mises(coefficients), 1e-300)
         return amplitude, mean, factor, material.yield_strength / largest
 
@@ -433,18 +435,28 @@ class LeastMargin(Rule):
     material : Material
     criterion : {"von_mises", "findley"}
         Definition of the stress amplitude (:mod:`bdamper.fatigue.criteria`).
-    line : {"goodman", "gerber", "soderberg"}
+    line : {"goodman", "gerber", "soderberg", "table"}
         Failure line in the Haigh diagram; ignored by "findley".
     on : {"amplitude", "both"}
         Quantity that the factor multiplies: the vibration at constant mean stress, or vibration and
         mean.
     sets, speed
         See :func:`bdamper.fatigue.stress_cycle.stress`.
+    temperature : float, (n,) float, or mapping of name to float, °C, optional
+        Temperature of the points, see :func:`bdamper.fatigue.haigh_table.at_points`.
     """
 
     material: Annotated[Material, partial(validation.instance, kind=Material)]
     sets: str | Sequence[str] | None = field(default=None, kw_only=True)
     speed: float | None = field(default=None, kw_only=True)
+    temperature: Any = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        used = self.temperature is None or (self.line == "table" and self.criterion != "findley")
+        found = f"criterion '{self.criterion}' and line '{self.line}'"
+        expected = "line='table' with criterion='von_mises', which alone use it"
+        validation.check(used, "temperature", expected, found)
 
     @property
     def rule(self) -> Rule:
@@ -485,7 +497,10 @@ class LeastMargin(Rule):
     def of_cycle(self, cycle: StressCycle) -> Margins:
         """Return the margins of a stress cycle."""
         _check_counted(cycle)
-        amplitude, mean, factor, yield_factor = self.judge(cycle.coefficients, self.material)
+        temperature = at_points(self.temperature, cycle.names)
+        amplitude, mean, factor, yield_factor = self.judge(
+            cycle.coefficients, self.material, temperature
+        )
         return Margins(
             points=cycle.points,
             names=cycle.names,
@@ -494,7 +509,7 @@ class LeastMargin(Rule):
             frequency=cycle.frequency,
             preload=cycle.preload,
             speed=cycle.speed,
-            notes=(*cycle.notes, *_caveats(cycle, factor)),
+            notes=(*cycle.notes, *_degrees(temperature), *_caveats(cycle, factor)),
             amplitude=amplitude,
             mean=mean,
             factor=factor,
@@ -522,7 +537,9 @@ class LeastMargin(Rule):
         coefficients = over_cycle.coefficients_of(problem, solved, chosen, self.speed)
         m, n = coefficients.shape[:2]
         cycles = coefficients.reshape(m * n, 6, -1)
-        amplitudes, means, factors, _ = self.judge(cycles, self.material)
+        temperature = at_points(self.temperature, first.names)
+        of_cycles = None if temperature is None else np.tile(temperature, m)
+        amplitudes, means, factors, _ = self.judge(cycles, self.material, of_cycles)
         amplitude = np.full((len(has_solution), n), np.nan)
         mean = np.full_like(amplitude, np.nan)
         factor = np.full_like(amplitude, np.nan)
@@ -550,10 +567,17 @@ class LeastMargin(Rule):
             speed=over_cycle.speeds(problem, solutions.frequency, self.speed),
             material=self.material,
             rule=self.rule,
-            notes=(*first.notes, *load_notes, *caveats),
+            notes=(*first.notes, *load_notes, *_degrees(temperature), *caveats),
             settings=first.settings,
             model_hash=first.model_hash,
         )
+
+
+def _degrees(temperature: NDArray | None) -> tuple[str, ...]:
+    """Return a note with the temperatures of the points."""
+    if temperature is None:
+        return ()
+    return (f"endurable amplitudes at {temperature.min():g} to {temperature.max():g} °C",)
 
 
 def _check_counted(cycle: StressCycle) -> None:

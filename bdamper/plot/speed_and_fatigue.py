@@ -290,11 +290,17 @@ def plot_haigh(margins: Margins, ax: Axes = NEW) -> None:
     left = min(0.0, 1.1 * float(margins.mean.min()))
     right = material.ultimate_strength
     mean = np.linspace(left, right, 400)
-    for line, colour, dashes in zip(LINES, ("black", "0.35", "0.6"), STYLES[1:]):
+    for line, colour, dashes in zip(LINES[:3], ("black", "0.35", "0.6"), STYLES[1:]):
         style: dict[str, Any] = {"color": colour, "linestyle": dashes}
         if line == rule.line and rule.criterion != "findley":
             style = {"color": "black", "linewidth": 1.8}
         ax.plot(MEGA * mean, MEGA * material.allowed(mean, line), label=line.capitalize(), **style)
+    if material.haigh is not None:
+        width = 1.8 if rule.line == "table" else 0.9
+        for temperature in material.haigh.temperatures:
+            allowed = MEGA * material.allowed(mean, "table", temperature)
+            label = f"table, {temperature:g} °C"
+            ax.plot(MEGA * mean, allowed, color="tab:blue", linewidth=width, label=label)
     # amplitude and mean add up to the yield strength
     yields = MEGA * np.array([0.0, material.yield_strength])
     ax.plot(yields, yields[::-1], color="0.75", linewidth=2.5, label="yield in the first cycle")

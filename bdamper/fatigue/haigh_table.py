@@ -1,0 +1,289 @@
+r"""Endurable stress amplitudes as laboratories report them: a table over mean stress, temperature and
+survival probability.
+
+A row is the endurable amplitude of a test series: at a mean stress, or at a stress ratio
+:math:`R = \sigma_{min}/\sigma_{max}`, which has the mean stress
+
+.. math:: \sigma_m = \sigma_a \frac{1 + R}{1 - R}.
+
+Between the rows the amplitude is interpolated: linearly over the mean stress, linearly over the
+temperature at the same mean stress, and linearly over the quantile of the normal distribution of
+the survival probability.  Below the lowest mean stress the amplitude is constant, and above the
+highest one a straight line ends at the ultimate strength.  A temperature or probability
+outside of the table is an error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import ndtri
+
+from bdamper.importers.measurements import read_columns
+from bdamper.util import validation
+from bdamper.util.storage import FilePath
+
+STRESSES = {"MPa": 1e6, "Pa": 1.0, "GPa": 1e9, "N/mm2": 1e6, "N/mm^2": 1e6, "ksi": 6.894757293168e6}
+"""Units of stress in pascal."""
+DEGREES = {"C": 1.0, "°C": 1.0, "degC": 1.0, "K": 1.0}
+"""Units of temperature; kelvin are shifted after they are read."""
+UNITLESS = {"": 1.0, "1": 1.0, "-": 1.0}
+UNITS = {
+    "amplitude": STRESSES,
+    "mean": STRESSES,
+    "r": UNITLESS,
+    "temperature": DEGREES,
+    "probability": {"%": 0.01, **UNITLESS},
+}
+"""Units of the columns of a file."""
+ICE = 273.15
+
+
+def _numbers(name: str, values: object) -> tuple[float, ...]:
+    return tuple(validation.numbers(name, values).tolist())
+
+
+def mean_at_ratio(amplitude: ArrayLike, ratio: ArrayLike) -> NDArray:
+    """Return the mean stress (...) of a stress amplitude (...) at a stress ratio R < 1 (...)."""
+    return np.asarray(amplitude, float) * means_per_amplitude(ratio)
+
+
+def means_per_amplitude(ratio: ArrayLike) -> NDArray:
+    """Return the mean stress per amplitude (...) at a stress ratio R < 1 (...)."""
+    values = np.asarray(ratio, float)
+    validation.check_value(bool(np.all(values < 1.0)), "R", "stress ratios below 1", ratio)
+    return (1.0 + values) / (1.0 - values)
+
+
+@dataclass(frozen=True)
+class HaighTable(validation.Checked):
+    """Endurable stress amplitudes over mean stress, temperature and survival probability.
+
+    Parameters
+    ----------
+    amplitude, mean : (n,) float, Pa
+        Endurable amplitude at a mean stress, one pair for each row.
+    temperature : (n,) float, °C
+    probability : (n,) float
+        Survival probability, between 0 and 1.
+    source : str
+        File or origin.
+
+    Raises
+    ------
+    SettingError
+        If the numbers of rows differ, an amplitude is not positive, a probability is not between 0
+        and 1, or two rows have the same mean stress, temperature and probability.
+    """
+
+    amplitude: Annotated[tuple[float, ...], _numbers]
+    mean: Annotated[tuple[float, ...], _numbers]
+    temperature: Annotated[tuple[float, ...], _numbers]
+    probability: Annotated[tuple[float, ...], _numbers]
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        n = len(self.amplitude)
+        counts = [len(values) for values in (self.mean, self.temperature, self.probability)]
+        validation.check(n > 0 and counts == [n, n, n], "Haigh table", f"{n} rows each", counts)
+        validation.numbers("amplitude", self.amplitude, above=0.0, unit="Pa")
+        between = all(0.0 < probability < 1.0 for probability in self.probability)
+        expected = "survival probabilities between 0 and 1"
+        validation.check_value(between, "probability", expected, self.probability)
+        rows = list(zip(self.mean, self.temperature, self.probability))
+        repeated = next((row for row in rows if rows.count(row) > 1), None)
+        expected = "one amplitude for each mean stress, temperature and probability"
+        validation.check(repeated is None, "Haigh table", expected, f"several for {repeated}")
+
+    @classmethod
+    def from_csv(cls, path: FilePath | Mapping[str, object]) -> Self:
+        """Read a table from a CSV file with one row for each endurable amplitude.
+
+        The header has names and units: ``amplitude (MPa)``, ``mean (MPa)`` or ``R``, ``temperature
+        (C)`` and ``probability (%)``, the probability of survival.
+
+        Parameters
+        ----------
+        path : path-like, or mapping of header to values
+
+        Raises
+        ------
+        ModelError, SettingError
+            If a column or unit is missing, or a row is not valid.
+        """
+        others = ("temperature", "probability")
+        columns = read_columns(
+            path,
+            ("amplitude", "mean", *others),
+            ("amplitude", "r", *others),
+            units=UNITS,
+        )
+        amplitude = columns["amplitude"][0]
+        if "mean" in columns:
+            mean = columns["mean"][0]
+        else:
+            mean = mean_at_ratio(amplitude, columns["r"][0])
+        temperature, unit = columns["temperature"]
+        if unit.strip().upper() == "K":
+            temperature = temperature - ICE
+        source = "table" if isinstance(path, Mapping) else str(path)
+        return cls(amplitude, mean, temperature, columns["probability"][0], source)  # type: ignore[arg-type]
+
+    @property
+    def temperatures(self) -> NDArray:
+        """Temperatures (k,) of the table, ascending, °C."""
+        return np.unique(self.temperature)
+
+    @property
+    def probabilities(self) -> NDArray:
+        """Survival probabilities (k,) of the table, ascending."""
+        return np.unique(self.probability)
+
+    def _line(self, temperature: float, probability: float) -> tuple[NDArray, NDArray]:
+        """Return mean stresses, ascending, and amplitudes of one test series; empty if absent."""
+        at = np.isclose(self.temperature, temperature) & np.isclose(self.probability, probability)
+        mean = np.array(self.mean)[at]
+        order = np.argsort(mean)
+        return mean[order], np.array(self.amplitude)[at][order]
+
+    def at_probability(self, probability: float) -> HaighTable:
+        """Return the table at one survival probability.
+
+        Parameters
+        ----------
+        probability : float
+            Between the lowest and the highest probability at each temperature.
+
+        Raises
+        ------
+        SettingError
+            If the table has no such probabilities at a temperature.
+        """
+        wanted = validation.number("probability", probability, above=0.0, below=1.0)
+        rows: list[tuple[float, float, float]] = []
+        for temperature in self.temperatures:
+            of_temperature = np.isclose(self.temperature, temperature)
+            known = np.unique(np.array(self.probability)[of_temperature])
+            lowest, highest = known[0], known[-1]
+            within = lowest * (1.0 - 1e-12) <= wanted <= highest * (1.0 + 1e-12)
+            expected = f"{lowest:g} to {highest:g} at {temperature:g} °C"
+            validation.check(within, "probability", expected, f"{wanted:g}")
+            quantiles = ndtri(known)
+            place = float(np.clip(ndtri(wanted), quantiles[0], quantiles[-1]))
+            lines = [self._line(temperature, each) for each in known]
+            # the mean stresses at which every series has a row or lies between two
+            means = np.unique(np.concatenate([mean for mean, _ in lines]))
+            common = means[
+                (means >= max(mean[0] for mean, _ in lines))
+                & (means <= min(mean[-1] for mean, _ in lines))
+            ]
+            expected = (
+                f"series of all probabilities over the same mean stresses at {temperature:g} °C"
+            )
+            validation.check(len(common) > 0, "Haigh table", expected, "none in common")
+            amplitudes = np.array([np.interp(common, *line) for line in lines])
+            for k, mean in enumerate(common):
+                amplitude = float(np.interp(place, quantiles, amplitudes[:, k]))
+                rows.append((amplitude, float(mean), float(temperature)))
+        amplitudes_of_rows, means_of_rows, temperatures = zip(*rows)
+        survival = (wanted,) * len(rows)
+        return HaighTable(amplitudes_of_rows, means_of_rows, temperatures, survival, self.source)
+
+    def allowed(
+        self, mean: ArrayLike, ultimate_strength: float, temperature: ArrayLike | None = None
+    ) -> NDArray:
+        """Return the endurable amplitudes at mean stresses and temperatures.
+
+        Parameters
+        ----------
+        mean : (...) float, Pa
+        ultimate_strength : float, Pa
+            Mean stress without an endurable amplitude.
+        temperature : float or (...) float, °C, optional
+            Needed if the table has several temperatures.
+
+        Returns
+        -------
+        (...) float, Pa
+
+        Raises
+        ------
+        SettingError
+            If the table has several probabilities, or a temperature is missing or outside of the
+            table.
+        """
+        validation.check(
+            len(self.probabilities) == 1,
+            "Haigh table",
+            "one probability (table.at_probability(0.99))",
+            f"{self.probabilities.tolist()}",
+        )
+        known = self.temperatures
+        span = f"{known[0]:g} to {known[-1]:g} °C"
+        if temperature is None:
+            expected = f"that of the points, {span}"
+            validation.check(len(known) == 1, "temperature", expected, "none")
+            temperature = known[0]
+        means, degrees = np.broadcast_arrays(
+            np.asarray(mean, float), np.asarray(temperature, float)
+        )
+        within = (degrees >= known[0] - 1e-9) & (degrees <= known[-1] + 1e-9)
+        outside = np.ravel(degrees[~within])[:1]
+        validation.check(within.all(), "temperature", f"{span}, as in the table", outside)
+        amplitudes = [self._allowed_at(t, means, ultimate_strength) for t in known]
+        if len(known) == 1:
+            return amplitudes[0]
+        upper = np.clip(np.searchsorted(known, degrees), 1, len(known) - 1)
+        share = (degrees - known[upper - 1]) / (known[upper] - known[upper - 1])
+        stacked = np.array(amplitudes)
+        below = np.take_along_axis(stacked, (upper - 1)[None], axis=0)[0]
+        above = np.take_along_axis(stacked, upper[None], axis=0)[0]
+        return np.asarray((1.0 - share) * below + share * above)
+
+    def _allowed_at(self, temperature: float, mean: NDArray, ultimate_strength: float) -> NDArray:
+        """Return the endurable amplitudes (...) at a temperature of the table."""
+        means, amplitudes = self._line(temperature, self.probability[0])
+        means = np.append(means, ultimate_strength)
+        amplitudes = np.append(amplitudes, 0.0)
+        return np.asarray(np.interp(mean, means, amplitudes))
+
+
+def at_points(
+    temperature: float | Sequence[float] | NDArray | Mapping[str, float] | None,
+    names: Sequence[str],
+) -> NDArray | None:
+    """Return the temperature (n,) of each point of stress sets, °C, or None if none is given.
+
+    Parameters
+    ----------
+    temperature : float, (n,) float, or mapping of name to float, °C
+        One value, a value for each point, or values by the names of points ("root node 215") and of
+        stress sets ("root"); the name of a point precedes that of its set.
+    names : sequence of str
+        Names of the points.
+
+    Raises
+    ------
+    SettingError
+        If a value is not a number, or a point has none.
+    """
+    if temperature is None:
+        return None
+    if isinstance(temperature, Mapping):
+        values = []
+        for name in names:
+            # a name consists of the set, "node" or "point", and a number
+            of_set = temperature.get(name.rsplit(" ", 2)[0])
+            value = temperature.get(name, of_set)
+            expected = "a value for every point or its stress set"
+            validation.check(value is not None, "temperature", expected, f"none for '{name}'")
+            values.append(value)
+        return validation.numbers("temperature", values, len(names))
+    if np.ndim(temperature) == 0:
+        return np.full(len(names), validation.number("temperature", temperature))
+    return validation.numbers("temperature", temperature, len(names))
