@@ -1,20 +1,22 @@
 """Response along an engine order line, over rotor speed.
 
 Response along the line
-    With the excitation frequency ``omega = EO Omega`` as an unknown, a run-up is a response curve of equations that depend
-    on the speed (:class:`~bdamper.harmonic_balance.rotor_speed.Family`). The curve is followed from both ends of an
-    interval of speeds that contains the free and the stuck resonance on the line, with a margin.
-    :mod:`bdamper.response.highest_peak` locates the highest point.
+    With the excitation frequency ``omega = EO Omega`` as an unknown, a run-up is a response curve
+    of equations that depend on the speed (:class:`~bdamper.harmonic_balance.rotor_speed.Family`).
+    The curve is followed from both ends of an interval of speeds that contains the free and the
+    stuck resonance on the line, with a margin. :mod:`bdamper.response.highest_peak` locates the
+    highest point.
 
-    At a fixed speed only the frequency changes. The peak at fixed speed that lies on the line is lower than the highest
-    point. The difference is small for a sharp, round peak, and some per cent if the response has a shoulder or ends a
-    plateau.
+    At a fixed speed only the frequency changes. The peak at fixed speed that lies on the line is
+    lower than the highest point. The difference is small for a sharp, round peak, and some per cent
+    if the response has a shoulder or ends a plateau.
 
 Equations over speed
-    At every node speed the problem is assembled: modes, contact stiffness, preload and static state. Its unknowns are
-    transformed to the basis of the nearest known speed, so that they are comparable
-    (:mod:`bdamper.harmonic_balance.parameters`). The equations are interpolated between the nodes. At the highest point the
-    exact equations are assembled; they measure the interpolation error and give the final solution.
+    At every node speed the problem is assembled: modes, contact stiffness, preload and static
+    state. Its unknowns are transformed to the basis of the nearest known speed, so that they are
+    comparable (:mod:`bdamper.harmonic_balance.parameters`). The equations are interpolated between
+    the nodes. At the highest point the exact equations are assembled; they measure the
+    interpolation error and give the final solution.
 """
 
 from __future__ import annotations
@@ -66,21 +68,25 @@ T = TypeVar("T")
 
 
 def with_needed_bases(problem: Problem) -> Problem:
-    """Remove the nodal diameters that no harmonic uses from the model, which makes the assembly at a speed faster."""
+    """Remove the nodal diameters that no harmonic uses from the model.
+
+    The assembly at a speed is then faster.
+    """
     model = problem.model
+    diameters = problem.settings.needed_diameters
 
     def needed(by_diameter: Mapping[int, T]) -> dict[int, T]:
-        return {
-            d: item for d, item in by_diameter.items() if d in problem.settings.needed_diameters
-        }
+        return {d: item for d, item in by_diameter.items() if d in diameters}
 
-    bodies = {
-        n: b if b.kind == "free" else replace(b, bases=needed(b.bases))
-        for n, b in model.bodies.items()
-    }
+    bodies = {}
+    for name, body in model.bodies.items():
+        # free bodies have the same modes at all diameters
+        if body.kind != "free":
+            body = replace(body, bases=needed(body.bases))
+        bodies[name] = body
     stress = {
-        n: replace(rows, modes=needed(rows.modes), contact=needed(rows.contact))
-        for n, rows in model.stress.items()
+        name: replace(rows, modes=needed(rows.modes), contact=needed(rows.contact))
+        for name, rows in model.stress.items()
     }
     return problem.replace(model=as_checked(replace(model, bodies=bodies, stress=stress)))
 
@@ -99,22 +105,27 @@ class SpeedFamily:
         self.whole = problem
         self.base = with_needed_bases(problem)
         self.conditions = conditions
-        self._made: dict[float, Problem] = {}
+        self._by_speed: dict[float, Problem] = {}
 
     def problem(self, omega: float) -> Problem:
         """Return the problem at a speed (rad/s); its unknowns are comparable over speed."""
-        if omega not in self._made:
-            made = under(self.base, omega, self.conditions)
-            known = min(self._made, key=lambda other: abs(other - omega), default=None)
-            self._made[omega] = made if known is None else like(made, self._made[known])
-        return self._made[omega]
+        if omega not in self._by_speed:
+            problem = under(self.base, omega, self.conditions)
+            if self._by_speed:
+                nearest = min(self._by_speed, key=lambda other: abs(other - omega))
+                problem = like(problem, self._by_speed[nearest])
+            self._by_speed[omega] = problem
+        return self._by_speed[omega]
 
     def preload(self, omega: float) -> float:
         """Return the preload (N) at a speed (rad/s)."""
         return preload_at(self.whole, omega)
 
     def system(self, omega: float, mass: float = 1.0) -> Equations[Sector]:
-        """Return the equations at a speed (rad/s); ``mass`` multiplies load and inertia of the free bodies."""
+        """Return the equations at a speed (rad/s).
+
+        ``mass`` multiplies load and inertia of the free bodies.
+        """
         problem = self.problem(omega)
         if mass != 1.0:
             problem = like(vary(problem, {MASS: mass}), problem)
@@ -137,38 +148,42 @@ class SpeedFamily:
         return family_equations(systems, speeds, int(self.whole.engine_order))
 
     def resonances(self, low: float, high: float, mode: int) -> tuple[float, float]:
-        """Return the speeds (rad/s) at which the free and the stuck resonance of a mode cross the engine order line.
+        """Return the speeds (rad/s) at which resonances of a mode cross the engine order line.
 
-        They follow from the resonances at two speeds, since squared frequencies are nearly linear in the squared speed. The
-        result is 0 if a resonance does not cross the line.
+        They are the lower and the higher one of the free and the stuck resonance. They follow from
+        the resonances at two speeds, since squared frequencies are nearly linear in the squared
+        speed. The result is 0 if a resonance does not cross the line.
         """
-        squares, order = np.square([low, high]), float(self.whole.engine_order)
+        at_low = self._linear(low, mode)
+        at_high = self._linear(high, mode)
+        squared_order = float(self.whole.engine_order) ** 2
+        squared_low, squared_high = np.square([low, high])
+        slopes = (at_high**2 - at_low**2) / (squared_high - squared_low)
         crossings = []
-        for column in np.transpose([self._linear(omega, mode) for omega in (low, high)]):
-            slope = float(np.diff(column**2)[0] / np.diff(squares)[0])
-            square = (
-                (column[0] ** 2 - slope * squares[0]) / (order**2 - slope)
-                if order**2 > slope
-                else 0.0
-            )
-            crossings.append(float(np.sqrt(max(square, 0.0))))
+        for frequency, slope in zip(at_low, slopes.tolist()):
+            squared_speed = 0.0
+            if squared_order > slope:
+                squared_speed = (frequency**2 - slope * squared_low) / (squared_order - slope)
+            crossings.append(float(np.sqrt(max(squared_speed, 0.0))))
         return min(crossings), max(crossings)
 
     def limits_text(self, low: float, high: float, mode: int) -> str:
-        """Return where the free and the stuck resonance cross the line, and what to do if no maximum is found."""
-        met = {
+        """Return where the resonances cross the line, and what to do if no maximum is found."""
+        crossings = {
             name: speed
             for name, speed in zip(("free", "stuck"), self.resonances(low, high, mode))
             if speed
         }
-        where = " and ".join(
-            f"at {speed * RPM:.5g} rpm with {name} contacts" for name, speed in met.items()
+        head = f"engine order {self.whole.engine_order} meets mode {mode}"
+        if not crossings:
+            return f"{head} at no speed; give another order or mode"
+        speeds = " and ".join(
+            f"at {speed * RPM:.5g} rpm with {name} contacts" for name, speed in crossings.items()
         )
-        inside = any(low <= speed <= high for speed in met.values())
-        also = ", or check that excitation and response act on the mode" if inside else ""
-        wider = f"give a range wider than {low * RPM:.5g} to {high * RPM:.5g} rpm{also}"
-        cure = wider if met else "give another order or mode"
-        return f"engine order {self.whole.engine_order} meets mode {mode} {where or 'at no speed'}; {cure}"
+        remedy = f"give a range wider than {low * RPM:.5g} to {high * RPM:.5g} rpm"
+        if any(low <= speed <= high for speed in crossings.values()):
+            remedy += ", or check that excitation and response act on the mode"
+        return f"{head} {speeds}; {remedy}"
 
     def following(self, omega: float, mode: int) -> float:
         """Return the free resonance (rad/s) of the next mode at a speed (rad/s), or infinity."""
@@ -178,9 +193,10 @@ class SpeedFamily:
             return np.inf
 
     def _linear(self, omega: float, mode: int) -> NDArray:
-        """Return the free and the stuck resonance (2,), rad/s, of a mode of the constrained bodies at a speed (rad/s)."""
-        both = free_and_stuck(self.problem(omega).at(self.preload(omega)), mode)
-        return 2.0 * np.pi * np.array(both)[:, mode - 1]
+        """Return the free and the stuck resonance (2,), rad/s, of a mode at a speed (rad/s)."""
+        case = self.problem(omega).at(self.preload(omega))
+        free_and_stuck_modes = np.array(free_and_stuck(case, mode))
+        return 2.0 * np.pi * free_and_stuck_modes[:, mode - 1]
 
 
 # ---- Response along the line ----
@@ -191,17 +207,19 @@ NODES = 6
 CLOSE = 1e-3
 """Largest residual of the interpolation at the highest point, relative to the excitation."""
 AROUND = (0.03, 0.01, 0.003)
-"""Successive relative half-widths of the range around a highest point with too large an interpolation error.
+"""Successive relative half-widths of the range around a highest point with too large an
+interpolation error.
 
 The error is large if a table over speed has a corner in the range.
 """
 
 
 def interval(family: SpeedFamily, low: float, high: float, mode: int) -> tuple[float, float] | None:
-    """Return the speeds (rad/s) in a range between which the resonance of a mode can cross the line; None if it cannot.
+    """Return the speeds (rad/s) in a range between which a resonance can cross the line.
 
-    The margin beyond free and stuck resonance is half the margin of a curve over frequency. The full margin takes 10 % more
-    evaluations on four crossings and gives the same highest points to 1e-8.
+    None if it cannot. The margin beyond free and stuck resonance is half the margin of a curve over
+    frequency. The full margin takes 10 % more evaluations on four crossings and gives the same
+    highest points to 1e-8.
     """
     free, stuck = family.resonances(low, high, mode)
     margin = 0.5 * beyond(free, stuck)
@@ -218,7 +236,7 @@ def follow_line(
     options: ContinuationOptions | None = None,
     progress: bool = False,
 ) -> tuple[Equations[Family], ResponseCurve, Highest | None]:
-    """Compute the response curve of a run-up: over rotor speed, with excitation along the engine order line.
+    """Compute the response curve of a run-up, with excitation along the engine order line.
 
     Parameters
     ----------
@@ -240,13 +258,15 @@ def follow_line(
         Equations interpolated over speed, with the excitation frequency as the parameter.
     curve : ResponseCurve
     highest : Highest or None
-        Highest maximum, with the speed (rad/s) as its parameter; None if the highest point is an end of the curve.
+        Highest maximum, with the speed (rad/s) as its parameter; None if the highest point is an
+        end of the curve.
     """
     low, high = speeds
-    wide, reach = 0.05 * (high - low), family.conditions.reach(int(family.whole.engine_order))
     # a branch may leave the interval and return; tables over speed limit the range
+    margin = 0.05 * (high - low)
+    lowest, highest = family.conditions.reach(int(family.whole.engine_order))
     equations = family.along(
-        max(low - wide, 0.5 * low, reach[0]), min(high + wide, reach[1]), NODES
+        max(low - margin, 0.5 * low, lowest), min(high + margin, highest), NODES
     )
     meter.watch(equations)
     options = options or coarse_options()
@@ -256,37 +276,39 @@ def follow_line(
     search = Coverage(system, (order * low, order * high), replace(options, budget=budget), meter)
 
     def find_start(omega: float) -> NDArray | None:
-        case, here = _nearest(family, equations, omega / order), equations.structure.at(omega)
-        meter.watch(here)
-        highest, tried, _ = first_point(
-            here, case.equilibrium, case.stuck_springs(), omega, options, meter
+        case = _nearest(family, equations, omega / order)
+        at_speed = equations.structure.at(omega)
+        meter.watch(at_speed)
+        start, tried, _ = first_point(
+            at_speed, case.equilibrium, case.stuck_springs(), omega, options, meter
         )
         for line in tried:
             search.note(omega, line)
-        return highest
+        return start
 
     with progress_bar(progress, *search.limits, "run-up") as search.on_point:
         search.cover(find_start)
     end = ending(search.pieces, *search.limits)
     end = replace(end, missing_ranges=(*end.missing_ranges, *search.lost))
-    lowest = _nearest(family, equations, low).problem
-    curve = as_curve(lowest, search, end, kind="run-up", preload=np.nan)
-    harmonics = responses(equations, np.column_stack([curve.unknowns, TWO_PI * curve.frequency]))
-    speed = TWO_PI * curve.frequency / order
+    problem = _nearest(family, equations, low).problem
+    curve = as_curve(problem, search, end, kind="run-up", preload=np.nan)
+    # the response depends on the speed
+    y = np.column_stack([curve.unknowns, TWO_PI * curve.frequency])
     curve = replace(
-        curve, harmonics=harmonics, speed=speed, **family.whole.recorded(search.options)
+        curve,
+        harmonics=responses(equations, y),
+        speed=TWO_PI * curve.frequency / order,
+        **family.whole.recorded(search.options),
     )
     try:
         top = highest_of_curve(equations, curve)
     except BdamperError:  # no point on a connected branch
         return equations, curve, None
     meter.count(top.peak.iterations)
-    highest = (
-        None
-        if top.kind == "end"
-        else replace(top, peak=replace(top.peak, parameter=float(top.peak.y[-1]) / order))
-    )
-    return equations, curve, highest
+    if top.kind == "end":
+        return equations, curve, None
+    peak = replace(top.peak, parameter=float(top.peak.y[-1]) / order)
+    return equations, curve, replace(top, peak=peak)
 
 
 def _nearest(family: SpeedFamily, equations: Equations[Family], speed: float) -> LoadCase:
@@ -298,22 +320,28 @@ def _nearest(family: SpeedFamily, equations: Equations[Family], speed: float) ->
 def _watched(
     family: SpeedFamily, equations: Equations[Family], mode: int
 ) -> list[tuple[float, float, NDArray]]:
-    """Return frequency, half-width (rad/s) and modal row of the free and the stuck resonance on the engine order line."""
-    ends = float(equations.structure.speeds.min()), float(equations.structure.speeds.max())
-    out = []
-    for stuck, speed in enumerate(family.resonances(*ends, mode)):
-        springs = _nearest(family, equations, speed).stuck_springs() if stuck else None
-        omega = equations.structure.engine_order * speed
-        if not ends[0] < speed < ends[1]:
+    """Return the free and the stuck resonance on the engine order line, near which steps are short.
+
+    Each has frequency, half-width (rad/s) and modal row.
+    """
+    structure = equations.structure
+    low = float(structure.speeds.min())
+    high = float(structure.speeds.max())
+    free, stuck = family.resonances(low, high, mode)
+    watched = []
+    for speed, is_stuck in ((free, False), (stuck, True)):
+        if not low < speed < high:
             continue
-        resonances = equations.structure.at(omega).structure.linear.resonances(
-            (springs,), 0.9 * omega, 1.1 * omega
-        )
-        out += [
-            (omega, width, row)
-            for _, width, row in sorted(resonances, key=lambda one: abs(one[0] - omega))[:1]
-        ]
-    return out
+        springs = None
+        if is_stuck:
+            springs = _nearest(family, equations, speed).stuck_springs()
+        omega = structure.engine_order * speed
+        linear = structure.at(omega).structure.linear
+        resonances = linear.resonances((springs,), 0.9 * omega, 1.1 * omega)
+        if resonances:
+            _, width, row = min(resonances, key=lambda one: abs(one[0] - omega))
+            watched.append((omega, width, row))
+    return watched
 
 
 def at_fixed_speed(
@@ -323,9 +351,10 @@ def at_fixed_speed(
     top: Peak,
     tolerance: float,
 ) -> Peak | str:
-    """Return the peak at fixed speed that lies on the line, by secant steps from a point on it, or why there is none.
+    """Return the peak at fixed speed that lies on the line, or why there is none.
 
-    Steps are halved if no peak is found. From a shoulder of the response to the peak they amount to some per cent.
+    The search takes secant steps from a point on the line. Steps are halved if no peak is found.
+    From a shoulder of the response to the peak they amount to some per cent.
 
     Parameters
     ----------
@@ -340,65 +369,76 @@ def at_fixed_speed(
     tolerance : float
         Relative distance from the line.
     """
-    low, high = order * speeds.min(), order * speeds.max()
-    omega, guess = float(top.y[-1]), top.y
+    low = order * speeds.min()
+    high = order * speeds.max()
+    omega = float(top.y[-1])
+    guess = top.y
+    # frequency of the line, and distance of the peak from it
     before: tuple[float, float] | None = None
-    steps = PeakOptions().max_iterations
-    for _ in range(steps):
+    n_steps = PeakOptions().max_iterations
+    for _ in range(n_steps):
         peak = peak_at(omega / order, guess)
         if not peak.converged:
             if before is None:
                 return f"no peak at fixed speed: from the highest point on the line, {peak.status}"
             omega = 0.5 * (omega + before[0])
             continue
-        off = float(peak.y[-1]) - omega
-        if abs(off) <= tolerance * omega:
+        distance = float(peak.y[-1]) - omega
+        if abs(distance) <= tolerance * omega:
             return peak
-        slope = (
-            -1.0
-            if before is None or before[0] == omega
-            else (off - before[1]) / (omega - before[0])
-        )
-        before, guess = (omega, off), peak.y
-        omega = min(max(low, omega - off / (slope if slope < -0.2 else -1.0)), high)
+        # a resonance that does not depend on the speed
+        slope = -1.0
+        if before is not None and before[0] != omega:
+            slope = (distance - before[1]) / (omega - before[0])
+            # a flat or rising secant is no guide
+            if not slope < -0.2:
+                slope = -1.0
+        before = omega, distance
+        guess = peak.y
+        omega = min(max(low, omega - distance / slope), high)
         if omega == before[0]:
-            return f"no peak at fixed speed: it leaves the range of speeds, {speeds.min():.5g} to {speeds.max():.5g} rad/s"
-    return f"no peak at fixed speed on the line after {steps} steps"
+            return (
+                "no peak at fixed speed: it leaves the range of speeds, "
+                f"{speeds.min():.5g} to {speeds.max():.5g} rad/s"
+            )
+    return f"no peak at fixed speed on the line after {n_steps} steps"
 
 
 def interpolated_at_fixed_speed(
     equations: Equations[Family], top: Peak, meter: CostMeter
 ) -> Peak | str:
-    """Return the peak at fixed speed that lies on the line, from interpolated equations, or why there is none."""
+    """Return the peak of interpolated equations at fixed speed, or why there is none."""
     structure = equations.structure
+    order = structure.engine_order
 
     def peak_at(speed: float, guess: NDArray) -> Peak:
-        system = structure.at(structure.engine_order * speed)
+        system = structure.at(order * speed)
         meter.watch(system)
         peak = find_peak(system, guess, parameter=speed)
         meter.count(peak.iterations)
         return peak
 
-    return at_fixed_speed(
-        peak_at, structure.engine_order, structure.speeds, top, PeakOptions().position_tolerance
-    )
+    return at_fixed_speed(peak_at, order, structure.speeds, top, PeakOptions().position_tolerance)
 
 
 def exact_at_fixed_speed(
     family: SpeedFamily, speeds: tuple[float, float], mode: int, top: Peak, meter: CostMeter
 ) -> Peak | str:
-    """Return the peak at fixed speed that lies on the line, by a search at each speed, or why there is none.
+    """Return the peak at fixed speed that lies on the line, or why there is none.
 
-    The search goes beyond the line, up to the next mode, because vibration may raise the resonance above the stuck one.
+    At each speed the highest peak is sought. The search goes beyond the line, up to the next mode,
+    because vibration may raise the resonance above the stuck one.
     """
-    order, reach = float(family.whole.engine_order), 1.1
+    order = float(family.whole.engine_order)
+    beyond_line = 1.1
 
     def peak_at(speed: float, _: NDArray) -> Peak:
-        problem, preload = family.problem(speed), family.preload(speed)
+        problem = family.problem(speed)
+        preload = family.preload(speed)
         try:
             low, high = resonance_interval(problem.at(preload), mode)
-            beyond_line = min(reach * order * speed, family.following(speed, mode)) / TWO_PI
-            peak = highest_peak(problem, preload, (low, max(high, beyond_line)), mode=mode)
+            limit = min(beyond_line * order * speed, family.following(speed, mode)) / TWO_PI
+            peak = highest_peak(problem, preload, (low, max(high, limit)), mode=mode)
         except BdamperError as error:
             return replace(top, parameter=speed, status=with_reason(NOT_FOUND, error))
         meter.add(peak.cost or Cost())
@@ -419,31 +459,30 @@ def exact(family: SpeedFamily, top: Peak) -> tuple[Peak, float]:
     system = family.system(top.parameter)
     error = system.error(top.y)
     options = PeakOptions()
+    tolerance = max(options.tolerance, LOOSEST)
     c = system.correct_at(
-        top.y[:-1],
-        float(top.y[-1]),
-        top.scale,
-        max(options.tolerance, LOOSEST),
-        options.max_iterations,
+        top.y[:-1], float(top.y[-1]), top.scale, tolerance, options.max_iterations
     )
     if c.status != OK:
         return top, error
-    return replace(
+    peak = replace(
         top,
         y=c.y,
         amplitude=amplitude_at(system, c.y),
         shares=np.array(c.shares),
         residual=c.residual,
-    ), error
+    )
+    return peak, error
 
 
 def follow_mode(
     family: SpeedFamily, within: tuple[float, float], mode: int, meter: CostMeter, *args: Any
 ) -> tuple[Equations[Family], ResponseCurve, Highest | None] | None:
-    """Compute the response curve of a run-up across the resonance of a mode; None if it cannot cross the line.
+    """Compute the response curve of a run-up across the resonance of a mode.
 
-    Vibration may close contacts that are open at rest, so that the resonance lies above the stuck one. If the curve is
-    highest at its upper end, it is repeated up to the next mode or the end of the range.
+    None if it cannot cross the line. Vibration may close contacts that are open at rest, so that
+    the resonance lies above the stuck one. If the curve is highest at its upper end, it is repeated
+    up to the next mode or the end of the range.
 
     Parameters
     ----------
@@ -455,13 +494,18 @@ def follow_mode(
     speeds = interval(family, *within, mode)
     if speeds is None:
         return None
-    found = follow_line(family, speeds, mode, meter, *args)
-    curve, order = found[1], float(family.whole.engine_order)
+    low, high = speeds
+    run_up = follow_line(family, speeds, mode, meter, *args)
+    curve = run_up[1]
+    order = float(family.whole.engine_order)
     if not curve.peak_at_end or TWO_PI * curve.peak.frequency < order * np.mean(speeds):
-        return found
-    top = min(within[1], family.following(speeds[1], mode) / order)
-    wider = follow_line(family, (speeds[0], top), mode, meter, *args) if top > speeds[1] else found
-    return found if wider[2] is None else wider
+        return run_up
+    next_mode = min(within[1], family.following(high, mode) / order)
+    if not next_mode > high:
+        return run_up
+    wider = follow_line(family, (low, next_mode), mode, meter, *args)
+    has_maximum = wider[2] is not None
+    return wider if has_maximum else run_up
 
 
 def refined(
@@ -484,16 +528,14 @@ def refined(
     for part in AROUND:
         if error <= CLOSE:
             break
-        shorter = family.along(
-            (1.0 - part) * solution.parameter, (1.0 + part) * solution.parameter, NODES
-        )
+        low = (1.0 - part) * solution.parameter
+        high = (1.0 + part) * solution.parameter
+        shorter = family.along(low, high, NODES)
         meter.watch(shorter)
         peak = find_peak(shorter, solution.y, tangent=solution.tangent, scale=solution.scale)
         if not peak.converged:
             break
-        equations, top = (
-            shorter,
-            replace(peak, parameter=float(peak.y[-1]) / shorter.structure.engine_order),
-        )
+        equations = shorter
+        top = replace(peak, parameter=float(peak.y[-1]) / shorter.structure.engine_order)
         solution, error = exact(family, top)
     return equations, top, solution, first, error

@@ -287,10 +287,11 @@ def _read(problem: Problem, result: Any) -> tuple[float, float, str]:
     if isinstance(result, ResponseCurve):
         if not result.complete:
             return np.nan, np.nan, f"{result.status}: {result.reason}"
-        peak = result.peak
         if result.peak_at_end:
-            # a corner near the end may be higher
+            # an end counts only if there is no maximum
             peak = highest_of_curve(problem.system(result.preload), result).peak
+        else:
+            peak = result.peak
         return peak.amplitude, peak.frequency, ""
     try:
         amplitude, frequency = (float(value) for value in result)

@@ -1,26 +1,29 @@
-"""Hysteresis of the contacts: loops of force over displacement, dissipated energy, and the curve of first loading.
+"""Hysteresis of the contacts: loops, dissipated energy, and the curve of first loading.
 
 Loops
-    :mod:`bdamper.harmonic_balance.contact_cycle` contains the equations. The loop of a face is the sum of its point forces
-    over the mean displacement of its points, weighted by area. The loop of all contacts is the force at the response
-    location that does the same work on the fundamental harmonic. With the relative motion ``X_i`` of point i in the
-    fundamental harmonic and the response ``x``, the point moves as the response times ``|X_i/x|`` with the phase of
-    ``X_i/x``. The force is
+    :mod:`bdamper.harmonic_balance.contact_cycle` contains the equations. The loop of a face is the
+    sum of its point forces over the mean displacement of its points, weighted by area. The loop of
+    all contacts is the force at the response location that does the same work on the fundamental
+    harmonic. With the relative motion ``X_i`` of point i in the fundamental harmonic and the
+    response ``x``, the point moves as the response times ``|X_i/x|`` with the phase of ``X_i/x``.
+    The force is
 
         f(theta) = sum_i |X_i/x| f_i(theta - phase of X_i/x)
 
-    without the mean forces, which do no work. The area of this loop is the energy that the contacts dissipate from the
-    fundamental harmonic. Its slope and width give the equivalent stiffness and damping.
+    without the mean forces, which do no work. The area of this loop is the energy that the contacts
+    dissipate from the fundamental harmonic. Its slope and width give the equivalent stiffness and
+    damping.
 
 First loading
-    The damper is at rest under the preload :math:`P`, and a force :math:`Q` at one of its locations grows from zero. The
-    static equations of :mod:`bdamper.contact.static_state` become
+    The damper is at rest under the preload :math:`P`, and a force :math:`Q` at one of its locations
+    grows from zero. The static equations of :mod:`bdamper.contact.static_state` become
 
     .. math:: K q + G^T F(G q + P x_0) = P f + Q d
 
-    with the modes :math:`d` of the location in the direction of :math:`Q`. Residual modes do not move the location, so
-    curves for different contact stiffnesses differ by the contact only. Points begin to slip one after the other. The slope
-    decreases from the stuck stiffness to zero, at the force at which the damper slides.
+    with the modes :math:`d` of the location in the direction of :math:`Q`. Residual modes do not
+    move the location, so curves for different contact stiffnesses differ by the contact only.
+    Points begin to slip one after the other. The slope decreases from the stuck stiffness to zero,
+    at the force at which the damper slides.
 """
 
 from __future__ import annotations
@@ -58,7 +61,9 @@ AXES = ("t1", "t2", "n")
 WHOLE = "whole"
 """Name of the loop of all contacts."""
 NOTHING = 1e-9
-"""Dissipated energy relative to the work of the excitation below which nothing slips: the residual of a solution."""
+"""Dissipated energy relative to the work of the excitation below which nothing slips: the residual
+of a solution.
+"""
 Solved = ResponseCurve | Peak | OptimalCurve
 
 
@@ -67,13 +72,13 @@ Solved = ResponseCurve | Peak | OptimalCurve
 class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-hysteresis"):
     """Energies, equivalent stiffness and damping of the contacts, and loops for a single solution.
 
-    For a single solution the fields are numbers, or arrays over the contact points. For several solutions each has a row,
-    and there are no loops.
+    For a single solution the fields are numbers, or arrays over the contact points. For several
+    solutions each has a row, and there are no loops.
 
-    ``plot`` draws loops of force over displacement, or stiffness and damping of several solutions over the amplitude
-    (:func:`bdamper.plot.plot_hysteresis`). ``plot_history`` draws forces and gap over time
-    (:func:`bdamper.plot.plot_history`), ``plot_energy`` the dissipated energy on the faces
-    (:func:`bdamper.plot.plot_energy`).
+    ``plot`` draws loops of force over displacement, or stiffness and damping of several solutions
+    over the amplitude (:func:`bdamper.plot.plot_hysteresis`). ``plot_history`` draws forces and gap
+    over time (:func:`bdamper.plot.plot_history`), ``plot_energy`` the dissipated energy on the
+    faces (:func:`bdamper.plot.plot_energy`).
 
     Parameters
     ----------
@@ -90,8 +95,8 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
     kinetic : float or (n,) float, J
         Maximum kinetic energy if all points pass the mean position simultaneously.
     stiffness, width : float or (n,) float, N/m
-        Equivalent stiffness of the contacts at the response location, and equivalent viscous damping times angular
-        frequency; NaN if the response is zero.
+        Equivalent stiffness of the contacts at the response location, and equivalent viscous
+        damping times angular frequency; NaN if the response is zero.
     branch : (n,) int
         Branch of the curve of each solution.
     theta : (n_theta,) float, rad
@@ -101,8 +106,8 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
         Rows t1, t2, n.
     area : (n_points,) float, m2
     displacement : (n_points, 3, n_theta) float, m
-        Relative displacement of the contact elements along t1 and t2, and closing along n. It includes the elasticity of
-        residual modes. NaN at points that the settings omit.
+        Relative displacement of the contact elements along t1 and t2, and closing along n. It
+        includes the elasticity of residual modes. NaN at points that the settings omit.
     force : (n_points, 3, n_theta) float, N
     gap : (n_points, n_theta) float, m
         Distance of the surfaces, 0 in contact; NaN at points without normal spring.
@@ -175,8 +180,12 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
 
     @property
     def damping_ratio(self) -> Annotated[Any, Quantity(label="Equivalent damping ratio")]:
-        """Equivalent damping ratio of the contacts: dissipated energy over 4 pi times the kinetic energy."""
-        return self.lost / np.where(np.equal(self.kinetic, 0.0), np.nan, 4.0 * np.pi * self.kinetic)
+        """Equivalent damping ratio of the contacts.
+
+        It is the dissipated energy over 4 pi times the kinetic energy.
+        """
+        at_rest = np.equal(self.kinetic, 0.0)
+        return self.lost / np.where(at_rest, np.nan, 4.0 * np.pi * self.kinetic)
 
     @property
     def viscous(self) -> Annotated[Any, Quantity("N s/m", name="viscous_damping")]:
@@ -185,7 +194,10 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
 
     @property
     def imbalance(self) -> Any:
-        """Work of the excitation minus all dissipated energies, relative to the work: the error of the energy balance."""
+        """Error of the energy balance.
+
+        It is the work of the excitation minus all dissipated energies, relative to the work.
+        """
         work = np.where(np.equal(self.excitation, 0.0), np.nan, self.excitation)
         return (self.excitation - self.damping - self.lost) / work
 
@@ -193,21 +205,27 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
         return "contact_point" if self.single else "point"
 
     def columns(self) -> dict[str, Column]:
-        """Return one row for each contact point of a single solution, or for each of several solutions."""
-        columns, n = super().columns(), len(self.interface)
+        """Return one row for each contact point, or for each of several solutions."""
+        columns = super().columns()
         if not self.single:
-            return columns | {
-                f"lost_{name}": Column(energy, "J") for name, energy in self.by_interface.items()
-            }
-        of_points = {name: c for name, c in columns.items() if c.dims or len(c.values) == n}
-        rows = ("interface", "energy")
-        return {name: c._replace(dims=()) if name in rows else c for name, c in of_points.items()}
+            for name, energy in self.by_interface.items():
+                columns[f"lost_{name}"] = Column(energy, "J")
+            return columns
+        n_points = len(self.interface)
+        of_points = {
+            name: column
+            for name, column in columns.items()
+            if column.dims or len(column.values) == n_points
+        }
+        # a row of the table is a contact point
+        for name in ("interface", "energy"):
+            of_points[name] = of_points[name]._replace(dims=())
+        return of_points
 
     def rows(self, interface: str) -> NDArray:
         """Return the indices of the points of an interface."""
-        return np.flatnonzero(
-            np.array(self.interface) == validation.choice("interface", interface, self.interfaces)
-        )
+        validation.choice("interface", interface, self.interfaces)
+        return np.flatnonzero(np.array(self.interface) == interface)
 
     def loop(self, where: int | str = WHOLE, direction: str = "t1") -> tuple[NDArray, NDArray]:
         """Return displacement (m) without its mean, and force (N), (n_theta,) each, over one cycle.
@@ -224,29 +242,27 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
         SettingError
             If there is no such point or interface, or the settings omit it.
         """
-        k = AXES.index(validation.choice("direction", direction, AXES))
+        axis = AXES.index(validation.choice("direction", direction, AXES))
         if isinstance(where, str):
             validation.choice("where", where, (WHOLE, *self.interfaces))
             if where == WHOLE:
                 return self.response, self.whole
             rows = self.rows(where)
         else:
-            rows = np.array(
-                [
-                    validation.integer(
-                        "where, index of a contact point", where, 0, len(self.points) - 1
-                    )
-                ]
-            )
-        rows = rows[np.isfinite(self.displacement[rows, 0, 0])]
+            last = len(self.points) - 1
+            rows = np.array([validation.integer("where, index of a contact point", where, 0, last)])
+        active = np.isfinite(self.displacement[rows, 0, 0])
+        rows = rows[active]
         validation.check(
             len(rows), "where", "an active contact", f"{where!r}, which the settings leave out"
         )
-        moved = np.average(self.displacement[rows, k], axis=0, weights=self.area[rows])
-        return moved - moved[:-1].mean(), self.force[rows, k].sum(axis=0)
+        mean_over_face = np.average(self.displacement[rows, axis], axis=0, weights=self.area[rows])
+        # the last angle repeats the first
+        vibration = mean_over_face - mean_over_face[:-1].mean()
+        return vibration, self.force[rows, axis].sum(axis=0)
 
     def plot_history(self, where: int, path: FilePath | None = None, **options: Any) -> Any:
-        """Draw forces and gap of one contact point over time (:func:`bdamper.plot.plot_history`)."""
+        """Draw forces and gap of a contact point over time (:func:`bdamper.plot.plot_history`)."""
         return draw(self, "figure", "history", path, where, **options)
 
     def plot_energy(self, path: FilePath | None = None) -> Any:
@@ -258,15 +274,22 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
 
     def _headline(self) -> str:
         if not self.single:
-            k = int(np.argmax(self.damping_ratio))
-            at = f"{peak_text(self.amplitude[k], self.frequency[k])}, preload {amount(self.preload[k], 'N')}"
-            return f"Largest damping ratio of the contacts {percent(self.damping_ratio[k])}, with {at}."
+            i = int(np.argmax(self.damping_ratio))
+            peak = peak_text(self.amplitude[i], self.frequency[i])
+            return (
+                f"Largest damping ratio of the contacts {percent(self.damping_ratio[i])}, with "
+                f"{peak}, preload {amount(self.preload[i], 'N')}."
+            )
         share = self.lost / self.excitation if self.excitation else float("nan")
-        most = max(self.by_interface, key=lambda name: self.by_interface[name], default="")
-        where = f", most of it at {most}" if self.lost > NOTHING * self.excitation else ""
+        where = ""
+        if self.lost > NOTHING * self.excitation:
+            dissipated = self.by_interface
+            most = max(dissipated, key=lambda name: dissipated[name], default="")
+            where = f", most of it at {most}"
         return (
-            f"The contacts dissipate {percent(share)} of the work of the excitation{where}: equivalent damping ratio "
-            f"{percent(self.damping_ratio)} with {peak_text(self.amplitude, self.frequency)}."
+            f"The contacts dissipate {percent(share)} of the work of the excitation{where}: "
+            f"equivalent damping ratio {percent(self.damping_ratio)} with "
+            f"{peak_text(self.amplitude, self.frequency)}."
         )
 
 
@@ -278,31 +301,35 @@ def _solutions(problem: Problem, result: Solved) -> tuple[Solutions, NDArray]:
     )
     if isinstance(result, ResponseCurve):
         check_curve(problem, result)
-    solved, branch = solutions_of(problem, result), np.zeros(1, int)
+    solutions = solutions_of(problem, result)
     if isinstance(result, ResponseCurve):
         branch = result.branch
     elif isinstance(result, OptimalCurve):
         branch = np.cumsum(~result.goes_on)
-    known = np.isfinite(solved.frequency)
-    validation.check(known.any(), "result", "solutions", f"none ({type(result).__name__})")
-    return Solutions(*(column[known] for column in solved)), branch[known]
+    else:
+        branch = np.zeros(1, int)
+    solved = np.isfinite(solutions.frequency)
+    validation.check(solved.any(), "result", "solutions", f"none ({type(result).__name__})")
+    return Solutions(*(column[solved] for column in solutions)), branch[solved]
 
 
 def _on_points(problem: Problem, system: Equations[Sector], values: NDArray) -> NDArray:
     """Sum values of the contact elements at each contact point of the model."""
-    if system.structure.points.index is None:
+    index = system.structure.points.index
+    if index is None:
         return values
-    out = np.zeros((problem.coupling.n_points, *values.shape[1:]))
-    np.add.at(out, system.structure.points.index, values)
-    return out
+    # a point may have several elements
+    sums = np.zeros((problem.coupling.n_points, *values.shape[1:]))
+    np.add.at(sums, index, values)
+    return sums
 
 
 @one_thread
 def dissipation(problem: Problem, result: Solved) -> Hysteresis:
     """See :meth:`bdamper.Study.dissipation`."""
-    solved, branch = _solutions(problem, result)
+    solutions, branch = _solutions(problem, result)
     rows = [
-        _of_solution(problem, u, frequency, preload) for u, frequency, preload, _ in zip(*solved)
+        _of_solution(problem, u, frequency, preload) for u, frequency, preload, _ in zip(*solutions)
     ]
     columns: dict[str, Any] = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     return Hysteresis(branch=branch, **columns, **_identity(problem))
@@ -310,38 +337,44 @@ def dissipation(problem: Problem, result: Solved) -> Hysteresis:
 
 def _of_solution(problem: Problem, u: NDArray, frequency: float, preload: float) -> dict[str, Any]:
     """Return energies, equivalent stiffness and damping of one solution."""
-    system, shown = problem.system(preload), ~problem.coupling.spring_points
-    e = energies(system, u, 2.0 * np.pi * frequency, _counted(problem, system))
+    system = problem.system(preload)
+    omega = 2.0 * np.pi * frequency
+    energy = energies(system, u, omega, _in_contacts(problem, system))
+    shown = ~problem.coupling.spring_points
     return {
-        "preload": float(preload), "frequency": float(frequency), "amplitude": float(np.abs(system.response(u)[1])),
-        "energy": _on_points(problem, system, e["contact"])[shown], "damping": e["damping"],
-        "excitation": e["excitation"], "kinetic": e["kinetic"], "stiffness": e["stiffness"].real,
-        "width": e["stiffness"].imag,
-    }  # fmt: skip
+        "preload": float(preload),
+        "frequency": float(frequency),
+        "amplitude": float(np.abs(system.response(u)[1])),
+        "energy": _on_points(problem, system, energy["contact"])[shown],
+        "damping": energy["damping"],
+        "excitation": energy["excitation"],
+        "kinetic": energy["kinetic"],
+        "stiffness": energy["stiffness"].real,
+        "width": energy["stiffness"].imag,
+    }
 
 
 def _faces(problem: Problem) -> list[Interface]:
-    return [problem.coupling.model.interfaces[name] for name in problem.coupling.interfaces]
+    interfaces = problem.coupling.model.interfaces
+    return [interfaces[name] for name in problem.coupling.interfaces]
 
 
 def _identity(problem: Problem) -> dict[str, Any]:
     """Return the interface of each contact point, and settings and model of the problem."""
-    names = tuple(
-        face.name for face in _faces(problem) if face.kind != "spring" for _ in range(face.n_points)
-    )
-    return {"interface": names, **problem.recorded()}
+    names: list[str] = []
+    for face in _faces(problem):
+        if face.kind != "spring":
+            names += [face.name] * face.n_points
+    return {"interface": tuple(names), **problem.recorded()}
 
 
-def _counted(problem: Problem, system: Equations[Sector]) -> NDArray:
+def _in_contacts(problem: Problem, system: Equations[Sector]) -> NDArray:
     """Return which contact elements (n,) belong to contacts; springs between bodies do not."""
     faces = _faces(problem)
-    contact = np.repeat(
-        [face.kind in ("friction", "constraint") for face in faces],
-        [face.n_points for face in faces],
-    )
-    return (
-        contact if system.structure.points.index is None else contact[system.structure.points.index]
-    )
+    is_contact = [face.kind in ("friction", "constraint") for face in faces]
+    of_points = np.repeat(is_contact, [face.n_points for face in faces])
+    index = system.structure.points.index
+    return of_points if index is None else of_points[index]
 
 
 @one_thread
@@ -350,67 +383,83 @@ def hysteresis(
 ) -> Hysteresis:
     """See :meth:`bdamper.Study.hysteresis`."""
     n_theta = validation.integer("n_theta", n_theta, least=16)
-    if index is None and isinstance(result, ResponseCurve) and len(result):
-        index = result.peak_index
-    elif index is None and isinstance(result, OptimalCurve):
-        known = result.amplitude[np.isfinite(result.amplitude)]
-        index = int(np.argmin(known)) if len(known) else None
-    solved, branch = _solutions(problem, result)
-    k = (
-        0
-        if index is None
-        else validation.integer("index of a point", index, -len(branch), len(branch) - 1)
-    )
-    u, frequency, preload, _ = (column[k] for column in solved)
+    if index is None:
+        index = _most_interesting(result)
+    solutions, _ = _solutions(problem, result)
+    n_solutions = len(solutions.frequency)
+    if index is None:
+        index = 0
+    else:
+        validation.integer("index of a point", index, -n_solutions, n_solutions - 1)
+    u, frequency, preload, _ = (column[index] for column in solutions)
     system = problem.system(preload)
     theta = np.linspace(0.0, 2.0 * np.pi, n_theta + 1)
     X, F = histories(system, u, theta)
-    counted, shown = _counted(problem, system), ~problem.coupling.spring_points
-    response = complex(system.response(u)[1])
-    places = (
-        np.arange(system.n_points)
-        if system.structure.points.index is None
-        else system.structure.points.index
-    )
+
     # a point may have two elements; the first has the normal of the point
-    first = np.unique(places, return_index=True)[1]
-    sense = np.where(np.isin(np.arange(len(places)), first), 1.0, -1.0)
-    force = _on_points(
-        problem, system, np.stack([F[:, 0], F[:, 1], sense[:, None] * F[:, 2]], axis=1)
-    )
+    points = system.structure.points
+    point_of_element = np.arange(system.n_points) if points.index is None else points.index
+    first = np.unique(point_of_element, return_index=True)[1]
+    has_normal = np.isin(np.arange(len(point_of_element)), first)
+    normal_sign = np.where(has_normal, 1.0, -1.0)
+    normal_force = normal_sign[:, None] * F[:, 2]
+    force = _on_points(problem, system, np.stack([F[:, 0], F[:, 1], normal_force], axis=1))
+    active = point_of_element[first]
     displacement = np.full(force.shape, np.nan)
-    displacement[places[first]] = X[first]
-    kn, n0 = system.structure.points.kn[first], system.structure.points.n0[first]
-    distance = (-n0 / np.where(kn > 0.0, kn, np.nan))[:, None] - X[first, 2]
+    displacement[active] = X[first]
+    kn = points.kn[first]
+    # a point without normal spring has no gap
+    distance = (-points.n0[first] / np.where(kn > 0.0, kn, np.nan))[:, None] - X[first, 2]
     gap = np.full(force[:, 2].shape, np.nan)
-    gap[places[first]] = np.where(force[places[first], 2] != 0.0, 0.0, np.maximum(distance, 0.0))
-    at_points = {"displacement": displacement, "force": force, "gap": gap}
-    of_faces = {
-        n: np.concatenate([getattr(face, n) for face in _faces(problem)])
-        for n in ("points", "frame", "area")
-    }
-    columns: dict[str, Any] = {
-        name: values[shown] for name, values in (at_points | of_faces).items()
-    }
+    closed = force[active, 2] != 0.0
+    gap[active] = np.where(closed, 0.0, np.maximum(distance, 0.0))
+
+    shown = ~problem.coupling.spring_points
+    faces = _faces(problem)
+    response = complex(system.response(u)[1])
     return Hysteresis(
-        theta=theta, response=(response * np.exp(1j * theta)).real, whole=_whole(system, u, F, theta, counted),
-        **_of_solution(problem, u, frequency, preload), **columns, **_identity(problem),
-    )  # fmt: skip
+        **_of_solution(problem, u, frequency, preload),
+        theta=theta,
+        points=np.concatenate([face.points for face in faces])[shown],
+        frame=np.concatenate([face.frame for face in faces])[shown],
+        area=np.concatenate([face.area for face in faces])[shown],
+        displacement=displacement[shown],
+        force=force[shown],
+        gap=gap[shown],
+        response=(response * np.exp(1j * theta)).real,
+        whole=_whole(system, u, F, theta, _in_contacts(problem, system)),
+        **_identity(problem),
+    )
+
+
+def _most_interesting(result: Solved) -> int | None:
+    """Return the index of the peak of a response curve, or of the optimum; None without one."""
+    if isinstance(result, ResponseCurve) and len(result):
+        return result.peak_index
+    if isinstance(result, OptimalCurve):
+        # the index counts the preloads with a solution
+        amplitude = result.amplitude[np.isfinite(result.amplitude)]
+        if len(amplitude):
+            return int(np.argmin(amplitude))
+    return None
 
 
 def _whole(
-    system: Equations[Sector], u: NDArray, F: NDArray, theta: NDArray, counted: NDArray
+    system: Equations[Sector], u: NDArray, F: NDArray, theta: NDArray, in_contacts: NDArray
 ) -> NDArray:
     """Return the force (n_theta,) at the response location that is equivalent to all contacts."""
-    (_, mean, _), response = system.contact(u), complex(system.response(u)[1])
+    response = complex(system.response(u)[1])
     if response == 0.0:
         return np.full(len(theta), np.nan)
-    ratio = (bodily_motion(system, u) / response)[counted]
-    vibration = (F - mean[..., :1])[counted]
-    out = np.zeros(len(theta))
-    for r, f in zip(ratio.ravel(), vibration.reshape(-1, len(theta))):
-        out += abs(r) * np.interp((theta - np.angle(r)) % (2.0 * np.pi), theta, f)
-    return out
+    _, mean_force, _ = system.contact(u)
+    # work of a contact force over the work of the same force at the response location
+    ratio = (bodily_motion(system, u) / response)[in_contacts]
+    vibration = (F - mean_force[..., :1])[in_contacts]
+    whole = np.zeros(len(theta))
+    for r, force in zip(ratio.ravel(), vibration.reshape(-1, len(theta))):
+        shifted = (theta - np.angle(r)) % (2.0 * np.pi)
+        whole += abs(r) * np.interp(shifted, theta, force)
+    return whole
 
 
 @asked
@@ -423,7 +472,9 @@ def microslip(
     location: str = "damper",
     direction: tuple[float, float, float] = (0.0, 0.0, 1.0),
 ) -> SweepResult:
-    """Compute the displacement of a location under a growing force at constant preload (first loading).
+    """Compute the displacement of a location under a growing force at constant preload.
+
+    This is the first loading.
 
     Parameters
     ----------
@@ -439,20 +490,22 @@ def microslip(
     Returns
     -------
     SweepResult
-        Results over "force", from zero. "displacement" is the displacement of the location along the force (m). "open"
-        is the share of friction points without contact, "slipping" the share of the closed ones that slip. "residual" is
-        the relative residual of modal equilibrium. Forces under which the damper slides have the status "failed".
+        Results over "force", from zero. "displacement" is the displacement of the location along
+        the force (m). "open" is the share of friction points without contact, "slipping" the share
+        of the closed ones that slip. "residual" is the relative residual of modal equilibrium.
+        Forces under which the damper slides have the status "failed".
 
     Raises
     ------
     SettingError
-        If the forces do not increase from zero, or the location does not move in the direction of the force.
+        If the forces do not increase from zero, or the location does not move in the direction of
+        the force.
     ModelError
         If there is no static state under the preload.
     """
-    wanted = validation.numbers("microslip forces", forces, above=0.0, unit="N")
+    increasing = validation.numbers("microslip forces", forces, above=0.0, unit="N")
     validation.check_value(
-        not np.any(np.diff(wanted) <= 0.0),
+        not np.any(np.diff(increasing) <= 0.0),
         "microslip forces",
         "increasing forces above 0 N",
         forces,
@@ -461,45 +514,53 @@ def microslip(
     seat = problem.static(preload)
     if not seat.converged:
         raise ModelError(f"microslip: no static state under {preload:g} N: {seat.note}")
-    basis = problem.static_basis
-    along = problem.coupling.location_modes(location, 0).real
-    d = direction_vector(direction, "microslip direction") @ np.pad(
-        along, ((0, 0), (0, basis.n_modes - along.shape[1]))
-    )
-    if not np.any(d):
+    modes = problem.coupling.location_modes(location, 0).real
+    # residual modes move no location
+    n_residual = problem.static_basis.n_modes - modes.shape[1]
+    modes = np.pad(modes, ((0, 0), (0, n_residual)))
+    unit_force = direction_vector(direction, "microslip direction") @ modes
+    if not np.any(unit_force):
         raise SettingError(
             f"microslip: expected a location that moves along {direction}, '{location}' does not"
         )
+    # the load of these equations is the force; the preload is constant
     static = problem.static_system(preload)
     system = replace(
-        static, force=d.real, shift=np.zeros_like(static.shift),
-        constant_force=preload * static.force + static.constant_force, constant_shift=static.shift_at(preload),
-    )  # fmt: skip
-    forces, values = np.append(0.0, wanted), []
+        static,
+        force=unit_force.real,
+        shift=np.zeros_like(static.shift),
+        constant_force=preload * static.force + static.constant_force,
+        constant_shift=static.shift_at(preload),
+    )
+    steps = np.append(0.0, increasing)
+    rows: list[dict[str, float]] = []
     state = replace(seat, load=0.0)
-    for force in forces:
+    for force in steps:
         if force > 0.0:
             state = static_state(system, float(force), start=state, steps=2)
         if not state.converged:
             break
-        of_friction = replace(state, on_friction_face=problem.friction_points).friction_state
-        n, n_open = len(of_friction), of_friction.count("open")
-        values.append({
-            "displacement": float(d.real @ (state.q - seat.q)),
-            "slipping": of_friction.count("slip") / max(n - n_open, 1),
-            "open": n_open / n,
-            "residual": float(state.residual),
-        })  # fmt: skip
-    n_failed = len(forces) - len(values)
-    columns = {name: [row[name] for row in values] + [np.nan] * n_failed for name in values[0]}
-    status = (COMPLETE,) * len(values) + (with_reason(FAILED, "the damper slides"),) * n_failed
-    n, points = len(forces), named_fields({"force": forces}, len(forces))
+        on_friction = replace(state, on_friction_face=problem.friction_points).friction_state
+        n_open = on_friction.count("open")
+        n_closed = len(on_friction) - n_open
+        rows.append(
+            {
+                "displacement": float(unit_force.real @ (state.q - seat.q)),
+                "slipping": on_friction.count("slip") / max(n_closed, 1),
+                "open": n_open / len(on_friction),
+                "residual": float(state.residual),
+            }
+        )
+    n = len(steps)
+    n_failed = n - len(rows)
+    columns = {name: [row[name] for row in rows] + [np.nan] * n_failed for name in rows[0]}
+    status = [COMPLETE] * len(rows) + [with_reason(FAILED, "the damper slides")] * n_failed
     return SweepResult(
-        ("force",),
-        points,
-        named_fields(columns, n),
-        status,
-        np.zeros(n),
-        (n,),
+        names=("force",),
+        points=named_fields({"force": steps}, n),
+        values=named_fields(columns, n),
+        status=tuple(status),
+        seconds=np.zeros(n),
+        shape=(n,),
         **problem.recorded(),
     )
