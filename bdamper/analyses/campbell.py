@@ -1,11 +1,13 @@
 """Campbell and interference diagrams, and the run-up along the line of an engine order.
 
-An excitation of engine order EO is a travelling wave of nodal diameter ``d = EO mod N``, or ``N - d`` if that is less. It
-excites modes of this nodal diameter only, with the frequency ``EO Omega/(2 pi)``. The Campbell diagram of an order shows
-the modes of its nodal diameter over speed. The interference (SAFE) diagram shows all modes over nodal diameter at one
-speed, with the line of the excitation folded at N/2.
+An excitation of engine order EO is a travelling wave of nodal diameter ``d = EO mod N``, or ``N -
+d`` if that is less. It excites modes of this nodal diameter only, with the frequency ``EO Omega/(2
+pi)``. The Campbell diagram of an order shows the modes of its nodal diameter over speed. The
+interference (SAFE) diagram shows all modes over nodal diameter at one speed, with the line of the
+excitation folded at N/2.
 
-The run-up is one response curve over rotor speed at the preload of each speed (:mod:`bdamper.analyses.engine_order_line`).
+The run-up is one response curve over rotor speed at the preload of each speed
+(:mod:`bdamper.analyses.engine_order_line`).
 """
 
 from __future__ import annotations
@@ -56,8 +58,8 @@ from bdamper.util.tables import Hertz, Numbers, RadiansPerSecond, Tabular
 class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
     """Natural frequencies over rotor speed.
 
-    ``plot`` draws the Campbell diagram (:func:`bdamper.plot.plot_campbell`), ``plot_safe`` the interference diagram at one
-    speed (:func:`bdamper.plot.plot_safe`).
+    ``plot`` draws the Campbell diagram (:func:`bdamper.plot.plot_campbell`), ``plot_safe`` the
+    interference diagram at one speed (:func:`bdamper.plot.plot_safe`).
 
     Parameters
     ----------
@@ -65,7 +67,8 @@ class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
     nodal_diameter : (k,) int
         Nodal diameters of the model.
     free, stuck : (k, n, modes) float, Hz
-        Frequencies without contact, and with stuck contacts at all points that the preload at the speed closes.
+        Frequencies without contact, and with stuck contacts at all points that the preload at the
+        speed closes.
     n_blades : int
     engine_order : (m,) int
         Requested engine orders.
@@ -106,27 +109,29 @@ class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
         SettingError
             If the diagram does not contain it.
         """
-        known = self.nodal_diameter.tolist()
+        diameters = self.nodal_diameter.tolist()
         validation.check(
-            nodal_diameter in known, "nodal_diameter", f"one of {known}", nodal_diameter
+            nodal_diameter in diameters, "nodal_diameter", f"one of {diameters}", nodal_diameter
         )
-        return known.index(nodal_diameter)
+        return diameters.index(nodal_diameter)
 
     @property
     def met(self) -> NDArray:
-        """Crossings (j, 4): order, mode, and speeds (rad/s) of the free and the stuck resonance on the line of the order.
+        """Crossings (j, 4) of the orders and modes.
 
-        There is one row for each order and mode, more if a resonance crosses a line more than once; NaN without a crossing.
+        The columns are order, mode, and speeds (rad/s) of the free and the stuck resonance on the
+        line of the order. There is one row for each order and mode, more if a resonance crosses a
+        line more than once; NaN without a crossing.
         """
         rows = []
         for order in self.engine_order.tolist():
             k = self.row(self.met_by(order))
             for m in range(self.free.shape[2]):
-                lines = self.free[k, :, m], self.stuck[k, :, m]
-                at = [
-                    line_crossings(self.speed, line, order).tolist() or [np.nan] for line in lines
-                ]
-                rows += [(order, m + 1, *speeds) for speeds in zip_longest(*at, fillvalue=np.nan)]
+                free = line_crossings(self.speed, self.free[k, :, m], order).tolist()
+                stuck = line_crossings(self.speed, self.stuck[k, :, m], order).tolist()
+                # a row without crossings too
+                pairs = zip_longest(free or [np.nan], stuck or [np.nan], fillvalue=np.nan)
+                rows += [(order, m + 1, *speeds) for speeds in pairs]
         return np.array(rows, float).reshape(-1, 4)
 
     def plot_safe(
@@ -144,30 +149,37 @@ class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
 
     def _facts(self) -> tuple[Fact, ...]:
         """Return the crossings of orders and modes."""
-        places = (
-            (f"order {n:g}, mode {m:g}", f"free at {_place(a)}, stuck at {_place(b)}")
-            for n, m, a, b in self.met
+        return tuple(
+            Fact(
+                f"order {order:g}, mode {mode:g}",
+                f"free at {_place(free)}, stuck at {_place(stuck)}",
+            )
+            for order, mode, free, stuck in self.met
         )
-        return tuple(Fact(*place) for place in places)
 
     def _headline(self) -> str:
-        pairs = dict.fromkeys((n, m) for n, m, *speeds in self.met if np.isfinite(speeds).any())
-        which = ", ".join(f"order {n:g} with mode {m:g}" for n, m in pairs) or "none"
-        return f"Engine orders that cross modes from {_place(self.speed[0])} to {_place(self.speed[-1])}: {which}."
+        # orders and modes, each once
+        pairs = dict.fromkeys(
+            (order, mode) for order, mode, *speeds in self.met if np.isfinite(speeds).any()
+        )
+        crossings = ", ".join(f"order {order:g} with mode {mode:g}" for order, mode in pairs)
+        low = _place(self.speed[0])
+        high = _place(self.speed[-1])
+        return f"Engine orders that cross modes from {low} to {high}: {crossings or 'none'}."
 
 
 def _place(speed: float) -> str:
-    return (
-        f"{speed:.5g} rad/s ({speed * RPM:.0f} rpm)"
-        if np.isfinite(speed)
-        else "no speed of the range"
-    )
+    """Return a speed as text."""
+    if not np.isfinite(speed):
+        return "no speed of the range"
+    return f"{speed:.5g} rad/s ({speed * RPM:.0f} rpm)"
 
 
 def line_crossings(speed: NDArray, frequency: NDArray, engine_order: int) -> NDArray:
     """Return the speeds (k,) in rad/s at which a resonance crosses the line of an engine order.
 
-    Squared frequencies are interpolated linearly over squared speeds, which is exact if mode shapes do not change.
+    Squared frequencies are interpolated linearly over squared speeds, which is exact if mode shapes
+    do not change.
 
     Parameters
     ----------
@@ -177,11 +189,14 @@ def line_crossings(speed: NDArray, frequency: NDArray, engine_order: int) -> NDA
     """
     gap = (2.0 * np.pi * frequency) ** 2 - (engine_order * speed) ** 2
     i = np.flatnonzero((gap[:-1] == 0.0) | (gap[:-1] * gap[1:] < 0.0))
-    part = np.where(
-        gap[i] == 0.0, 0.0, gap[i] / np.where(gap[i] == gap[i + 1], 1.0, gap[i] - gap[i + 1])
-    )
-    crossings = np.sqrt(speed[i] ** 2 + part * (speed[i + 1] ** 2 - speed[i] ** 2))
-    return np.append(crossings, speed[-1:][gap[-1:] == 0.0])
+    before = gap[i]
+    after = gap[i + 1]
+    # the gap may be zero at both ends of a step
+    step = np.where(before == after, 1.0, before - after)
+    share = np.where(before == 0.0, 0.0, before / step)
+    crossings = np.sqrt(speed[i] ** 2 + share * (speed[i + 1] ** 2 - speed[i] ** 2))
+    at_last_speed = speed[-1:][gap[-1:] == 0.0]
+    return np.append(crossings, at_last_speed)
 
 
 @one_thread
@@ -201,56 +216,79 @@ def campbell(
     values = speed_values(asked_speeds(problem, speeds, rpm))
     orders = validation.integers("engine_orders", engine_orders, least=1)
     modes = validation.integer("modes", modes, least=1)
-    shown = (damped,) if isinstance(damped, SweepResult) else tuple(damped or ())
-    for result in shown:
-        crossings = isinstance(result, SweepResult) and {"speed", "mass"} <= {*result.quantities}
-        validation.check_value(
-            crossings, "damped", "crossings, as Study.resonance_crossings returns them", result
-        )
-        same_model = result.model_hash == problem.model.hash
-        validation.check(
-            same_model, "damped", "crossings of this model", "crossings of another model"
-        )
-    operating, progress = conditions, shows_progress(progress)
-    constrained = [body for body in problem.model.bodies.values() if body.kind == "constrained"]
-    bases = [pair for body in constrained for pair in body.bases.items()]
-    known = sorted({d for d, basis in bases if basis.speed is not None} or {d for d, _ in bases})
-    own_diameter = problem.model.folded_nodal_diameter(int(problem.engine_order))[0]
-    diameters = known or [own_diameter]
-    free, stuck = np.full((2, len(diameters), len(values), modes), np.nan)
-    n, resting = problem.model.n_blades, Conditions(operating.friction, operating.temperature)
-    beyond = [
-        order for order in orders if problem.model.folded_nodal_diameter(order)[0] not in diameters
+    if isinstance(damped, SweepResult):
+        damped = (damped,)
+    crossings = tuple(damped or ())
+    for result in crossings:
+        _check_damped(problem, result)
+    model = problem.model
+    own_diameter = model.folded_nodal_diameter(int(problem.engine_order))[0]
+    diameters = _diameters(problem) or [own_diameter]
+    not_excited = [
+        order for order in orders if model.folded_nodal_diameter(order)[0] not in diameters
     ]
     validation.check(
-        not beyond, "engine_orders", f"orders that excite nodal diameters {diameters}", beyond
+        not not_excited,
+        "engine_orders",
+        f"orders that excite nodal diameters {diameters}",
+        not_excited,
     )
-    by_diameter = [
-        SpeedFamily(problem.replace(engine_order=d or n, harmonics=1), resting) for d in diameters
-    ]
+    resting = Conditions(conditions.friction, conditions.temperature)
+    families = []
+    for diameter in diameters:
+        # the engine order n_blades excites nodal diameter 0
+        order = diameter or model.n_blades
+        families.append(SpeedFamily(problem.replace(engine_order=order, harmonics=1), resting))
     # all nodal diameters have the same static state
     mean = diameters.index(own_diameter) if own_diameter in diameters else 0
-    for i, omega in enumerate(
-        with_progress(values.tolist(), progress, "Campbell diagram", "speed")
-    ):
-        problems = [under(family.base, omega, resting) for family in by_diameter]
+    free = np.full((len(diameters), len(values), modes), np.nan)
+    stuck = np.full((len(diameters), len(values), modes), np.nan)
+    steps = with_progress(values.tolist(), shows_progress(progress), "Campbell diagram", "speed")
+    for i, omega in enumerate(steps):
+        problems = [under(family.base, omega, resting) for family in families]
         preload = preload_at(problem, omega) if problem.carries_load else 0.0
         states = problems[mean].static_states
-        for k, one in enumerate(problems):
-            free[k, i], stuck[k, i] = free_and_stuck(
-                one.given(static_states=states).at(preload), modes
-            )
+        for k, at_speed in enumerate(problems):
+            case = at_speed.given(static_states=states).at(preload)
+            free[k, i], stuck[k, i] = free_and_stuck(case, modes)
     return Campbell(
         speed=values,
         nodal_diameter=np.array(diameters, int),
         free=free,
         stuck=stuck,
-        n_blades=n,
+        n_blades=model.n_blades,
         engine_order=np.array(orders, int),
-        damped=shown,
-        notes=problem.model.neglected_over_speed(),
+        damped=crossings,
+        notes=model.neglected_over_speed(),
         **problem.recorded(),
     )
+
+
+def _check_damped(problem: Problem, result: Any) -> None:
+    """Raise SettingError unless a result has crossings of the model of a problem."""
+    are_crossings = isinstance(result, SweepResult) and {"speed", "mass"} <= {*result.quantities}
+    validation.check_value(
+        are_crossings, "damped", "crossings, as Study.resonance_crossings returns them", result
+    )
+    same_model = result.model_hash == problem.model.hash
+    validation.check(same_model, "damped", "crossings of this model", "crossings of another model")
+
+
+def _diameters(problem: Problem) -> list[int]:
+    """Return the nodal diameters of the constrained bodies.
+
+    If some of them have modes over speed, only these count.
+    """
+    with_modes = set()
+    with_speed = set()
+    for body in problem.model.bodies.values():
+        if body.kind != "constrained":
+            continue
+        for diameter, basis in body.bases.items():
+            with_modes.add(diameter)
+            if basis.speed is not None:
+                with_speed.add(diameter)
+    return sorted(with_speed or with_modes)
 
 
 # ---- Run-up ----
@@ -273,57 +311,68 @@ def run_up(
     conditions: Conditions,
 ) -> ResponseCurve:
     """See :meth:`bdamper.Study.run_up`."""
-    operating = conditions
-    limits = np.clip(operating.reach(int(problem.engine_order)), *WITHIN)
-    narrow = speeds is not None or rpm is not None
-    if narrow:
-        limits = speed_values(asked_speeds(problem, speeds, rpm))
     mode = validation.integer("mode", mode, least=1)
+    has_range = speeds is not None or rpm is not None
+    if has_range:
+        limits = speed_values(asked_speeds(problem, speeds, rpm))
+    else:
+        limits = np.clip(conditions.reach(int(problem.engine_order)), *WITHIN)
+    low = float(limits[0])
+    high = float(limits[-1])
     meter = CostMeter()
-    family = SpeedFamily(problem, operating)
-    low, high, progress = float(limits[0]), float(limits[-1]), shows_progress(progress)
-    follow = follow_line if narrow and interval(family, low, high, mode) else follow_mode
-    found = follow(family, (low, high), mode, meter, options, progress)
-    highest = None if found is None else found[2]
-    if found is None or highest is None:
-        why = family.limits_text(low, high, mode) + (
-            "" if found is None else f"; {found[1]._headline()}"
-        )
-        raise BdamperError(f"run-up: expected a maximum of mode {mode}, found none: {why}")
-    equations, curve, _ = found
-    near, _, top, error, last = refined(family, equations, highest.peak, meter)
+    family = SpeedFamily(problem, conditions)
+    # a given range is followed as a whole
+    whole_range = has_range and interval(family, low, high, mode) is not None
+    follow = follow_line if whole_range else follow_mode
+    line = follow(family, (low, high), mode, meter, options, shows_progress(progress))
+    highest = None if line is None else line[2]
+    if line is None or highest is None:
+        reason = family.limits_text(low, high, mode)
+        if line is not None:
+            reason += f"; {line[1]._headline()}"
+        raise BdamperError(f"run-up: expected a maximum of mode {mode}, found none: {reason}")
+    equations, curve, _ = line
+    near, _, top, error, last_error = refined(family, equations, highest.peak, meter)
     if error > CLOSE:
-        why = f"interpolation over speed leaves a residual of {error:.2g} at the highest point"
+        doubt = f"interpolation over speed leaves a residual of {error:.2g} at the highest point"
         curve = replace(
             curve,
             status=INCOMPLETE,
-            reason=f"{curve.reason}; {why}; give a shorter range of speeds",
+            reason=f"{curve.reason}; {doubt}; give a shorter range of speeds",
         )
     fixed = interpolated_at_fixed_speed(equations, highest.peak, meter)
-    out = _with_maximum(curve, highest.index, top, responses(near, top.y[None])[0])
-    settled = (
-        last <= CLOSE and out.peak_index == highest.index
-    )  # no interpolated point is higher than the refined one
-    left = f"a residual of {error:.2g} after interpolation over it; give a shorter one"
-    validation.check(settled, "speeds", "a range in which the equations change smoothly", left)
+    result = _with_maximum(curve, highest.index, top, responses(near, top.y[None])[0])
+    # no interpolated point is higher than the refined one
+    refined_is_highest = result.peak_index == highest.index
+    validation.check(
+        last_error <= CLOSE and refined_is_highest,
+        "speeds",
+        "a range in which the equations change smoothly",
+        f"a residual of {error:.2g} after interpolation over it; give a shorter one",
+    )
     notes = (
         _comparison_text(top, fixed),
         f"interpolation over speed leaves a residual of {error:.1e} there",
     )
-    return replace(out, notes=(*curve.notes, *notes), cost=meter.read())
+    return replace(result, notes=(*curve.notes, *notes), cost=meter.read())
 
 
 def _with_maximum(curve: ResponseCurve, index: int, top: Peak, harmonics: NDArray) -> ResponseCurve:
     """Return the curve with the refined highest maximum, and without unknowns.
 
-    Unknowns over speed cannot be used in a study at one speed, because their residual modes have other phases.
+    Unknowns over speed cannot be used in a study at one speed, because their residual modes have
+    other phases.
     """
-    replaced = {
-        "harmonics": harmonics, "frequency": top.frequency, "speed": top.parameter, "shares": top.shares,
+    values: dict[str, Any] = {
+        "harmonics": harmonics,
+        "frequency": top.frequency,
+        "speed": top.parameter,
+        "shares": top.shares,
         "residual": top.residual,
-    }  # fmt: skip
-    columns: dict[str, Any] = {name: np.array(getattr(curve, name)) for name in replaced}
-    for name, value in replaced.items():
+    }
+    columns: dict[str, Any] = {}
+    for name, value in values.items():
+        columns[name] = np.array(getattr(curve, name))
         columns[name][index] = value
     return replace(curve, **columns, unknowns=np.zeros((len(curve), 0)))
 
@@ -334,6 +383,7 @@ def _comparison_text(top: Peak, fixed: Peak | str) -> str:
         comparison = fixed
     else:
         above = percent(top.amplitude / fixed.amplitude - 1.0)
-        reference = f"{amount(fixed.amplitude, 'm', 4)} at {fixed.parameter:.5g} rad/s"
-        comparison = f"{above} above the peak at fixed speed, {reference}"
-    return f"highest maximum {amount(top.amplitude, 'm', 4)} at {top.parameter:.5g} rad/s: {comparison}"
+        peak = f"{amount(fixed.amplitude, 'm', 4)} at {fixed.parameter:.5g} rad/s"
+        comparison = f"{above} above the peak at fixed speed, {peak}"
+    maximum = f"{amount(top.amplitude, 'm', 4)} at {top.parameter:.5g} rad/s"
+    return f"highest maximum {maximum}: {comparison}"

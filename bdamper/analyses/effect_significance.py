@@ -1,24 +1,27 @@
 """Selection of the physical effects that change a peak significantly.
 
-The *reference* is the study with all effects that its model allows. The analysis computes the change of the highest peak of
-the reference without each effect, and the work saved.
+The *reference* is the study with all effects that its model allows. The analysis computes the
+change of the highest peak of the reference without each effect, and the work saved.
 
 1. The peak is embedded in the study without the effect; one adjoint solution estimates the change
-   (:mod:`bdamper.analyses.error_estimates`). An effect whose omission frees a direction of motion has no estimate, because
-   the mean position may drift away from the peak: the complete curve without it is computed.
-2. If the estimate with its uncertainty exceeds the tolerance, Newton's method continues from the peak; if this fails or the
-   peak changes much, the complete curve without the effect is computed. If this fails too, the change is unknown and the
-   effect is significant.
-3. Effects are omitted one after the other, in order of the work saved, as long as the sum of their changes is within the
-   tolerance. Together they may change the peak by more than the sum. Therefore the peak without all of them is computed and
-   compared with the reference. Until they agree, the effect with the largest change is restored.
+   (:mod:`bdamper.analyses.error_estimates`). An effect whose omission frees a direction of motion
+   has no estimate, because the mean position may drift away from the peak: the complete curve
+   without it is computed.
+2. If the estimate with its uncertainty exceeds the tolerance, Newton's method continues from the
+peak; if this fails or the
+   peak changes much, the complete curve without the effect is computed. If this fails too, the
+   change is unknown and the effect is significant.
+3. Effects are omitted one after the other, in order of the work saved, as long as the sum of their
+changes is within the
+   tolerance. Together they may change the peak by more than the sum. Therefore the peak without all
+   of them is computed and compared with the reference. Until they agree, the effect with the
+   largest change is restored.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -80,7 +83,10 @@ class EffectRow:
 
     @property
     def size(self) -> float:
-        """Largest relative change of amplitude or frequency plus the uncertainty; infinite if unknown."""
+        """Largest relative change of amplitude or frequency plus the uncertainty.
+
+        It is infinite if unknown.
+        """
         return Change(self.amplitude_change, self.frequency_change, self.uncertainty).size
 
     @property
@@ -104,7 +110,8 @@ class EffectSignificance(Plottable, Tabular, Storable, kind="bdamper-effect-sign
     interval : (low, high), Hz
         Search interval of the highest peak.
     tolerance : float
-        Allowed relative change of amplitude or frequency of the highest peak by all omitted effects together.
+        Allowed relative change of amplitude or frequency of the highest peak by all omitted effects
+        together.
     amplitude, frequency : float, m, Hz
         Highest peak of the reference.
     effects : tuple of EffectRow
@@ -146,24 +153,38 @@ class EffectSignificance(Plottable, Tabular, Storable, kind="bdamper-effect-sign
         return tuple(e.name for e in self.effects if not e.significant)
 
     def _headline(self) -> str:
-        left = ", ".join(self.left_out) or "none"
-        change = f"the peak changes by {percent(self.amplitude_change, True)} and the work is {self.work:.2g} times as much"
+        n = len(self.effects)
+        n_significant = n - len(self.left_out)
+        left_out = ", ".join(self.left_out) or "none"
         return (
-            f"At a preload of {amount(self.preload, 'N')}, {len(self.effects) - len(self.left_out)} of {len(self.effects)} "
-            f"effects are significant. Without the others ({left}) {change}."
+            f"At a preload of {amount(self.preload, 'N')}, {n_significant} of {n} effects are "
+            f"significant. Without the others ({left_out}) the peak changes by "
+            f"{percent(self.amplitude_change, True)} and the work is {self.work:.2g} times as much."
         )
 
     def _rows(self) -> list[tuple[str, ...]]:
-        rows = [("without", "amplitude", "frequency", "may miss", "source", "work", "in the study")]
-        for e in self.effects:
-            changes = percent(e.amplitude_change, True), percent(e.frequency_change, True)
-            state = f"{'on' if e.on else 'off'}: {e.verdict}" + (
-                f" ({e.reason})" if e.reason else ""
+        rows: list[tuple[str, ...]] = []
+        rows.append(
+            ("without", "amplitude", "frequency", "may miss", "source", "work", "in the study")
+        )
+        for effect in self.effects:
+            state = f"{'on' if effect.on else 'off'}: {effect.verdict}"
+            if effect.reason:
+                state += f" ({effect.reason})"
+            row = (
+                effect.name,
+                percent(effect.amplitude_change, True),
+                percent(effect.frequency_change, True),
+                percent(effect.uncertainty) if effect.source == "estimated" else "",
+                effect.source,
+                f"{effect.work:.2f}",
+                state,
             )
-            missed = percent(e.uncertainty) if e.source == "estimated" else ""
-            rows.append((e.name, *changes, missed, e.source, f"{e.work:.2f}", state))
-        changes = percent(self.amplitude_change, True), percent(self.frequency_change, True)
-        return [*rows, ("all left out", *changes, "", "computed", f"{self.work:.2f}", "")]
+            rows.append(row)
+        amplitude = percent(self.amplitude_change, True)
+        frequency = percent(self.frequency_change, True)
+        rows.append(("all left out", amplitude, frequency, "", "computed", f"{self.work:.2f}", ""))
+        return rows
 
 
 @one_thread
@@ -177,37 +198,49 @@ def effect_significance(
     progress: bool | None = None,
 ) -> EffectSignificance:
     """See :meth:`bdamper.Study.effect_significance`."""
-    preload, frequency = problem.check_preload(preload), validation.interval("frequency", frequency)
+    preload = problem.check_preload(preload)
+    frequency = validation.interval("frequency", frequency)
     tolerance = validation.number("tolerance", tolerance, above=0.0, below=1.0)
     check_question(problem, [preload], frequency)
     present = Effects.of(problem)
-    effects = (
-        fullest(problem) if against is None else validation.instance("against", against, Effects)
-    )
-    names, rows = parts(problem, effects), list[EffectRow]()
+    if against is None:
+        effects = fullest(problem)
+    else:
+        effects = validation.instance("against", against, Effects)
+    names = parts(problem, effects)
+    n_steps = len(names) + 2
+    rows: list[EffectRow] = []
     with progress_stages(shows_progress(progress), "effect significance", "step") as report:
-        report("all effects", 0, len(names) + 2)
+        report("all effects", 0, n_steps)
         reference = _Reference(problem.replace(**effects), effects, preload, frequency)
         for i, name in enumerate(names, 1):
-            report(f"without {name}", i, len(names) + 2)
+            report(f"without {name}", i, n_steps)
             rows.append(reference.row(name, present, tolerance))
         rows.sort(key=lambda row: -row.size)
-        report("without all omitted effects", len(names) + 1, len(names) + 2)
+        report("without all omitted effects", n_steps - 1, n_steps)
         rows, (amplitude, change) = _chosen(reference, rows, tolerance)
-    significant = reduce(
-        Effects.without, (row.name for row in rows if not row.significant), effects
-    )
-    whole = reference.curve
-    notes = (
-        ()
-        if whole.complete
-        else (f"the curve with all effects ended as: {whole.status} ({whole.reason})",)
-    )
-    work = _work(problem.replace(**significant).system(preload)) / reference.work
+    significant = effects
+    for row in rows:
+        if not row.significant:
+            significant = significant.without(row.name)
+    curve = reference.curve
+    notes: tuple[str, ...] = ()
+    if not curve.complete:
+        notes = (f"the curve with all effects ended as: {curve.status} ({curve.reason})",)
     return EffectSignificance(
-        preload, frequency, tolerance, whole.peak.amplitude, whole.peak.frequency, tuple(rows), effects, significant,
-        amplitude, change, work, notes,
-    )  # fmt: skip
+        preload=preload,
+        interval=frequency,
+        tolerance=tolerance,
+        amplitude=curve.peak.amplitude,
+        frequency=curve.peak.frequency,
+        effects=tuple(rows),
+        reference=effects,
+        significant=significant,
+        amplitude_change=amplitude,
+        frequency_change=change,
+        work=_work(problem.replace(**significant).system(preload)) / reference.work,
+        notes=notes,
+    )
 
 
 class _Reference:
@@ -216,31 +249,50 @@ class _Reference:
     def __init__(
         self, problem: Problem, effects: Effects, preload: float, frequency: tuple[float, float]
     ) -> None:
-        self.problem, self.effects, self.preload = problem, effects, preload
+        self.problem = problem
+        self.effects = effects
+        self.preload = preload
         self.curve = whole_curve(problem, preload, frequency)
         self.tops = Tops.of(problem, self.curve)
         self.work = _work(problem.system(preload))
 
     def row(self, name: str, present: Effects, tolerance: float) -> EffectRow:
-        """Return the change of the peak without one effect; compute it if the estimate exceeds the tolerance."""
+        """Return the change of the peak without one effect.
+
+        It is computed if the estimate exceeds the tolerance.
+        """
         on = present.without(name) != present
         leaner = self.problem.replace(**self.effects.without(name))
         if not leaner.static(self.preload).converged:
             return EffectRow(name, on, *Change()[:3], "unknown", np.nan, reason="no static state")
-        system, change, source = leaner.system(self.preload), Change(), "estimated"
+        system = leaner.system(self.preload)
         peak = self.curve.peak
         if free_motions(leaner, self.preload) > free_motions(self.problem, self.preload):
-            change, source = self.computed(leaner), "computed"
-        elif not peak.corner:  # the estimate needs a stationary amplitude
-            change = estimate_change(system, embed(self.problem, leaner, self.preload, peak.y))
-        if source == "estimated" and change.size > tolerance:
-            change, source = self.computed(leaner, True), "computed"
-        source, why = (source, "") if change.known else ("unknown", change.how)
-        return EffectRow(name, on, *change[:3], source, _work(system) / self.work, reason=why)
+            change = self.computed(leaner)
+            source = "computed"
+        else:
+            change = Change()
+            # the estimate needs a stationary amplitude
+            if not peak.corner:
+                change = estimate_change(system, embed(self.problem, leaner, self.preload, peak.y))
+            source = "estimated"
+            if change.size > tolerance:
+                change = self.computed(leaner, by_newton=True)
+                source = "computed"
+        reason = ""
+        if not change.known:
+            source = "unknown"
+            reason = change.how
+        work = _work(system) / self.work
+        return EffectRow(name, on, *change[:3], source, work, reason=reason)
 
     def computed(self, leaner: Problem, by_newton: bool = False) -> Change:
-        """Compute the change of the highest peak from the reference to another study, see :func:`compare`."""
+        """Compute the change of the highest peak to another study, see :func:`compare`."""
         return compare(self.problem, leaner, self.preload, self.tops, by_newton)
+
+
+SAVES_NOTHING = 0.98
+"""Relative work above which the omission of an effect saves nothing."""
 
 
 def _chosen(
@@ -248,60 +300,91 @@ def _chosen(
 ) -> tuple[list[EffectRow], tuple[float, float]]:
     """Select the effects that can be omitted together.
 
-    Return the rows with the selection, and the computed change of amplitude and frequency without the omitted effects.
+    Return the rows with the selection, and the computed change of amplitude and frequency without
+    the omitted effects.
     """
-    taken_back = {
-        row.name: reason
-        for row in rows
-        if (reason := _contains_more(reference.effects, row, rows, tolerance))
-    }
-    worth = 0.98  # relative work above which the omission of an effect saves nothing
+    # reasons to keep effects with a small change
+    kept = {}
+    for row in rows:
+        reason = _contains_more(reference.effects, row, rows, tolerance)
+        if reason:
+            kept[row.name] = reason
     while True:
-        effects, total, out = reference.effects, 0.0, dict[str, EffectRow]()
-        for row in sorted(rows, key=lambda row: row.work):
-            fits = row.name not in taken_back and total + row.size <= tolerance
-            if fits and (row.work < worth or not row.on) and effects.without(row.name) != effects:
-                effects, total = effects.without(row.name), total + row.size
-                out[row.name] = row
+        effects, omitted = _omitted(reference.effects, rows, kept, tolerance)
         change = 0.0, 0.0
-        if out:
+        if omitted:
             try:
                 change = reference.computed(reference.problem.replace(**effects))[:2]
             except BdamperError:
                 change = np.inf, np.inf
         if max(map(abs, change)) <= tolerance:  # false if the change is unknown
             break
-        taken_back[max(out.values(), key=lambda row: row.size).name] = (
-            "changes more together with others"
-        )
+        largest = max(omitted, key=lambda row: row.size)
+        kept[largest.name] = "changes more together with others"
     marked = []
     for row in rows:
-        covered = (
-            effects.without(row.name) == effects
-        )  # omitted, alone or with an effect that contains it
-        reason = row.reason or taken_back.get(row.name, "")
-        if not covered and not reason and row.size <= tolerance:
-            reason = "saves nothing" if row.work >= worth else "the sum would exceed the tolerance"
-        marked.append(replace(row, significant=not covered, reason="" if covered else reason))
+        # omitted, alone or with an effect that contains it
+        if effects.without(row.name) == effects:
+            marked.append(replace(row, significant=False, reason=""))
+            continue
+        reason = row.reason or kept.get(row.name, "")
+        if not reason and row.size <= tolerance:
+            if row.work >= SAVES_NOTHING:
+                reason = "saves nothing"
+            else:
+                reason = "the sum would exceed the tolerance"
+        marked.append(replace(row, significant=True, reason=reason))
     return marked, change
+
+
+def _omitted(
+    effects: Effects, rows: list[EffectRow], kept: Mapping[str, str], tolerance: float
+) -> tuple[Effects, list[EffectRow]]:
+    """Return the remaining effects, and the rows of omitted effects in order of their work.
+
+    The changes of omitted effects add up to the tolerance at most.
+    """
+    total = 0.0
+    omitted = []
+    for row in sorted(rows, key=lambda row: row.work):
+        if row.name in kept or not total + row.size <= tolerance:
+            continue
+        if row.on and not row.work < SAVES_NOTHING:
+            continue
+        remaining = effects.without(row.name)
+        # an effect that contains this one may be omitted already
+        if remaining == effects:
+            continue
+        effects = remaining
+        total = total + row.size
+        omitted.append(row)
+    return effects, omitted
 
 
 def _contains_more(
     effects: Effects, row: EffectRow, rows: list[EffectRow], tolerance: float
 ) -> str:
-    """Return the name of another significant effect that is omitted together with this one, as "contains ...", or "".
+    """Return "contains ..." with another significant effect that is omitted together with this one.
 
-    The changes by the two effects may cancel by chance, so a small total change does not show that both are insignificant.
+    It is empty without such an effect. The changes by the two effects may cancel by chance, so a
+    small total change does not show that both are insignificant.
     """
     without = effects.without(row.name)
-    large = (other.name for other in rows if other is not row and other.size > tolerance)
-    return next((f"contains {name}" for name in large if without.without(name) == without), "")
+    for other in rows:
+        is_large = other is not row and other.size > tolerance
+        if is_large and without.without(other.name) == without:
+            return f"contains {other.name}"
+    return ""
 
 
 def free_motions(problem: Problem, preload: float) -> int:
-    """Return the number of motions of the mean that neither modes nor closed contacts resist, except by friction."""
+    """Return the number of motions of the mean that only friction resists.
+
+    Neither modes nor closed contacts resist them.
+    """
     sector = problem.at(preload).sector
-    basis, points = sector.bases[0], sector.points
+    basis = sector.bases[0]
+    points = sector.points
     n = len(basis.omega2)
     if n == 0:
         return 0
@@ -310,80 +393,86 @@ def free_motions(problem: Problem, preload: float) -> int:
     # bonded points do not slip
     bonded = points.law == LAW_BONDED
     contacts[bonded, :2] = points.kt[bonded]
-    springs_at = (sector.spring_bases or sector.bases)[0].G
+    spring_basis = (sector.spring_bases or sector.bases)[0]
     stiffness = np.diag(basis.omega2)
-    for k, at in ((contacts, basis.G), (sector.springs, springs_at)):
-        rows = at.real.reshape(-1, n)
-        stiffness = stiffness + rows.T @ (np.broadcast_to(k, at.shape[:2]).reshape(-1, 1) * rows)
+    for springs, G in ((contacts, basis.G), (sector.springs, spring_basis.G)):
+        rows = G.real.reshape(-1, n)
+        of_rows = np.broadcast_to(springs, G.shape[:2]).reshape(-1, 1)
+        stiffness = stiffness + rows.T @ (of_rows * rows)
     # coordinates have different units and stiffnesses
     diagonal = np.diag(stiffness)
-    size = np.sqrt(np.maximum(diagonal, 1e-12 * diagonal.max()))
-    resistance = np.linalg.eigvalsh(stiffness / np.outer(size, size))
+    unit = np.sqrt(np.maximum(diagonal, 1e-12 * diagonal.max()))
+    resistance = np.linalg.eigvalsh(stiffness / np.outer(unit, unit))
     # in the reference models a held motion has at least 5e-4, a free one 1e-17
     return int(np.count_nonzero(resistance < 1e-9))
 
 
 def _work(system: Equations) -> float:
-    """Return the number of operations of a Newton iteration, which does not depend on the machine."""
+    """Return the number of operations of a Newton iteration, on any machine."""
     return float(system.work[:3].sum())
 
 
 def fullest(problem: Problem) -> Effects:
-    """Return all effects that the model of a study allows: three harmonics if it has their modes, two elastic damper
-    modes.
+    """Return all effects that the model of a study allows.
 
-    The number of blade modes does not change; :mod:`bdamper.analyses.error_estimates` estimates the effect of more modes.
+    They include three harmonics if the model has their modes, and two elastic damper modes. The
+    number of blade modes does not change; :mod:`bdamper.analyses.error_estimates` estimates the
+    effect of more modes.
     """
     present = Effects.of(problem)
-    most = 1
+    highest = 1
     most_harmonics = 3  # five harmonics would take some five times as long
     for l in range(2, most_harmonics + 1):
         try:
             problem.coupling.basis(l)
         except SettingError:
             break
-        most = l
-    numbers = tuple(sorted({*harmonic_numbers(present["harmonics"]), *range(1, most + 1)}))
-    on: dict[str, Any] = {
-        name: not off for settings in OFF.values() for name, off in settings.items()
-    }
-    harmonics = len(numbers) if numbers[-1] == len(numbers) else numbers
-    least = min(2, problem.settings.most_modes("free"))
-    modes = {name: max(n, least) for name, n in problem.settings.by_body("damper_modes").items()}
-    damper_modes: Any = (
-        modes
-        if isinstance(present["damper_modes"], Mapping)
-        else max(present["damper_modes"], least)
-    )
-    on |= {
-        "harmonics": harmonics,
+        highest = l
+    numbers = sorted({*harmonic_numbers(present["harmonics"]), *range(1, highest + 1)})
+    # a number means all harmonics up to it
+    consecutive = numbers[-1] == len(numbers)
+    least_modes = min(2, problem.settings.most_modes("free"))
+    damper_modes: Any = present["damper_modes"]
+    if isinstance(damper_modes, Mapping):
+        by_body = problem.settings.by_body("damper_modes")
+        damper_modes = {name: max(n, least_modes) for name, n in by_body.items()}
+    else:
+        damper_modes = max(damper_modes, least_modes)
+    switched_on: dict[str, Any] = {}
+    for settings in OFF.values():
+        for name, off in settings.items():
+            switched_on[name] = not off
+    switched_on |= {
+        "harmonics": len(numbers) if consecutive else tuple(numbers),
         "damper_modes": damper_modes,
         "rigid_modes": RIGID_NAMES,
         "contact_points": None,
     }
-    return Effects(present | on)
+    return Effects(present | switched_on)
 
 
 def parts(problem: Problem, effects: Effects) -> list[str]:
     """Return the names of all active effects that :meth:`Effects.without` can remove one by one."""
-    points = problem.settings.most_points
-    points = min(points, effects["contact_points"] or points)
+    bodies = problem.model.bodies.values()
     names = ["bias", "variable normal load", "separation"]
-    names += [
-        f"harmonics beyond {l}" for l in (1, 3) if l >= max(problem.settings.excited)
-    ]  # excited ones are needed
+    # excited harmonics are needed
+    highest_excited = max(problem.settings.excited)
+    names += [f"harmonics beyond {l}" for l in (1, 3) if l >= highest_excited]
     if problem.model.n_blades > 1:
         names.append("harmonic nodal diameters")
     if any(face.kind == "constraint" for face in problem.model.interfaces.values()):
         names.append("constraint planes")
-    if any(body.kind == "free" for body in problem.model.bodies.values()):
-        loaded = any(body.load is not None for body in problem.model.bodies.values())
-        names += [
-            motion for motion in MOTIONS if not (loaded and motion == "translation Y")
-        ]  # along the preload
+    if any(body.kind == "free" for body in bodies):
+        # a loaded body moves along the preload
+        loaded = any(body.load is not None for body in bodies)
+        names += [motion for motion in MOTIONS if not (loaded and motion == "translation Y")]
         names.append("damper modes beyond 0")
-    modes = effects["blade_modes"]
-    blades = any(body.kind == "constrained" for body in problem.model.bodies.values())
-    names += [f"blade modes beyond {modes // 2}"] if blades and modes > 1 else []
-    names += [f"contact points beyond {points // 2}"] if points > 1 else []
+    blade_modes = effects["blade_modes"]
+    has_blades = any(body.kind == "constrained" for body in bodies)
+    if has_blades and blade_modes > 1:
+        names.append(f"blade modes beyond {blade_modes // 2}")
+    points = problem.settings.most_points
+    points = min(points, effects["contact_points"] or points)
+    if points > 1:
+        names.append(f"contact points beyond {points // 2}")
     return [name for name in names if effects.without(name) != effects]
