@@ -1,9 +1,10 @@
 """Crossings of a resonance with engine orders, over rotor speed and damper mass.
 
 Crossing
-    A crossing is the highest point of the response along the line of an engine order, as in a slow run-up; the preload
-    depends on the speed. Each crossing is a point of a sweep over damper mass and engine order (:func:`bdamper.sweep`).
-    :mod:`bdamper.analyses.engine_order_line` follows the line.
+    A crossing is the highest point of the response along the line of an engine order, as in a slow
+    run-up; the preload depends on the speed. Each crossing is a point of a sweep over damper mass
+    and engine order (:func:`bdamper.sweep`). :mod:`bdamper.analyses.engine_order_line` follows the
+    line.
 """
 
 from __future__ import annotations
@@ -50,22 +51,38 @@ from bdamper.util.progress import CostMeter
 from bdamper.util.records import named_fields, numbers_of, row_of
 
 NUMBERS = (
-    "amplitude", "speed", "frequency", "preload", "mass", "stick", "slip", "open", "fixed_speed", "fixed_speed_amplitude",
-    "amplitude_by_mass", "speed_by_mass", "margin", "residual",
-)  # fmt: skip
+    "amplitude",
+    "speed",
+    "frequency",
+    "preload",
+    "mass",
+    "stick",
+    "slip",
+    "open",
+    "fixed_speed",
+    "fixed_speed_amplitude",
+    "amplitude_by_mass",
+    "speed_by_mass",
+    "margin",
+    "residual",
+)
 """Numeric results of a crossing; NaN if there is none."""
 
 
 def by_mass(family: SpeedFamily, equations: Equations[Family], top: Peak) -> dict[str, float]:
-    """Return the derivatives of the highest point with respect to a factor on the mass of all free bodies.
+    """Return the derivatives of the highest point with respect to a factor on the damper mass.
 
-    The factor acts on load and inertia. The result is empty if there is no derivative.
+    The factor acts on load and inertia of all free bodies. The result is empty if there is no
+    derivative.
     """
-    low, high = (1.0 - AROUND[-1]) * top.parameter, (1.0 + AROUND[-1]) * top.parameter
+    low = (1.0 - AROUND[-1]) * top.parameter
+    high = (1.0 + AROUND[-1]) * top.parameter
+
+    def with_factor(factor: float) -> Equations[Family]:
+        return family.along(low, high, 2, factor)
+
     try:
-        derivative = sensitivities(
-            top, {"mass": (lambda factor: family.along(low, high, 2, factor), 1.0)}
-        )["mass"]
+        derivative = sensitivities(top, {"mass": (with_factor, 1.0)})["mass"]
     except SettingError:
         return {}
     if derivative.reason:
@@ -81,11 +98,11 @@ def by_mass(family: SpeedFamily, equations: Equations[Family], top: Peak) -> dic
 class CrossingTask:
     """Function of a sweep that computes the crossing of a mode with the engine order of a problem.
 
-    Results are :data:`NUMBERS` in SI units, NaN without a crossing. ``mass`` is the mass of the loaded damper.
-    ``fixed_speed`` and ``fixed_speed_amplitude`` describe the peak at fixed speed near the highest point.
-    ``amplitude_by_mass`` and ``speed_by_mass`` are derivatives with respect to a factor on the mass. ``kind`` is
-    "complete", "incomplete" if there may be a higher point (see ``warning``), "not found", or "none" if no resonance of the
-    mode can cross the line.
+    Results are :data:`NUMBERS` in SI units, NaN without a crossing. ``mass`` is the mass of the
+    loaded damper. ``fixed_speed`` and ``fixed_speed_amplitude`` describe the peak at fixed speed
+    near the highest point. ``amplitude_by_mass`` and ``speed_by_mass`` are derivatives with respect
+    to a factor on the mass. ``kind`` is "complete", "incomplete" if there may be a higher point
+    (see ``warning``), "not found", or "none" if no resonance of the mode can cross the line.
 
     Parameters
     ----------
@@ -107,65 +124,86 @@ class CrossingTask:
 
     def __call__(self, problem: Problem, preload: float | None) -> dict[str, Any]:
         meter = CostMeter()
-        results = self._results(problem, meter)
+        results: dict[str, Any] = dict.fromkeys(NUMBERS, np.nan)
+        # mass of the loaded damper
+        for body in problem.model.bodies.values():
+            if body.kind == "free" and body.load is not None:
+                results["mass"] = body.mass
+                break
+        results |= self._results(problem, meter)
         neglected = problem.model.neglected_over_speed(problem.settings.needed_diameters)
-        results["warning"] = "; ".join(
-            [*results["warning"], *(f"neglected: {note}" for note in neglected)]
-        )
-        loaded = (
-            b.mass for b in problem.model.bodies.values() if b.kind == "free" and b.load is not None
-        )
-        return (
-            dict.fromkeys(NUMBERS, np.nan)
-            | {"mass": next(loaded, np.nan)}
-            | results
-            | {"cost": meter.read()}
-        )
+        warnings = results["warning"] + [f"neglected: {note}" for note in neglected]
+        results["warning"] = "; ".join(warnings)
+        results["cost"] = meter.read()
+        return results
 
     def _results(self, problem: Problem, meter: CostMeter) -> dict[str, Any]:
         """Return the results without NaN, and warnings as a list."""
         family = SpeedFamily(problem, self.conditions)
-        found = follow_mode(family, self.speeds, self.mode, meter)
-        highest = None if found is None else found[2]
-        if found is None or highest is None:
-            why = family.limits_text(*self.speeds, self.mode)
-            return {"kind": "none" if found is None else NOT_FOUND, "warning": [why]}
-        equations, curve, _ = found
-        warnings = [f"curve {curve.status}: {curve.reason}"] if curve.status != COMPLETE else []
-        warnings += [highest.note] if highest.note else []
+        line = follow_mode(family, self.speeds, self.mode, meter)
+        highest = None if line is None else line[2]
+        if line is None or highest is None:
+            reason = family.limits_text(*self.speeds, self.mode)
+            return {"kind": "none" if line is None else NOT_FOUND, "warning": [reason]}
+        equations, curve, _ = line
+        warnings = []
+        if curve.status != COMPLETE:
+            warnings.append(f"curve {curve.status}: {curve.reason}")
+        if highest.note:
+            warnings.append(highest.note)
         equations, top, solution, first, error = refined(family, equations, highest.peak, meter)
-        if not error <= CLOSE:
-            left = f"interpolation over speed leaves a residual of {error:.2g} times the excitation at the highest point"
+        exact_equations = error <= CLOSE
+        if not exact_equations:
+            residual = (
+                f"interpolation over speed leaves a residual of {error:.2g} times the excitation "
+                "at the highest point"
+            )
             fixed = exact_at_fixed_speed(family, self.speeds, self.mode, top, meter)
             if isinstance(fixed, str):
-                where = family.limits_text(*self.speeds, self.mode)
-                return {"kind": NOT_FOUND, "warning": [*warnings, left, fixed, where]}
+                reason = family.limits_text(*self.speeds, self.mode)
+                return {"kind": NOT_FOUND, "warning": [*warnings, residual, fixed, reason]}
             solution = fixed
             doubt = "" if fixed.status == COMPLETE else f" ({fixed.status})"
             warnings.append(
-                f"{left}; this is the peak at fixed speed, to {percent(AROUND[-1])} in speed{doubt}"
+                f"{residual}; this is the peak at fixed speed, to {percent(AROUND[-1])} in "
+                f"speed{doubt}"
             )
         elif not first <= CLOSE:
             warnings.append(
                 f"interpolation over the range leaves a residual of {first:.2g}; give a shorter one"
             )
-        out: dict[str, Any] = {
-            "kind": INCOMPLETE if warnings else COMPLETE, "speed": solution.parameter, "amplitude": solution.amplitude,
-            "frequency": solution.frequency, "preload": family.preload(solution.parameter), "residual": solution.residual,
-            **(by_mass(family, equations, top) if error <= CLOSE else {}),
-            **{name: float(x) for name, x in zip(("stick", "slip", "open"), solution.shares)},
-        }  # fmt: skip
-        fixed = interpolated_at_fixed_speed(equations, top, meter) if error <= CLOSE else solution
+        preload = family.preload(solution.parameter)
+        stick, slip, open_share = solution.shares
+        results: dict[str, Any] = {
+            "kind": INCOMPLETE if warnings else COMPLETE,
+            "speed": solution.parameter,
+            "amplitude": solution.amplitude,
+            "frequency": solution.frequency,
+            "preload": preload,
+            "residual": solution.residual,
+            "stick": float(stick),
+            "slip": float(slip),
+            "open": float(open_share),
+        }
+        if exact_equations:
+            results |= by_mass(family, equations, top)
+            fixed = interpolated_at_fixed_speed(equations, top, meter)
+        else:
+            fixed = solution
         if isinstance(fixed, str):
             warnings.append(fixed)
         else:
-            out |= {"fixed_speed": fixed.parameter, "fixed_speed_amplitude": fixed.amplitude}
+            results["fixed_speed"] = fixed.parameter
+            results["fixed_speed_amplitude"] = fixed.amplitude
+        at_speed = family.problem(solution.parameter)
         if self.margin is not None:
-            at_speed, unknowns = family.problem(solution.parameter), solution.y[:-1]
-            out["margin"] = self.margin(at_speed, unknowns, float(solution.y[-1]), out["preload"])
-        edges = family.problem(solution.parameter).at(out["preload"]).static.edges
-        warnings += [f"edge contact, more blade modes may change it: {edges}"] if edges else []
-        return out | {"warning": warnings}
+            unknowns = solution.y[:-1]
+            results["margin"] = self.margin(at_speed, unknowns, float(solution.y[-1]), preload)
+        edges = at_speed.at(preload).static.edges
+        if edges:
+            warnings.append(f"edge contact, more blade modes may change it: {edges}")
+        results["warning"] = warnings
+        return results
 
 
 @short_repr
@@ -179,78 +217,87 @@ class Crossings(SweepResult, kind="bdamper-crossings"):
     def _headline(self) -> str:
         amplitude = numbers_of(self.values, "amplitude")
         if not np.isfinite(amplitude).any():
-            reasons = [why for why in (*self.warnings, *self.status) if why not in ("", COMPLETE)]
+            reasons = [
+                text for text in (*self.warnings, *self.status) if text not in ("", COMPLETE)
+            ]
             return f"No crossing: {'; '.join(dict.fromkeys(reasons))}."
         highest = self._highest_by_mass()
         if len(highest) > 1:
             best = min(highest, key=lambda mass: highest[mass])
             of_best = self.points[MASS] == best
-            out = [f"Best damper mass factor: {best:g}.", *self._top(of_best)]
             others = [value for mass, value in highest.items() if mass != best]
-            low, high = amount(min(others), "m"), amount(max(others), "m")
-            reached = low if low == high else f"{low} to {high}"
-            out.append(
-                f"Highest {'crossings' if len(others) > 1 else 'crossing'} of the other masses: {reached}."
-            )
+            sentences = [
+                f"Best damper mass factor: {best:g}.",
+                *self._highest_text(of_best),
+                _others_text(others),
+            ]
         else:
             of_best = np.full(len(self), True)
-            out = self._top(of_best)
-        out += self._least_margin(of_best)
-        out.append("Not checked in time or with more blade modes and contact points.")
+            sentences = self._highest_text(of_best)
+        sentences += self._least_margin_text(of_best)
+        sentences.append("Not checked in time or with more blade modes and contact points.")
         missing = np.flatnonzero(~np.isfinite(amplitude))
         if len(missing):
             first = missing[0]
             reason = self.warnings[first] or self.status[first]
-            out.append(f"No crossing at {len(missing)} of {counted(len(self), 'point')}: {reason}.")
-        return " ".join(out)
+            sentences.append(
+                f"No crossing at {len(missing)} of {counted(len(self), 'point')}: {reason}."
+            )
+        return " ".join(sentences)
 
     def _highest_by_mass(self) -> dict[float, float]:
         """Return the highest amplitude (m) of each damper mass whose crossings are all known.
 
-        Crossings that are known for no mass are ignored, and so are engine orders that meet no resonance.
+        Crossings that are known for no mass are ignored, and so are engine orders that meet no
+        resonance.
         """
-        amplitude, mass, order = (
-            numbers_of(self.values, "amplitude"),
-            self.points[MASS],
-            self.points["engine_order"],
-        )
-        known = np.isfinite(amplitude)
-        settled = known | np.array([kind == "none" for kind in self.values["kind"]])
+        amplitude = numbers_of(self.values, "amplitude")
+        mass = self.points[MASS]
+        order = self.points["engine_order"]
+        has_amplitude = np.isfinite(amplitude)
+        meets_nothing = np.array([kind == "none" for kind in self.values["kind"]])
+        settled = has_amplitude | meets_nothing
         comparable = np.isin(order, order[settled])
-        complete = [
-            value
-            for value in dict.fromkeys(mass.tolist())
-            if settled[comparable & (mass == value)].all()
-        ]
-        return {
-            value: float(amplitude[of].max())
-            for value in complete
-            if (of := known & (mass == value)).any()
-        }
+        highest = {}
+        for value in dict.fromkeys(mass.tolist()):
+            of_mass = mass == value
+            rows = has_amplitude & of_mass
+            if settled[comparable & of_mass].all() and rows.any():
+                highest[value] = float(amplitude[rows].max())
+        return highest
 
-    def _top(self, among: NDArray) -> list[str]:
+    def _highest_text(self, among: NDArray) -> list[str]:
         """Return sentences about the highest of some crossings."""
-        i = int(np.nanargmax(np.where(among, numbers_of(self.values, "amplitude"), np.nan)))
+        amplitude = np.where(among, numbers_of(self.values, "amplitude"), np.nan)
+        i = int(np.nanargmax(amplitude))
         top = row_of(self.values, i)
         peak = peak_text(top["amplitude"], top["frequency"])
-        place = f"{top['speed']:.5g} rad/s ({top['speed'] * RPM:.0f} rpm), {as_words(row_of(self.points, i))}"
-        out = [
-            f"Highest crossing: {peak}, {place}, under a preload of {amount(top['preload'], 'N')}."
-        ]
+        speed = f"{top['speed']:.5g} rad/s ({top['speed'] * RPM:.0f} rpm)"
+        point = as_words(row_of(self.points, i))
+        preload = amount(top["preload"], "N")
+        sentences = [f"Highest crossing: {peak}, {speed}, {point}, under a preload of {preload}."]
         if top["warning"]:
-            doubt = "Note: " if top["kind"] == COMPLETE else "There may be a higher point: "
-            out.append(f"{doubt}{top['warning']}.")
-        return out
+            doubt = "Note" if top["kind"] == COMPLETE else "There may be a higher point"
+            sentences.append(f"{doubt}: {top['warning']}.")
+        return sentences
 
-    def _least_margin(self, among: NDArray) -> list[str]:
+    def _least_margin_text(self, among: NDArray) -> list[str]:
         """Return a sentence about the least margin of some crossings; none without margins."""
         margins = np.where(among, numbers_of(self.values, "margin"), np.nan)
         if not np.isfinite(margins).any():
             return []
-        k = int(np.nanargmin(margins))
-        return [
-            f"Least margin against fatigue {margins[k]:.3g} ({as_words(row_of(self.points, k))})."
-        ]
+        i = int(np.nanargmin(margins))
+        point = as_words(row_of(self.points, i))
+        return [f"Least margin against fatigue {margins[i]:.3g} ({point})."]
+
+
+def _others_text(amplitudes: Sequence[float]) -> str:
+    """Return a sentence about the highest crossings of all masses but the best."""
+    low = amount(min(amplitudes), "m")
+    high = amount(max(amplitudes), "m")
+    reached = low if low == high else f"{low} to {high}"
+    crossings = "crossings" if len(amplitudes) > 1 else "crossing"
+    return f"Highest {crossings} of the other masses: {reached}."
 
 
 def resonance_crossings(
@@ -279,24 +326,24 @@ def resonance_crossings(
         raise SettingError(
             f"crossings need a model with a body that carries a load; {problem.why_no_load}"
         )
+    # raises an error if there is no such mode
     if mode > 1:
         free_and_stuck(problem.at(preload), mode)
-    operating = conditions
-    named = operating.values(
-        values.tolist(), orders
-    )  # raises an error if tables do not cover the speeds
+    # raises an error if tables do not cover the speeds
+    named = conditions.values(values.tolist(), orders)
     if margin is not None:
         validation.instance("margin", margin, LeastMargin)
         chosen_sets(problem)
-    task = CrossingTask((float(values[0]), float(values[-1])), mode, operating, margin, named)
-    # the points of the sweep have no speed yet; at each speed of a line the load follows from the mass
+    task = CrossingTask((float(values[0]), float(values[-1])), mode, conditions, margin, named)
+    # the points of the sweep have no speed yet; at each speed of a line the load follows from the
+    # mass
     over = {INERTIA: factors.tolist(), "engine_order": list(orders)}
-    found = sweep(problem, over, task, executor=executor, resume=resume, progress=progress)
-    points = named_fields(
-        {MASS: found.points[INERTIA], "engine_order": found.points["engine_order"]}, len(found)
-    )
-    swept = {f.name: getattr(found, f.name) for f in fields(found)}
-    return Crossings(**swept | {"names": (MASS, "engine_order"), "points": points})
+    swept = sweep(problem, over, task, executor=executor, resume=resume, progress=progress)
+    points = {MASS: swept.points[INERTIA], "engine_order": swept.points["engine_order"]}
+    columns = {f.name: getattr(swept, f.name) for f in fields(swept)}
+    columns["names"] = (MASS, "engine_order")
+    columns["points"] = named_fields(points, len(swept))
+    return Crossings(**columns)
 
 
 def speed_values(speeds: Any, n: int = 13) -> NDArray:
@@ -312,4 +359,6 @@ def speed_values(speeds: Any, n: int = 13) -> NDArray:
         raise validation.invalid(
             "speeds", "(low, high) in rad/s, or a longer sequence of increasing values", speeds
         )
-    return values if len(values) > 2 else np.linspace(values[0], values[1], n)
+    if len(values) > 2:
+        return values
+    return np.linspace(values[0], values[1], n)

@@ -1,14 +1,15 @@
 """Execution of the points of a sweep on the workers of an executor.
 
-The job, a study with its function, has some megabytes. With the job in each task, Dask needs half a second for a task, and
-a worker that is killed while it receives one can block a process pool. Therefore tasks contain the path of a file with the
-job, which a worker reads once. If a worker cannot read it, for example on another host, the point is submitted again with
-the job. Threads of this process use the job itself. A few tasks for each worker are submitted at a time.
+The job, a study with its function, has some megabytes. With the job in each task, Dask needs half a
+second for a task, and a worker that is killed while it receives one can block a process pool.
+Therefore tasks contain the path of a file with the job, which a worker reads once. If a worker
+cannot read it, for example on another host, the point is submitted again with the job. Threads of
+this process use the job itself. A few tasks for each worker are submitted at a time.
 
-Small points need less time than Dask needs for a task. Therefore a task contains as many points as take :data:`SECONDS`. It
-ends after this time, and points that it did not reach are submitted again. The finished points of a task are stored in one
-write.
-The only required method of an executor is :meth:`concurrent.futures.Executor.submit`.
+Small points need less time than Dask needs for a task. Therefore a task contains as many points as
+take :data:`SECONDS`. It ends after this time, and points that it did not reach are submitted again.
+The finished points of a task are stored in one write. The only required method of an executor is
+:meth:`concurrent.futures.Executor.submit`.
 """
 
 from __future__ import annotations
@@ -51,16 +52,20 @@ NOT_RUN: Record = {"status": errors.NOT_RUN, "values": {}, "seconds": 0.0, "cost
 
 
 Job = Callable[[Mapping[str, Any]], Mapping[str, Any]]
-"""Function of the settings of a point that returns its named results; picklable for other processes."""
+"""Function of the settings of a point that returns its named results; picklable for other
+processes.
+"""
 
 
 def recorded(job: Job, settings: Mapping[str, Any]) -> Record:
     """Return the record of one point: its named results, or the reason of a failure.
 
-    A result "cost" of type :class:`bdamper.util.progress.Cost` is the cost of the point, and a result "status" that begins
-    with a word of :data:`bdamper.util.errors.STATUSES` is its status.
+    A result "cost" of type :class:`bdamper.util.progress.Cost` is the cost of the point, and a
+    result "status" that begins with a word of :data:`bdamper.util.errors.STATUSES` is its status.
     """
-    watch, ending, values = CostMeter(), errors.COMPLETE, dict[str, Any]()
+    meter = CostMeter()
+    ending = errors.COMPLETE
+    values: dict[str, Any] = {}
     try:
         # a worker has neither the LongWork nor the mark of the call that submitted the job
         with LongWork() as work, inside_package():
@@ -74,9 +79,12 @@ def recorded(job: Job, settings: Mapping[str, Any]) -> Record:
     # SciPy raises ValueError for matrices with infinite entries
     except (BdamperError, ArithmeticError, ValueError, MemoryError, ExecutorEnded) as error:
         # MemoryError often has no text
-        ending = errors.with_reason(errors.FAILED, error if str(error) else type(error).__name__)
-    spent = watch.read()
-    cost = values.pop("cost") if isinstance(values.get("cost"), Cost) else spent
+        reason = error if str(error) else type(error).__name__
+        ending = errors.with_reason(errors.FAILED, reason)
+    spent = meter.read()
+    cost = spent
+    if isinstance(values.get("cost"), Cost):
+        cost = values.pop("cost")
     return {"status": ending, "values": values, "seconds": spent.seconds, "cost": {**vars(cost)}}
 
 
@@ -97,7 +105,8 @@ def _unpacked(job: _Packed) -> Job:
 def _run(job: Job | _Packed, points: Sequence[Mapping[str, Any]]) -> list[Record] | None:
     """Return the records of the first points, at least one; None if the worker cannot read the job.
 
-    An error or an interruption at a later point ends the list. This point raises it again as the first of another task.
+    An error or an interruption at a later point ends the list. This point raises it again as the
+    first of another task.
     """
     try:
         job = _unpacked(job) if isinstance(job, _Packed) else job
@@ -116,7 +125,10 @@ def _run(job: Job | _Packed, points: Sequence[Mapping[str, Any]]) -> list[Record
 
 
 def _pack(job: Job, executor: Executor, stack: ExitStack) -> tuple[Job | _Packed, Job | _Packed]:
-    """Return the job as the tasks contain it, and as the tasks for workers that cannot read its file contain it."""
+    """Return the job in the form for tasks.
+
+    The second form is for workers that cannot read the file of the first.
+    """
     if isinstance(executor, ThreadPoolExecutor):
         return job, job
     try:
@@ -127,13 +139,16 @@ def _pack(job: Job, executor: Executor, stack: ExitStack) -> tuple[Job | _Packed
     with suppress(OSError):  # for example on a full disk
         folder = tempfile.TemporaryDirectory(prefix="bdamper-", ignore_cleanup_errors=True)
         path = Path(stack.enter_context(folder)) / "job.pickle"
+        # a worker never reads an incomplete file
         path.with_suffix(".part").write_bytes(content)
         path.with_suffix(".part").rename(path)
     return _Packed(path), _Packed(path, content)
 
 
-TASKS, SECONDS = 4, 0.1
-"""Number of submitted tasks for each worker, and time of a task with several points."""
+TASKS = 4
+"""Number of submitted tasks for each worker."""
+SECONDS = 0.1
+"""Time of a task with several points."""
 
 
 def run_points(
@@ -155,56 +170,72 @@ def run_points(
     executor : concurrent.futures.Executor, optional
         Without it points are computed one after the other.
     keep : callable
-        Receives indices and records of the points of each task in the order of completion. After an interruption it may
-        receive a point twice.
+        Receives indices and records of the points of each task in the order of completion. After an
+        interruption it may receive a point twice.
 
     Raises
     ------
     KeyboardInterrupt
-        On Ctrl-C or the end of the executor. All finished points are stored before this or another error is raised.
+        On Ctrl-C or the end of the executor. All finished points are stored before this or another
+        error is raised.
     """
     if executor is None or not todo:
         for i in todo:
             keep([i], [recorded(job, point(i))])
         return
-    numbers = (getattr(executor, name, None) for name in ("_max_workers", "num_workers"))
-    most = TASKS * next(
-        (n for n in numbers if isinstance(n, int)), 32
-    )  # the executor of Dask has no such attribute
-    waiting, running, size = deque(todo), dict[Future[list[Record] | None], list[int]](), 1
+    most_running = TASKS * _n_workers(executor)
+    waiting = deque(todo)
+    running: dict[Future[list[Record] | None], list[int]] = {}
+    task_size = 1
     with ExitStack() as stack:
-        small, whole = _pack(job, executor, stack)
+        packed, with_content = _pack(job, executor, stack)
 
-        def submit(task: list[int], packed: Job | _Packed) -> None:
+        def submit(task: list[int], packed_job: Job | _Packed) -> None:
             with executor_errors(RuntimeError):  # raised after a shutdown
-                future = executor.submit(_run, packed, [point(i) for i in task])
+                future = executor.submit(_run, packed_job, [point(i) for i in task])
             running[future] = task
 
         try:
             while waiting or running:
-                while waiting and len(running) < most:
-                    submit([waiting.popleft() for _ in range(min(size, len(waiting)))], small)
+                while waiting and len(running) < most_running:
+                    n = min(task_size, len(waiting))
+                    submit([waiting.popleft() for _ in range(n)], packed)
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
                     task = running[future]
                     with executor_errors():
                         records = future.result()
                     if records is None:
-                        submit(task, whole)
+                        submit(task, with_content)
                     else:
                         keep(task, records)
-                        waiting.extendleft(task[: len(records) - 1 : -1])
-                        size = _fitting(records)
-                    del running[future]  # after it is stored, since storing may be interrupted
+                        # points that the task did not reach come next, in their order
+                        left = task[len(records) :]
+                        waiting.extendleft(reversed(left))
+                        task_size = _fitting(records)
+                    # after the task is stored, since storing may be interrupted
+                    del running[future]
         except BaseException:
             for future, task in running.items():
-                if (
-                    not future.cancel()
-                    and future.done()
-                    and not future.exception()
-                    and (records := future.result())
-                ):
-                    keep(task, records)
+                _keep_finished(future, task, keep)
             raise
+
+
+def _n_workers(executor: Executor) -> int:
+    """Return the number of workers of an executor; 32 for others, such as the executor of Dask."""
+    for name in ("_max_workers", "num_workers"):
+        number = getattr(executor, name, None)
+        if isinstance(number, int):
+            return number
+    return 32
+
+
+def _keep_finished(future: Future[list[Record] | None], task: list[int], keep: Keep) -> None:
+    """Cancel a task; if it has already finished without an error, store its points."""
+    if future.cancel() or not future.done() or future.exception():
+        return
+    records = future.result()
+    if records:
+        keep(task, records)
 
 
 def _fitting(records: Sequence[Record]) -> int:
@@ -241,27 +272,36 @@ class _Table:
     """Records of points by column, which need a sixth of the memory of mappings."""
 
     def __init__(self, n: int) -> None:
-        self.known, self.seconds, self.status = np.zeros(n, bool), np.zeros(n), [errors.NOT_RUN] * n
+        self.known = np.zeros(n, bool)
+        self.seconds = np.zeros(n)
+        self.status = [errors.NOT_RUN] * n
         self.columns: dict[str, dict[str, NDArray]] = {"values": {}, "cost": {}}
 
     def put(self, i: int, record: Record) -> None:
-        self.known[i], self.seconds[i], self.status[i] = (
-            True,
-            record["seconds"],
-            sys.intern(record["status"]),
-        )
+        """Store the record of a point."""
+        self.known[i] = True
+        self.seconds[i] = record["seconds"]
+        # equal texts share their memory
+        self.status[i] = sys.intern(record["status"])
         for group, columns in self.columns.items():
             for name, value in record[group].items():
-                column, plain = columns.get(name), isinstance(value, float)
-                if column is None:
-                    column = columns[name] = np.full(len(self.known), np.nan if plain else None)
-                elif not plain and column.dtype == float:
-                    column = columns[name] = column.astype(object)
-                    column[~self.known] = None
+                column = self._column(columns, name, isinstance(value, float))
                 column[i] = sys.intern(value) if isinstance(value, str) else value
 
+    def _column(self, columns: dict[str, NDArray], name: str, is_float: bool) -> NDArray:
+        """Return a column that can store a value; it has numbers as long as all values are."""
+        n = len(self.known)
+        if name not in columns:
+            columns[name] = np.full(n, np.nan if is_float else None)
+        elif not is_float and columns[name].dtype == float:
+            columns[name] = columns[name].astype(object)
+            columns[name][~self.known] = None
+        return columns[name]
+
     def records(self) -> Records:
-        values, cost = (named_fields(columns, len(self.known)) for columns in self.columns.values())
+        n = len(self.known)
+        values = named_fields(self.columns["values"], n)
+        cost = named_fields(self.columns["cost"], n)
         return Records(values, cost, tuple(self.status), self.seconds)
 
 
@@ -275,7 +315,9 @@ def run_stored(
     what: str,
     unit: str,
 ) -> Records:
-    """Return the records of all points, in the same form for computed points and for points from the results file.
+    """Return the records of all points.
+
+    They have the same form for computed points and for points from the results file.
 
     Parameters
     ----------
@@ -293,29 +335,33 @@ def run_stored(
     Returns
     -------
     Records
-        After Ctrl-C or the end of the executor, unfinished points have the record :data:`NOT_RUN` with the reason.
+        After Ctrl-C or the end of the executor, unfinished points have the record :data:`NOT_RUN`
+        with the reason.
     """
-    table, index = _Table(len(names)), {name: i for i, name in enumerate(names)}
-    for record in () if store is None else store.finished():
-        if record["index"] in index:
-            table.put(index[record["index"]], record)
+    n = len(names)
+    table = _Table(n)
+    if store is not None:
+        index = {name: i for i, name in enumerate(names)}
+        for record in store.finished():
+            if record["index"] in index:
+                table.put(index[record["index"]], record)
     todo = np.flatnonzero(~table.known).tolist()
     with (
         LongWork() as work,
-        progress_counter(progress, len(names), len(names) - len(todo), what, unit) as advance,
+        progress_counter(progress, n, n - len(todo), what, unit) as advance,
     ):
 
-        def keep(task: Sequence[int], found: Sequence[Record]) -> None:
-            new = {
-                i: json_line({"index": names[i], **record})
-                for i, record in zip(task, found)
-                if not table.known[i]
-            }
-            for i, line in new.items():
+        def keep(task: Sequence[int], records: Sequence[Record]) -> None:
+            lines = {}
+            for i, record in zip(task, records):
+                # a point may be received twice after an interruption
+                if not table.known[i]:
+                    lines[i] = json_line({"index": names[i], **record})
+            for i, line in lines.items():
                 table.put(i, from_line(line))
                 advance()
             if store is not None:
-                store.append(*new.values())
+                store.append(*lines.values())
 
         run_points(job, point, todo, executor, keep)
     not_run = NOT_RUN | {"status": errors.with_reason(errors.NOT_RUN, work.reason)}

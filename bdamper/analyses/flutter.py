@@ -1,14 +1,15 @@
 """Limit cycles of a blade in a destabilising flow.
 
-An aerodynamic force proportional to mass times velocity has the form of the force in a nonlinear mode. If the damping
-ratios of mode and flow add up to zero, the motion sustains itself and solves the autonomous equations exactly.
+An aerodynamic force proportional to mass times velocity has the form of the force in a nonlinear
+mode. If the damping ratios of mode and flow add up to zero, the motion sustains itself and solves
+the autonomous equations exactly.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,12 +41,12 @@ class Flutter(Plottable, Tabular, Recorded, Storable, kind="bdamper-flutter", ro
     preload : (n,) float, N
     nodal_diameter : (n,) int
     amplitude : (n,) float, m
-        Amplitude of the first harmonic of the response; 0 for the equilibrium, with frequency and damping of the lowest
-        amplitude.
+        Amplitude of the first harmonic of the response; 0 for the equilibrium, with frequency and
+        damping of the lowest amplitude.
     frequency : (n,) float, Hz
     stable : (n,) bool
-        Whether small changes of the amplitude decay. Beyond an unstable limit cycle the amplitude grows to the next stable
-        one or without bound.
+        Whether small changes of the amplitude decay. Beyond an unstable limit cycle the amplitude
+        grows to the next stable one or without bound.
     highest : float, m
         Upper limit of the searched amplitudes.
     aerodynamic_damping : mapping of nodal diameter to complex
@@ -66,33 +67,53 @@ class Flutter(Plottable, Tabular, Recorded, Storable, kind="bdamper-flutter", ro
 
     @property
     def safe(self) -> NDArray:
-        """Amplitude (n,) in m up to which the vibration stays bounded, at preload and nodal diameter of each row.
+        """Amplitude (n,) in m up to which the vibration stays bounded.
 
-        Infinite if there is no unstable limit cycle below ``highest``; 0 if the equilibrium and all limit cycles are
+        It belongs to the preload and nodal diameter of each row. It is infinite if there is no
+        unstable limit cycle below ``highest``; 0 if the equilibrium and all limit cycles are
         unstable.
         """
-        out = np.full(len(self.preload), np.inf)
-        for k, case in enumerate(zip(self.preload, self.nodal_diameter)):
-            rows = np.flatnonzero((self.preload == case[0]) & (self.nodal_diameter == case[1]))
-            bounded = np.maximum.accumulate(self.stable[rows])  # rows from the first stable one
-            ends = self.amplitude[rows][~self.stable[rows] & bounded]
-            out[k] = 0.0 if not bounded.any() else ends.min(initial=np.inf)
-        return out
+        safe = np.full(len(self.preload), np.inf)
+        for i in range(len(self.preload)):
+            same_preload = self.preload == self.preload[i]
+            same_diameter = self.nodal_diameter == self.nodal_diameter[i]
+            rows = np.flatnonzero(same_preload & same_diameter)
+            stable = self.stable[rows]
+            # rows from the first stable one
+            bounded = np.maximum.accumulate(stable)
+            if bounded.any():
+                ends = self.amplitude[rows][~stable & bounded]
+                safe[i] = ends.min(initial=np.inf)
+            else:
+                safe[i] = 0.0
+        return safe
 
     def _headline(self) -> str:
         safe = self.safe
-        k = int(np.argmin(safe))
-        where = f"a preload of {amount(self.preload[k], 'N')} and nodal diameter {self.nodal_diameter[k]}"
-        cycles = f"{counted(int(np.count_nonzero(self.amplitude)), 'limit cycle')} found"
-        if (stable := self.amplitude[self.stable]).any():
+        least = int(np.argmin(safe))
+        n_cycles = int(np.count_nonzero(self.amplitude))
+        cycles = f"{counted(n_cycles, 'limit cycle')} found"
+        stable = self.amplitude[self.stable]
+        if stable.any():
             cycles += f", stable ones up to {amount(stable.max(), 'm')}"
-        if np.isinf(safe[k]):
+        if np.isinf(safe[least]):
             return (
                 f"No flutter: vibration below {amount(self.highest, 'm')} stays bounded, {cycles}."
             )
-        if safe[k] == 0.0:
+        preload = amount(self.preload[least], "N")
+        where = f"a preload of {preload} and nodal diameter {self.nodal_diameter[least]}"
+        if safe[least] == 0.0:
             return f"Flutter: at {where} vibration grows from rest, {cycles}."
-        return f"Flutter above {amount(safe[k], 'm')} (least value, at {where}), {cycles}."
+        return f"Flutter above {amount(safe[least], 'm')} (least value, at {where}), {cycles}."
+
+
+class _Motion(NamedTuple):
+    """Limit cycle or equilibrium: amplitude (m), frequency (Hz), stability and status."""
+
+    amplitude: float
+    frequency: float
+    stable: bool
+    status: str
 
 
 @one_thread
@@ -114,116 +135,122 @@ def flutter(
     else:
         values = np.array([problem.check_preload(preload)])  # type: ignore[arg-type]
     own_diameter = problem.model.folded_nodal_diameter(int(problem.engine_order))[0]
-    by_diameter = (
-        aerodynamic_damping
-        if isinstance(aerodynamic_damping, Mapping)
-        else {own_diameter: aerodynamic_damping}
-    )
-    rows: list[tuple[Any, ...]] = []
+    if isinstance(aerodynamic_damping, Mapping):
+        by_diameter = aerodynamic_damping
+    else:
+        by_diameter = {own_diameter: aerodynamic_damping}
+    rows: list[tuple[float, int, _Motion]] = []
+    n_steps = len(values) * len(by_diameter)
     with progress_stages(shows_progress(progress), "flutter", "preload") as report:
-        for k, (d, value) in enumerate(by_diameter.items()):
-            item = f"aerodynamic_damping at nodal diameter {d}"
-            flow = complex(
-                validation.instance(
-                    item, value, (int, float, complex, np.number), "a finite number"
-                )
-            )
-            validation.check_value(np.isfinite(flow), item, "a finite number", value)
-            zeta = flow.imag if isinstance(value, complex) else flow.real
-            one = (
-                problem
-                if d == own_diameter
-                else problem.replace(engine_order=int(d) or problem.model.n_blades)
-            )
-            one = _shifted(
-                one, flow.real if isinstance(value, complex) else 0.0, float(values[-1]), mode
-            )
+        for k, (diameter, value) in enumerate(by_diameter.items()):
+            shift, damping_ratio = _shift_and_damping(diameter, value)
+            at_diameter = problem
+            if diameter != own_diameter:
+                # the engine order n_blades excites nodal diameter 0
+                order = int(diameter) or problem.model.n_blades
+                at_diameter = problem.replace(engine_order=order)
+            at_diameter = _shifted(at_diameter, shift, float(values[-1]), mode)
             curve: NonlinearMode | None = None
+            # from the highest preload, because a mode scales to lower ones
             for i, p in enumerate(values[::-1].tolist(), k * len(values)):
-                report(f"{p:.4g} N, nodal diameter {d}", i, len(values) * len(by_diameter))
+                report(f"{p:.4g} N, nodal diameter {diameter}", i, n_steps)
                 if curve is None or p > curve.scales_to:
-                    reach = (
-                        low,
-                        high
-                        * (values[-1] / values[0] if curve is None and values[0] > 0.0 else 1.0),
+                    reach = high
+                    # cycles at the lowest preload are scaled from larger amplitudes
+                    if curve is None and values[0] > 0.0:
+                        reach = high * (values[-1] / values[0])
+                    curve = nonlinear_mode(
+                        at_diameter, p, mode, (low, reach), options=options, progress=False
                     )
-                    curve = nonlinear_mode(one, p, mode, reach, options=options, progress=False)
-                    cycles = _cycles(one, curve, zeta)
-                s = p / curve.preload if curve.scales_to else 1.0
-                rest = zeta + float(curve.damping_ratio[0]) > 0.0
-                scaled = [(s * a, *rest_of_it) for a, *rest_of_it in cycles if s * a <= high]
-                rows += [
-                    (p, d, *row)
-                    for row in ((0.0, float(curve.frequency[0]), rest, COMPLETE), *sorted(scaled))
-                ]
-    preloads, diameters, amplitudes, frequencies, stable, statuses = zip(*rows)
+                    cycles = _cycles(at_diameter, curve, damping_ratio)
+                factor = p / curve.preload if curve.scales_to else 1.0
+                scaled = [cycle._replace(amplitude=factor * cycle.amplitude) for cycle in cycles]
+                within = sorted(cycle for cycle in scaled if cycle.amplitude <= high)
+                rest_is_stable = damping_ratio + float(curve.damping_ratio[0]) > 0.0
+                equilibrium = _Motion(0.0, float(curve.frequency[0]), rest_is_stable, COMPLETE)
+                rows += [(p, diameter, motion) for motion in (equilibrium, *within)]
+    motions = [motion for _, _, motion in rows]
     return Flutter(
-        preload=np.array(preloads),
-        nodal_diameter=np.array(diameters, int),
-        amplitude=np.array(amplitudes),
-        frequency=np.array(frequencies),
-        stable=np.array(stable, bool),
+        preload=np.array([p for p, _, _ in rows]),
+        nodal_diameter=np.array([diameter for _, diameter, _ in rows], int),
+        amplitude=np.array([motion.amplitude for motion in motions]),
+        frequency=np.array([motion.frequency for motion in motions]),
+        stable=np.array([motion.stable for motion in motions], bool),
         highest=high,
         aerodynamic_damping={
-            str(d): [complex(z).real, complex(z).imag] for d, z in by_diameter.items()
+            str(diameter): [complex(value).real, complex(value).imag]
+            for diameter, value in by_diameter.items()
         },
-        statuses=statuses,
+        statuses=tuple(motion.status for motion in motions),
         **problem.recorded(options),
     )
 
 
+def _shift_and_damping(diameter: int, value: Any) -> tuple[float, float]:
+    """Return the relative frequency shift and the damping ratio by the flow.
+
+    A complex number has both, a real one is the damping ratio.
+    """
+    item = f"aerodynamic_damping at nodal diameter {diameter}"
+    kinds = (int, float, complex, np.number)
+    flow = complex(validation.instance(item, value, kinds, "a finite number"))
+    validation.check_value(np.isfinite(flow), item, "a finite number", value)
+    if isinstance(value, complex):
+        return flow.real, flow.imag
+    return 0.0, flow.real
+
+
 def _shifted(problem: Problem, shift: float, preload: float, mode: int) -> Problem:
-    """Return the problem with a stiffness proportional to mass that shifts the frequency of the mode."""
+    """Return the problem with a stiffness proportional to mass that shifts a mode."""
     if shift == 0.0:
         return problem
-    square = 2.0 * shift * mode_system(problem, preload, mode, 1.0)[1] ** 2
-    mean, *others = problem.bases
-    moved = [
-        replace(
-            b,
-            omega2=b.omega2 + square * b.mass * (b.omega2 > 0.0),
-            damping_ratio=0.0 * b.omega2,
-            drag=b.damping,
+    _, omega = mode_system(problem, preload, mode, 1.0)
+    stiffness_per_mass = 2.0 * shift * omega**2
+    mean, *harmonics = problem.bases
+    shifted = []
+    for basis in harmonics:
+        # rigid body modes keep their frequency of zero
+        elastic = basis.omega2 > 0.0
+        moved = replace(
+            basis,
+            omega2=basis.omega2 + stiffness_per_mass * basis.mass * elastic,
+            damping_ratio=0.0 * basis.omega2,
+            drag=basis.damping,
         )
-        for b in others
-    ]
-    return problem.given(bases=[mean, *moved])
+        shifted.append(moved)
+    return problem.given(bases=[mean, *shifted])
 
 
-def _cycles(
-    problem: Problem, mode: NonlinearMode, zeta: float
-) -> list[tuple[float, float, bool, str]]:
-    """Return amplitude (m), frequency (Hz), stability and status of the motions with a damping ratio of ``-zeta``."""
+def _cycles(problem: Problem, mode: NonlinearMode, damping_ratio: float) -> list[_Motion]:
+    """Return the motions of a mode whose damping cancels the damping ratio of the flow."""
     validation.check(
         len(mode), "flutter", f"a mode under {mode.preload:g} N", f"none: {mode.reason}"
     )
     system, _ = mode_system(problem, mode.preload, mode.mode, float(mode.amplitude.min()))
-    g, out = mode.damping_ratio + zeta, []
-    for i in np.flatnonzero(
-        (g[:-1] * g[1:] <= 0.0) & (g[1:] != 0.0) & (mode.branch[:-1] == mode.branch[1:])
-    ):
-        a, b = (
-            system.structure.point(
-                mode.unknowns[j], TWO_PI * mode.frequency[j], mode.damping_ratio[j]
-            )
-            for j in (i, i + 1)
-        )
-        guess = a + g[i] / (g[i] - g[i + 1]) * (b - a)
-        scale = system.units(guess, 1.0)
-        c = system.solve(guess, Plane(np.eye(len(guess))[-2]), scale, 1e-10, 20, True)
-        solved = c.status == OK
-        y, status = (
-            (c.y, COMPLETE)
-            if solved
-            else (guess, with_reason(INCOMPLETE, "between two points of the mode"))
-        )
-        stable = bool((g[i + 1] - g[i]) * (b[-1] - a[-1]) > 0.0)
-        out.append(
-            (
-                float(system.structure.reference * np.exp(y[-1])),
-                float(y[-3]) / TWO_PI,
-                stable,
-                status,
-            )
-        )
-    return out
+
+    def point(i: int) -> NDArray:
+        omega = TWO_PI * mode.frequency[i]
+        return system.structure.point(mode.unknowns[i], omega, mode.damping_ratio[i])
+
+    total = mode.damping_ratio + damping_ratio
+    crosses = (total[:-1] * total[1:] <= 0.0) & (total[1:] != 0.0)
+    same_branch = mode.branch[:-1] == mode.branch[1:]
+    cycles = []
+    for i in np.flatnonzero(crosses & same_branch).tolist():
+        before = point(i)
+        after = point(i + 1)
+        share = total[i] / (total[i] - total[i + 1])
+        y = before + share * (after - before)
+        # at constant damping ratio, the last unknown but one
+        constant_damping = Plane(np.eye(len(y))[-2])
+        solution = system.solve(y, constant_damping, system.units(y, 1.0), 1e-10, 20, True)
+        if solution.status == OK:
+            y = solution.y
+            status = COMPLETE
+        else:
+            status = with_reason(INCOMPLETE, "between two points of the mode")
+        # damping that rises with the amplitude is stable
+        stable = bool((total[i + 1] - total[i]) * (after[-1] - before[-1]) > 0.0)
+        amplitude = float(system.structure.reference * np.exp(y[-1]))
+        cycles.append(_Motion(amplitude, float(y[-3]) / TWO_PI, stable, status))
+    return cycles
