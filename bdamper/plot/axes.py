@@ -61,9 +61,7 @@ OPTIMUM = "#c0392b"
 IN_TIME = "#1a7a3e"
 """Colour of amplitudes in time (diamonds with bars)."""
 STYLES = ("-", "-.", (0, (6, 1, 1, 1, 1, 1)), (0, (10, 2)), (0, (1, 0.6)), (0, (3, 1, 1, 1)))
-"""Line styles that are distinct in grey print; plain dashed and dotted lines have other
-meanings.
-"""
+"""Line styles, distinct in grey print; plain dashed and dotted lines have other meanings."""
 DASHED = (0, (3, 1.5))
 """Line style of unstable solutions."""
 SUBS = {
@@ -72,9 +70,7 @@ SUBS = {
     1e4: (1.0, 3.0),
     np.inf: (1.0,),
 }
-"""Multiples of powers of ten at the ticks of a logarithmic axis, by the largest ratio of its
-ends.
-"""
+"""Multiples of powers of ten at the ticks of a logarithmic axis, by the ratio of its ends."""
 COLUMN, SMALL = 3.35, 6.5
 """Width of a plot (inches) and the font size of names within it (points)."""
 NEW: Any = None

@@ -284,7 +284,7 @@ def plot_sample(
     Over the standard deviation each preload has a colour.
 
     Bands are 95 % confidence intervals with the errors of the peaks, for the last percentile if
-    there are several colours. They end where the sample does not bound them.  Over the preload,
+    there are several colours.  They end where the sample does not bound them.  Over the preload,
     stars mark the smallest value of each line.
 
     Parameters

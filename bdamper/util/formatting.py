@@ -157,7 +157,7 @@ WIDEST = 118
 def table_lines(rows: Sequence[Sequence[str]], indent: str = "", whole: bool = False) -> list[str]:
     """Return the lines of a table without empty columns, as wide as :data:`WIDEST` allows.
 
-    The last line names the other columns. If ``whole``, they follow in further tables, each with
+    The last line names the other columns.  If ``whole``, they follow in further tables, each with
     the first column.
     """
     # a column without texts below its head is empty

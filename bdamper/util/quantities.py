@@ -37,9 +37,7 @@ UNITS_WITHOUT_RANGE: dict[str, str] = {
     "PerArea.stiffness": "N/m3",
     "Checks.expected_frequencies": "Hz",
 }
-"""Units of parameters without a range; the name of a function or class before it limits the unit to
-it.
-"""
+"""Units of parameters without a range, of all functions or of the one before the name."""
 
 
 class Quantity(Protocol):

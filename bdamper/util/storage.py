@@ -7,7 +7,7 @@ SciPy that computed it.  :func:`load` reads every format.
 :class:`ResultsFile` stores the finished parts of long work, so that interrupted work can continue.
 Each part (a point of a sweep, a peak of an optimal curve) is appended as a line of JSON; once a
 second all lines are forced to disk.  A killed process leaves at most an incomplete last line, which
-the next run removes; a power failure loses at most the last second. The first line identifies the
+the next run removes; a power failure loses at most the last second.  The first line identifies the
 problem and its settings.  A file of other work, or of another version of bdamper, is rejected.
 """
 
@@ -555,8 +555,8 @@ class ResultsFile:
 
 
 _OPEN: WeakSet[ResultsFile] = WeakSet()
-"""Open results files. A forked worker closes them: if its parent is killed, it would keep the file
-locked.
+"""Open results files.  A forked worker closes them; otherwise it would keep the file of a killed
+parent locked.
 """
 
 
