@@ -50,7 +50,11 @@ class Check(NamedTuple):
 
 def graded(value: float, good: float, fair: float) -> str:
     """Return green up to ``good``, amber up to ``fair``, and red above."""
-    return "green" if value <= good else "amber" if value <= fair else "red"
+    if value <= good:
+        return "green"
+    if value <= fair:
+        return "amber"
+    return "red"
 
 
 def checks(curve: OptimalCurve) -> list[Check]:
@@ -58,48 +62,90 @@ def checks(curve: OptimalCurve) -> list[Check]:
 
     Green means passed, amber uncertain, red failed, and white not computed.
     """
-    best = curve.optimum
-    inside = best.kind not in ENDS
-    known, edge = np.isfinite(curve.amplitude), curve.lowest_steady_preload
-    missing = bool(np.any(~known & (curve.preload > edge)))
-    steady = f", no steady response up to {amount(edge, 'N')}" if edge else ""
-    beyond = _beyond(curve)
-    out = [
+    return [
         _model(curve),
-        Check("green" if inside else "red", "Optimum within the range", ENDS.get(best.kind, "inside"),
-              "red at an end of the range of preloads",
-              f"the least amplitude is at the {ENDS.get(best.kind, '')}",
-              beyond if best.kind == "end" else "add damping to the damper"),
-        Check(_verified(curve), "Optimum verified", ", ".join(filter(None, [best.status, best.known_to])),
-              f"red if a lower value may exist at another preload, amber above {percent(GOOD)} of uncertainty",
-              f"the search for the optimum is {best.status}",
-              "run it to its end" if INTERRUPTED in best.status else "compute other preloads near it"),
-        Check("amber" if missing else "green", "A value at every preload", f"{known.sum()} of {len(curve)}{steady}",
-              "amber if a curve is incomplete"),
+        _within_range(curve),
+        _verified(curve),
+        _value_everywhere(curve),
         _in_time(curve),
         _more_harmonics(curve),
         _other_friction(curve),
         _friction_range(curve),
         *_ends_of_range(curve),
-    ]  # fmt: skip
-    for margins in curve.margins:
-        row = int(np.abs(margins.preload - curve.recommended_preload).argmin())
-        least, at = float(margins.margin[row]), f"at {amount(margins.preload[row], 'N')}"
-        colour = graded(-least, -SAFE, -1.0)
-        failure = f"the margin against fatigue is {least:.3g} {at}"
-        out.append(
-            Check(colour, "Margin against fatigue", f"{least:.3g} {at}", f"red below 1, amber below {SAFE:g}", failure,
-                  "reduce the excitation or the stress")
-        )  # fmt: skip
-    return out
+        *_fatigue_margins(curve),
+    ]
 
 
-def _verified(curve: OptimalCurve) -> str:
-    """Return red if a lower value may exist, amber if the preload is uncertain, or green."""
+def _within_range(curve: OptimalCurve) -> Check:
+    """Report an optimum at an end of the range of preloads, or of the steady responses."""
+    kind = curve.optimum.kind
+    end = ENDS.get(kind, "")
+    return Check(
+        colour="red" if end else "green",
+        name="Optimum within the range",
+        found=end or "inside",
+        rule="red at an end of the range of preloads",
+        failure=f"the least amplitude is at the {end}",
+        remedy=_beyond(curve) if kind == "end" else "add damping to the damper",
+    )
+
+
+def _verified(curve: OptimalCurve) -> Check:
+    """Report an optimum below which a value may exist, or whose preload is uncertain."""
     best = curve.optimum
     if not best.verified:
-        return "red"
-    return "amber" if GOOD < best.uncertainty < np.inf else "green"
+        colour = "red"
+    elif GOOD < best.uncertainty < np.inf:
+        colour = "amber"
+    else:
+        colour = "green"
+    found = f"{best.status}, {best.known_to}" if best.known_to else best.status
+    interrupted = INTERRUPTED in best.status
+    return Check(
+        colour=colour,
+        name="Optimum verified",
+        found=found,
+        rule="red if a lower value may exist at another preload, amber above "
+        f"{percent(GOOD)} of uncertainty",
+        failure=f"the search for the optimum is {best.status}",
+        remedy="run it to its end" if interrupted else "compute other preloads near it",
+    )
+
+
+def _value_everywhere(curve: OptimalCurve) -> Check:
+    """Report preloads above the rattling range without a value."""
+    edge = curve.lowest_steady_preload
+    known = np.isfinite(curve.amplitude)
+    missing = bool(np.any(~known & (curve.preload > edge)))
+    found = f"{known.sum()} of {len(curve)}"
+    if edge:
+        found += f", no steady response up to {amount(edge, 'N')}"
+    return Check(
+        colour="amber" if missing else "green",
+        name="A value at every preload",
+        found=found,
+        rule="amber if a curve is incomplete",
+    )
+
+
+def _fatigue_margins(curve: OptimalCurve) -> list[Check]:
+    """Rate the margins against fatigue at the preload nearest to the recommended preload."""
+    rated = []
+    for margins in curve.margins:
+        row = int(np.abs(margins.preload - curve.recommended_preload).argmin())
+        least = float(margins.margin[row])
+        found = f"{least:.3g} at {amount(margins.preload[row], 'N')}"
+        rated.append(
+            Check(
+                colour=graded(-least, -SAFE, -1.0),
+                name="Margin against fatigue",
+                found=found,
+                rule=f"red below 1, amber below {SAFE:g}",
+                failure=f"the margin against fatigue is {found}",
+                remedy="reduce the excitation or the stress",
+            )
+        )
+    return rated
 
 
 def _model(curve: OptimalCurve) -> Check:
@@ -123,22 +169,30 @@ def _beyond(curve: OptimalCurve) -> str:
     row = int(np.abs(curve.preload - curve.optimum.preload).argmin())
     known = np.isfinite(curve.amplitude)
     if not known[max(row - 1, 0) : row + 2].all():
-        return 'find a value at the next preload first, with other contact_points or contact_stiffness="unit_traction"'
-    side = "above" if row > 0 and row == len(curve) - 1 else "below"
+        return (
+            "find a value at the next preload first, with other contact_points or "
+            'contact_stiffness="unit_traction"'
+        )
+    at_upper_end = row > 0 and row == len(curve) - 1
+    side = "above" if at_upper_end else "below"
     return f"include preloads {side} {amount(curve.optimum.preload, 'N')}"
 
 
 def failed(curve: OptimalCurve) -> list[Check]:
     """Return the failed checks; none if the preload does not matter."""
-    return [
-        check for check in checks(curve) if check.colour == "red" and curve.optimum.kind != "flat"
-    ]
+    if curve.optimum.kind == "flat":
+        return []
+    return [check for check in checks(curve) if check.colour == "red"]
 
 
 def _in_time(curve: OptimalCurve) -> Check:
     """Compare harmonic balance and time integration nearest to the recommended preload."""
-    rule = f"green below {percent(GOOD)} of difference, amber below {percent(FAIR)}, red above, white if not run"
-    name, nearest = "Harmonic balance against time", curve.recommended_response
+    rule = (
+        f"green below {percent(GOOD)} of difference, amber below {percent(FAIR)}, red above, "
+        "white if not run"
+    )
+    name = "Harmonic balance against time"
+    nearest = curve.recommended_response
     if nearest is None:
         return Check("white", name, "not run", rule)
     if not known_in_time(nearest) or status_word(nearest.status) != COMPLETE:
@@ -154,23 +208,27 @@ def _in_time(curve: OptimalCurve) -> Check:
 
 def _more_harmonics(curve: OptimalCurve) -> Check:
     """Compare the peaks with more harmonics."""
-    more = curve.convergence
-    rule = f"green if two larger numbers agree, amber below {percent(FAIR)} of difference, red above, white if not run"
-    if more is None:
+    convergence = curve.convergence
+    rule = (
+        f"green if two larger numbers agree, amber below {percent(FAIR)} of difference, red above, "
+        "white if not run"
+    )
+    if convergence is None:
         return Check("white", "More harmonics", "not run", rule)
-    first, *others = more.peaks
-    change = max((abs(p.amplitude / first.amplitude - 1.0) for p in others), default=np.inf)
-    enough = (
-        more.settled[0].harmonics
-        if len(more.settled) > 1 and more.status == COMPLETE
-        else first.harmonics
-    )
-    failure = f"more harmonics may be needed, {more.verdict}"
-    colour = "green" if more.converged else graded(change, 0.0, FAIR)
-    remedy = (
-        f"use harmonics={enough}" if enough > first.harmonics else "rely on the amplitude in time"
-    )
-    return Check(colour, "More harmonics", more.note, rule, failure, remedy)
+    first, *others = convergence.peaks
+    if convergence.converged:
+        colour = "green"
+    else:
+        changes = [abs(peak.amplitude / first.amplitude - 1.0) for peak in others]
+        colour = graded(max(changes, default=np.inf), 0.0, FAIR)
+    remedy = "rely on the amplitude in time"
+    settled = convergence.settled
+    if len(settled) > 1 and convergence.status == COMPLETE:
+        enough = settled[0].harmonics
+        if enough > first.harmonics:
+            remedy = f"use harmonics={enough}"
+    failure = f"more harmonics may be needed, {convergence.verdict}"
+    return Check(colour, "More harmonics", convergence.note, rule, failure, remedy)
 
 
 def _other_friction(curve: OptimalCurve) -> Check:
@@ -181,14 +239,19 @@ def _other_friction(curve: OptimalCurve) -> Check:
     )
     if not _friction_tried(curve):
         return Check("white", name, f"not run at {amount(curve.recommended_preload, 'N')}", rule)
-    own, *others = curve.other_friction
-    ratio = np.array([k.amplitude for k in others]) / own.amplitude
-    known = all(k.status == COMPLETE for k in curve.other_friction)
-    doubled = any(k.compared_with(own) == "high" for k in others)
-    colour = "red" if doubled else "green" if known and np.all(ratio <= NEAR_BEST) else "amber"
-    heights = " and ".join(k.size_text for k in others)
-    found = f"{heights} with {' and '.join(f'{k.factor:g}' for k in others)} times the friction, by harmonic balance"
-    failure = f"at {amount(own.preload, 'N')} the amplitude is {found}"
+    nominal, *changed = curve.other_friction
+    ratio = np.array([peak.amplitude for peak in changed]) / nominal.amplitude
+    all_complete = all(peak.status == COMPLETE for peak in curve.other_friction)
+    if any(peak.compared_with(nominal) == "high" for peak in changed):
+        colour = "red"
+    elif all_complete and np.all(ratio <= NEAR_BEST):
+        colour = "green"
+    else:
+        colour = "amber"
+    sizes = " and ".join(peak.size_text for peak in changed)
+    factors = " and ".join(f"{peak.factor:g}" for peak in changed)
+    found = f"{sizes} with {factors} times the friction, by harmonic balance"
+    failure = f"at {amount(nominal.preload, 'N')} the amplitude is {found}"
     return Check(colour, name, found, rule, failure, _friction_remedy(curve))
 
 
@@ -196,47 +259,56 @@ def _friction_range(curve: OptimalCurve) -> Check:
     """Rate the factors on friction at which the amplitude at the recommended preload doubles."""
     name = "Friction at which the amplitude doubles"
     rule = f"red within a factor of {FRICTION_SPREAD:g}, amber if unknown there, white if not run"
-    found = curve.friction_range
-    if found is None or found.limits is None or not _friction_tried(curve):
+    friction_range = curve.friction_range
+    limits = None if friction_range is None else friction_range.limits
+    if limits is None or not _friction_tried(curve):
         return Check("white", name, f"not run at {amount(curve.recommended_preload, 'N')}", rule)
-    near = [limit for limit in found.limits if limit.near]
-    colour = "red" if any(limit.known for limit in near) else "amber" if near else "green"
-    preload = amount(curve.other_friction[0].preload, "N")
-    return Check(
-        colour, name, found.text, rule, f"at {preload} {found.text}", _friction_remedy(curve)
-    )
+    near = [limit for limit in limits if limit.near]
+    if any(limit.known for limit in near):
+        colour = "red"
+    elif near:
+        colour = "amber"
+    else:
+        colour = "green"
+    found = friction_range.text
+    failure = f"at {amount(curve.other_friction[0].preload, 'N')} {found}"
+    return Check(colour, name, found, rule, failure, _friction_remedy(curve))
 
 
 def _friction_remedy(curve: OptimalCurve) -> str:
     """Return the remedy if the amplitude doubles with another friction coefficient."""
-    found = curve.friction_range
-    if found is None or not found.remedy > 0.0:
+    friction_range = curve.friction_range
+    if friction_range is None or not friction_range.remedy > 0.0:
         return "choose a preload for these friction coefficients, bd.robust_optimum"
+    factors = f"{1.0 / FRICTION_SPREAD:.2g} and {FRICTION_SPREAD:g} times the friction"
     return (
-        f"choose {amount(found.remedy, 'N')}, where the amplitude does not double with {1.0 / FRICTION_SPREAD:.2g} and "
-        f"{FRICTION_SPREAD:g} times the friction, or bd.robust_optimum"
+        f"choose {amount(friction_range.remedy, 'N')}, where the amplitude does not double with "
+        f"{factors}, or bd.robust_optimum"
     )
 
 
 def _friction_tried(curve: OptimalCurve) -> bool:
     """Return whether other friction coefficients were tried at the recommended preload."""
-    tried = curve.other_friction
-    return bool(tried) and bool(np.isclose(tried[0].preload, curve.recommended_preload))
+    if not curve.other_friction:
+        return False
+    nominal = curve.other_friction[0]
+    return bool(np.isclose(nominal.preload, curve.recommended_preload))
 
 
 def checked_amplitudes(curve: OptimalCurve) -> dict[str, float]:
     """Return the upper amplitude (m) of each check by its name; nothing without time integration.
 
-    NaN means unknown.  The amplitude with another friction coefficient is unknown if its peak is not complete: the peak
-    may be higher.
+    NaN means unknown.  The amplitude with another friction coefficient is unknown if its peak is
+    not complete: the peak may be higher.
     """
     response = curve.recommended_response
     if response is None or not known_in_time(response):
         return {}
     amplitudes = {"in time": response.largest, "by harmonic balance": response.balance}
-    more = curve.convergence
-    if more is not None and len(more.peaks) > 1:
-        amplitudes["with more harmonics"] = more.range[1]
+    convergence = curve.convergence
+    if convergence is not None and len(convergence.peaks) > 1:
+        _, highest = convergence.range
+        amplitudes["with more harmonics"] = highest
     if _friction_tried(curve):
         for peak in curve.other_friction[1:]:
             size = peak.amplitude if peak.status == COMPLETE else np.nan
@@ -254,55 +326,80 @@ def headline(curve: OptimalCurve, further: Sequence[Check] = ()) -> str:
 
     ``further`` are checks of a report.
     """
-    o = curve.optimum
-    if not np.isfinite(o.preload):
-        gone = [
-            f"; at {amount(p, 'N')} {why}"
-            for p, why in zip(curve.preload, curve.status)
-            if status_word(why) != COMPLETE
-        ]
-        if o.kind == "flat":
-            return f"The preload does not matter: {peak_text(o.amplitude, o.frequency)}."
-        return f"No optimum: {o.status}{''.join(gone[:1])}."
-    friction = _other_friction(curve)
+    best = curve.optimum
+    if best.kind == "flat" and not np.isfinite(best.preload):
+        return f"The preload does not matter: {peak_text(best.amplitude, best.frequency)}."
+    if not np.isfinite(best.preload):
+        return f"No optimum: {best.status}{_first_incomplete(curve)}."
+    sentences = []
     red = [*failed(curve), *(check for check in further if check.colour == "red")]
-    other = f"Other friction: {friction.found}." if friction.colour in ("green", "amber") else ""
-    doubles = _friction_range(curve)
-    if doubles.colour in ("green", "amber"):
-        other = " ".join(filter(None, [other, f"{doubles.found[0].upper()}{doubles.found[1:]}."]))
-    remedies = "; ".join(dict.fromkeys(check.remedy for check in red))
-    doubt = f"Not for design: {'; '.join(check.failure for check in red)}. {remedies[:1].upper()}{remedies[1:]}."
-    amplitudes = [_preload(curve), _amplitude(curve, bool(red)), _range(curve), other]
-    said = [doubt if red else "", *amplitudes, _locked(curve), _doubts(curve), _not_covered(curve)]
-    return " ".join(filter(None, said))
+    if red:
+        failures = "; ".join(check.failure for check in red)
+        remedies = "; ".join(dict.fromkeys(check.remedy for check in red))
+        sentences.append(f"Not for design: {failures}. {_capitalised(remedies)}.")
+    sentences += [_preload(curve), _amplitude(curve, bool(red)), _range(curve)]
+    # red checks are among the failures, white ones were not computed
+    friction = _other_friction(curve)
+    if friction.colour in ("green", "amber"):
+        sentences.append(f"Other friction: {friction.found}.")
+    friction_range = _friction_range(curve)
+    if friction_range.colour in ("green", "amber"):
+        sentences.append(f"{_capitalised(friction_range.found)}.")
+    sentences += [_locked(curve), _doubts(curve), _not_covered(curve)]
+    return " ".join(sentence for sentence in sentences if sentence)
+
+
+def _first_incomplete(curve: OptimalCurve) -> str:
+    """Return the status at the lowest preload whose curve is not complete."""
+    for preload, status in zip(curve.preload, curve.status):
+        if status_word(status) != COMPLETE:
+            return f"; at {amount(preload, 'N')} {status}"
+    return ""
+
+
+def _capitalised(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}"
 
 
 def _preload(curve: OptimalCurve) -> str:
     """Return the recommended preload and the range of preloads around the optimum."""
-    o, least, best = curve.optimum, curve.optimum_in_time, curve.recommended_preload
-    force = curve.settings.get("excitation", {}).get("amplitude", 0.0)
+    optimum = curve.optimum
+    recommended = curve.recommended_preload
+    text = f"Preload: {amount(recommended, 'N')}"
     shares = loads_text(curve.settings.get("load_per_preload"))
-    per = (
-        " per newton of excitation"
-        if force == 1.0
-        else f" at {amount(force, 'N')} of excitation"
-        if force
-        else ""
-    )
-    where = f"Preload: {amount(best, 'N')}{f' ({shares})' if shares else ''}{per}"
-    if o.uncertainty > GOOD and o.known_to:
-        where += f" ({o.known_to})"
-    if not np.isclose(best, o.preload):
-        where += f", least in time (harmonic balance alone: {amount(o.preload, 'N')})"
-    known = [k.preload for k in curve.time_response if known_in_time(k)]
-    if least is not None and best in (known[0], known[-1]):
-        where += f"; {'lower' if best == known[0] else 'higher'} preloads were not integrated"
-    within = f"by harmonic balance the amplitude is within {percent(NEAR_BEST - 1.0)} of the minimum from"
+    if shares:
+        text += f" ({shares})"
+    force = _excitation(curve)
+    if force == 1.0:
+        text += " per newton of excitation"
+    elif force:
+        text += f" at {amount(force, 'N')} of excitation"
+    if optimum.uncertainty > GOOD and optimum.known_to:
+        text += f" ({optimum.known_to})"
+    if not np.isclose(recommended, optimum.preload):
+        text += f", least in time (harmonic balance alone: {amount(optimum.preload, 'N')})"
+    if curve.optimum_in_time is not None:
+        integrated = [
+            response.preload for response in curve.time_response if known_in_time(response)
+        ]
+        if recommended == integrated[0]:
+            text += "; lower preloads were not integrated"
+        elif recommended == integrated[-1]:
+            text += "; higher preloads were not integrated"
     low, high = curve.near_best
-    ends = f"; {_range_in_time(curve)}" if curve.range_in_time else ""
-    return (
-        f"{where}; {within} {span(low, high, 'N')}{_steeper(curve)}{ends}.{_of_damper(curve, best)}"
+    text += (
+        f"; by harmonic balance the amplitude is within {percent(NEAR_BEST - 1.0)} of the minimum "
+        f"from {span(low, high, 'N')}{_steeper(curve)}"
     )
+    if curve.range_in_time:
+        text += f"; {_range_in_time(curve)}"
+    return f"{text}.{_of_damper(curve, recommended)}"
+
+
+def _excitation(curve: OptimalCurve) -> float:
+    """Return the amplitude of the excitation (N); 0 if unknown."""
+    force: float = curve.settings.get("excitation", {}).get("amplitude", 0.0)
+    return force
 
 
 def _rises_in_time(curve: OptimalCurve) -> list[float]:
@@ -311,26 +408,27 @@ def _rises_in_time(curve: OptimalCurve) -> list[float]:
     NaN means unknown.
     """
     least = curve.optimum_in_time
-    if least is None:
-        return [np.nan for _ in curve.range_in_time]
-    return [
-        end.largest / least.largest if known_in_time(end) else np.nan for end in curve.range_in_time
-    ]
+    rises = []
+    for end in curve.range_in_time:
+        known = least is not None and known_in_time(end)
+        rises.append(end.largest / least.largest if known else np.nan)
+    return rises
 
 
 def _range_in_time(curve: OptimalCurve) -> str:
     """Return in words by how much the amplitude in time is higher at the ends of the range."""
-    ends = zip(_rises_in_time(curve), curve.range_in_time)
-    rises = [f"{percent(rise - 1.0)} at {amount(end.preload, 'N')}" for rise, end in ends]
-    return f"in time it is higher than its minimum by {' and '.join(rises)}"
+    texts = []
+    for rise, end in zip(_rises_in_time(curve), curve.range_in_time):
+        texts.append(f"{percent(rise - 1.0)} at {amount(end.preload, 'N')}")
+    return f"in time it is higher than its minimum by {' and '.join(texts)}"
 
 
 def _ends_of_range(curve: OptimalCurve) -> list[Check]:
     """Compare the amplitude in time at the ends of the printed range with its minimum."""
     if not curve.range_in_time:
         return []
-    rises = _rises_in_time(curve)
-    within = all(rise <= NEAR_BEST for rise in rises)  # False if one is unknown
+    # False if one is unknown
+    within = all(rise <= NEAR_BEST for rise in _rises_in_time(curve))
     colour = "green" if within else "amber"
     rule = f"green up to {NEAR_BEST:g} times the least amplitude in time, amber above or if unknown"
     return [Check(colour, "Ends of the range in time", _range_in_time(curve), rule)]
@@ -338,20 +436,19 @@ def _ends_of_range(curve: OptimalCurve) -> list[Check]:
 
 def _of_damper(curve: OptimalCurve, preload: float) -> str:
     """Compare a preload with the centrifugal load of the damper at the resonance."""
-    order, speed = curve.settings.get("engine_order", 0), curve.settings.get("speed")
-    normalised = (
-        curve.settings.get("excitation", {}).get("amplitude") == 1.0
-    )  # the preload is one per newton
-    if (
-        normalised
-        or curve.settings.get("load_per_preload")
-        or not (order and curve.mass_radius > 0.0)
-    ):
+    order = curve.settings.get("engine_order", 0)
+    # with an excitation of one newton the preload is a ratio
+    if _excitation(curve) == 1.0 or curve.settings.get("load_per_preload"):
         return ""
-    speed = speed or 2.0 * np.pi * curve.optimum.frequency / order
+    if not order or not curve.mass_radius > 0.0:
+        return ""
+    speed = curve.settings.get("speed") or 2.0 * np.pi * curve.optimum.frequency / order
     load = curve.mass_radius * speed**2
-    at = f"at {amount(30.0 * speed / np.pi, 'rpm')}"
-    return f" The damper has {amount(load, 'N')} {at}; the preload needs {preload / load:.2g} times its mass."
+    rotor_speed = amount(30.0 * speed / np.pi, "rpm")
+    return (
+        f" The damper has {amount(load, 'N')} at {rotor_speed}; the preload needs "
+        f"{preload / load:.2g} times its mass."
+    )
 
 
 def _steeper(curve: OptimalCurve) -> str:
@@ -375,7 +472,8 @@ def _rise(curve: OptimalCurve, side: NDArray) -> tuple[float, bool]:
     disregarded.  Amplitudes of incomplete peaks are lower bounds.
     """
     known = np.isfinite(curve.amplitude)
-    rise = np.log(np.where(known, curve.amplitude, curve.lower_bound) / curve.optimum.amplitude)
+    amplitude = np.where(known, curve.amplitude, curve.lower_bound)
+    rise = np.log(amplitude / curve.optimum.amplitude)
     counted = side & np.isfinite(rise) & (rise > np.log(NEAR_BEST))
     slope = np.abs(rise[counted] / np.log(curve.preload[counted] / curve.optimum.preload))
     return float(slope.max(initial=0.0)), bool(known[side].all())
@@ -383,60 +481,64 @@ def _rise(curve: OptimalCurve, side: NDArray) -> tuple[float, bool]:
 
 def _amplitude(curve: OptimalCurve, any_failed: bool) -> str:
     """Return the design amplitude, unless a check has failed, and the amplitudes by each method."""
-    o, response = curve.optimum, curve.recommended_response
+    optimum = curve.optimum
+    highest = optimum.amplitude
+    # text after the amplitude by harmonic balance
+    additions = ""
+    convergence = curve.convergence
+    if convergence is not None and len(convergence.peaks) > 1:
+        low, high = convergence.range
+        highest = max(highest, high)
+        additions += f" ({span(low, high, 'm')} with more harmonics)"
     free = curve.free.amplitude
-    gain = (
-        f", {free / o.amplitude:.3g} times below the free blade ({amount(free, 'm')})"
-        if np.isfinite(free)
-        else ""
-    )
-    more = (
-        curve.convergence
-        if curve.convergence is not None and len(curve.convergence.peaks) > 1
-        else None
-    )
-    low, high = more.range if more is not None else (o.amplitude, o.amplitude)
-    ends = f" ({span(low, high, 'm')} with more harmonics)" if more is not None else ""
+    if np.isfinite(free):
+        ratio = f"{free / optimum.amplitude:.3g}"
+        additions += f", {ratio} times below the free blade ({amount(free, 'm')})"
+    response = curve.recommended_response
     if response is None or not known_in_time(response):
-        highest = max(o.amplitude, high)
-        alone = "Amplitude by harmonic balance alone, not for the stress"
-        return f"{alone}: {peak_text(highest, o.frequency)}{ends}{gain}."
-    at, balance = "", peak_text(o.amplitude, o.frequency)
-    if not np.isclose(response.preload, o.preload):
-        at = f" at {amount(response.preload, 'N')}"
-        balance = f"{amount(response.balance, 'm')} there, at its optimum {balance}"
-    least, most = response.spread
-    differs = f" Blades do not vibrate alike: {span(least, most, 'm')}." if response.parted else ""
+        peak = peak_text(highest, optimum.frequency)
+        return f"Amplitude by harmonic balance alone, not for the stress: {peak}{additions}."
     in_time = span(response.lowest, response.largest, "m")
-    return f"{_design(curve, any_failed)} in time{at} {in_time}, by harmonic balance {balance}{ends}{gain}.{differs}"
+    balance = peak_text(optimum.amplitude, optimum.frequency)
+    if not np.isclose(response.preload, optimum.preload):
+        in_time = f"at {amount(response.preload, 'N')} {in_time}"
+        balance = f"{amount(response.balance, 'm')} there, at its optimum {balance}"
+    design = _design(curve, any_failed)
+    text = f"{design} in time {in_time}, by harmonic balance {balance}{additions}."
+    if response.parted:
+        lowest_blade, highest_blade = response.spread
+        text += f" Blades do not vibrate alike: {span(lowest_blade, highest_blade, 'm')}."
+    return text
 
 
 def _range(curve: OptimalCurve) -> str:
     """Return half of the range of motion where other harmonics than the first add to it."""
-    best, response = curve.optimum, curve.recommended_response
-    parts = [f"by harmonic balance {amount(best.half_range, 'm')}"] * exceeds(
-        best.half_range, best.amplitude
-    )
+    best = curve.optimum
+    response = curve.recommended_response
+    parts = []
+    if exceeds(best.half_range, best.amplitude):
+        parts.append(f"by harmonic balance {amount(best.half_range, 'm')}")
     if response is not None and exceeds(response.half_range, response.mean):
         parts.append(f"in time {amount(response.half_range, 'm')}")
-    return (
-        f"The amplitudes are of the first harmonic; half of the range of motion is {', '.join(parts)}."
-        if parts
-        else ""
-    )
+    if not parts:
+        return ""
+    half_range = ", ".join(parts)
+    return f"The amplitudes are of the first harmonic; half of the range of motion is {half_range}."
 
 
 def _locked(curve: OptimalCurve) -> str:
     """Return the bodies that friction alone can hold: the history of the load decides."""
-    notes = dict.fromkeys(note for part in curve.curves for note in part.self_locking)
-    return " ".join(f"{note[:1].upper()}{note[1:]}." for note in notes)
+    notes: dict[str, None] = {}
+    for response_curve in curve.curves:
+        notes |= dict.fromkeys(response_curve.self_locking)
+    return " ".join(f"{_capitalised(note)}." for note in notes)
 
 
 def _design(curve: OptimalCurve, any_failed: bool) -> str:
     """Return the design amplitude with the check that gives it, or why there is none."""
-    amplitudes = checked_amplitudes(curve)
     if any_failed:
         return "Amplitude"
+    amplitudes = checked_amplitudes(curve)
     unknown = [name for name, size in amplitudes.items() if np.isnan(size)]
     if unknown:
         return f"No design amplitude, it is not known {' and '.join(unknown)};"
@@ -446,41 +548,56 @@ def _design(curve: OptimalCurve, any_failed: bool) -> str:
 
 def _doubts(curve: OptimalCurve) -> str:
     """Return the doubts of the curve at the optimum: broken paths, and a rattling damper."""
-    best = curve.optimum.preload
-    there = [k for k in curve.curves if np.isclose(k.preload, best, rtol=1e-9, atol=0.0)]
+    optimum = curve.optimum.preload
+    rattling = False
+    broken = []
+    for response_curve in curve.curves:
+        if not np.isclose(response_curve.preload, optimum, rtol=1e-9, atol=0.0):
+            continue
+        rattling |= NO_STEADY in response_curve.reason
+        # gaps without a solution are narrower than a thousandth of the interval in a complete curve
+        broken += [part for part in response_curve.missing_ranges if part.why != NO_SOLUTION]
     doubts = []
-    if any(NO_STEADY in k.reason for k in there):
+    if rattling:
         doubts.append(f"{NO_STEADY} is expected")
-    # gaps without a solution are narrower than a thousandth of the interval in a complete curve
-    broken = [part for k in there for part in k.missing_ranges if part.why != NO_SOLUTION]
     if broken:
         places = " and ".join(f"{(part.low + part.high) / 2.0:.4g} Hz" for part in broken[:2])
         doubts.append(
-            f"a path of the response curve broke off near {places}, so that a higher branch may be missing"
+            f"a path of the response curve broke off near {places}, so that a higher branch may be "
+            "missing"
         )
-    return f"Doubt at {amount(best, 'N')}: {'; '.join(doubts)}." if doubts else ""
+    if not doubts:
+        return ""
+    return f"Doubt at {amount(optimum, 'N')}: {'; '.join(doubts)}."
 
 
 def _not_covered(curve: OptimalCurve) -> str:
     """Return the effects that the amplitude does not contain."""
-    friction = curve.settings.get("friction_coefficient", 0.0)
-    every = np.concatenate(
-        [
-            np.ravel(mu)
-            for mu in (friction.values() if isinstance(friction, Mapping) else [friction])
-        ]
-    )
-    values = ", ".join(f"{mu:g}" for mu in np.unique(every[every > 0.0]))
-    ends = [k.factor for k in curve.other_friction if k.status == COMPLETE]
-    checked = len(ends) > 1 and _other_friction(curve).colour != "white"
-    beyond = f"beyond {min(ends):g} to {max(ends):g} times" if checked else "other than"
-    other = [f"friction coefficients {beyond} {values}"] * bool(values)
+    effects = []
     response = curve.recommended_response
-    in_time = response is not None and known_in_time(response)
-    time = [] if in_time else ["motion in time", "more blade modes"]
+    if response is None or not known_in_time(response):
+        effects += ["motion in time", "more blade modes"]
+    effects += ["mistuning", "wear"]
+    # with given stiffness each contact point is a joint, and there are no more of them
     stiffness = curve.settings.get("contact_stiffness", "")
-    joints = stiffness == "model" or "values" in stiffness  # each point is a joint
-    points = ["more contact points"] * (
-        not joints or curve.settings.get("contact_points") is not None
-    )
-    return f"Not covered: {', '.join([*time, 'mistuning', 'wear', *points, *other])}."
+    joints = stiffness == "model" or "values" in stiffness
+    if not joints or curve.settings.get("contact_points") is not None:
+        effects.append("more contact points")
+    coefficients = _friction_coefficients(curve)
+    if coefficients.size:
+        values = ", ".join(f"{coefficient:g}" for coefficient in coefficients)
+        factors = [peak.factor for peak in curve.other_friction if peak.status == COMPLETE]
+        if len(factors) > 1 and _friction_tried(curve):
+            beyond = f"beyond {min(factors):g} to {max(factors):g} times"
+        else:
+            beyond = "other than"
+        effects.append(f"friction coefficients {beyond} {values}")
+    return f"Not covered: {', '.join(effects)}."
+
+
+def _friction_coefficients(curve: OptimalCurve) -> NDArray:
+    """Return the different friction coefficients of all interfaces and points, without zero."""
+    friction = curve.settings.get("friction_coefficient", 0.0)
+    by_interface = list(friction.values()) if isinstance(friction, Mapping) else [friction]
+    coefficients = np.concatenate([np.ravel(coefficient) for coefficient in by_interface])
+    return np.unique(coefficients[coefficients > 0.0])
