@@ -45,9 +45,14 @@ from bdamper.util.tables import (
 )
 
 KINDS = {
-    "smooth": "smooth minimum", "crossing": "two peaks of equal height", "jump": "on one side of it there is a higher peak",
-    "unknown": "not located", "flat": "none, the preload has no effect", "none": "none", **ENDS,
-}  # fmt: skip
+    "smooth": "smooth minimum",
+    "crossing": "two peaks of equal height",
+    "jump": "on one side of it there is a higher peak",
+    "unknown": "not located",
+    "flat": "none, the preload has no effect",
+    "none": "none",
+    **ENDS,
+}
 """Words for the kinds of an optimum."""
 
 
@@ -91,9 +96,10 @@ class OptimumPoint:
     half_range: Annotated[float, Data(derived=True)] = float("nan")
 
     def __post_init__(self) -> None:
-        first, colon, reason = self.status.partition(":")  # files of version 0.6
-        now = {"verified": COMPLETE, "not verified": INCOMPLETE}.get(first, first)
-        object.__setattr__(self, "status", f"{now}{colon}{reason}")
+        # files of version 0.6 have other words
+        word, colon, reason = self.status.partition(":")
+        present_word = {"verified": COMPLETE, "not verified": INCOMPLETE}.get(word, word)
+        object.__setattr__(self, "status", f"{present_word}{colon}{reason}")
 
     @property
     def verified(self) -> bool:
@@ -103,18 +109,19 @@ class OptimumPoint:
     @property
     def known_to(self) -> str:
         """Uncertainty of the preload in words; "" if it is negligible or unknown."""
-        return (
-            f"preload known to {percent(self.uncertainty)}"
-            if 1e-5 < self.uncertainty < np.inf
-            else ""
-        )
+        if 1e-5 < self.uncertainty < np.inf:
+            return f"preload known to {percent(self.uncertainty)}"
+        return ""
 
     @property
     def text(self) -> str:
         """Kind, uncertainty of the preload unless negligible, and status unless complete."""
-        return ", ".join(
-            filter(None, [KINDS[self.kind], self.known_to, "" if self.verified else self.status])
-        )
+        text = KINDS[self.kind]
+        if self.known_to:
+            text += f", {self.known_to}"
+        if not self.verified:
+            text += f", {self.status}"
+        return text
 
 
 @short_repr
@@ -225,10 +232,22 @@ class OptimalCurve(
     margins_interrupted: Annotated[bool, Data(derived=True)] = False
     model_doubts: Annotated[tuple[str, ...] | None, Data(derived=True)] = None
     _summary_fields = (
-        "optimum.preload", "optimum.amplitude", "optimum.frequency", "design_amplitude", "time_response",
-        "optimum_in_time", "convergence", "other_friction", "friction_range", "free", "stuck", "ratio",
-        "stuck_shift_percent", "margins", "detached",
-    )  # fmt: skip
+        "optimum.preload",
+        "optimum.amplitude",
+        "optimum.frequency",
+        "design_amplitude",
+        "time_response",
+        "optimum_in_time",
+        "convergence",
+        "other_friction",
+        "friction_range",
+        "free",
+        "stuck",
+        "ratio",
+        "stuck_shift_percent",
+        "margins",
+        "detached",
+    )
 
     def __post_init__(self) -> None:
         # files of version 0.10 and older have the requested preloads alone
@@ -245,32 +264,37 @@ class OptimalCurve(
 
     @property
     def interrupted(self) -> bool:
-        """Whether Ctrl-C ended the search, a check or the margins; the curve is the part until then."""
+        """Whether Ctrl-C ended the search, a check or the margins; the curve is a part."""
+        # files of version 0.6 have it in the reason
+        if INTERRUPTED in self.optimum.status or self.margins_interrupted:
+            return True
+        if self.friction_range is not None and self.friction_range.interrupted:
+            return True
         statuses = [response.status for response in self.time_response]
         statuses += [peak.status for peak in self.other_friction]
         statuses += [margins.best_status for margins in self.margins]
-        statuses += [] if self.convergence is None else [self.convergence.status]
-        in_range = self.friction_range is not None and self.friction_range.interrupted
-        in_search = INTERRUPTED in self.optimum.status  # files of version 0.6 have it in the reason
-        return (
-            in_search
-            or in_range
-            or self.margins_interrupted
-            or INTERRUPTED in map(status_word, statuses)
-        )
+        if self.convergence is not None:
+            statuses.append(self.convergence.status)
+        return any(status_word(status) == INTERRUPTED for status in statuses)
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings: preloads without a value, and an optimum that is not verified."""
-        low = self.status[0] if self.lowest_steady_preload else ""
-        gone = [(p, s) for p, s in zip(self.preload, self.status) if s not in ("complete", low)]
-        out = [low] * bool(low) + [f"{p:.6g} N: {s}" for p, s in gone]
-        o = self.optimum
-        if o.kind in ENDS:
-            out.append(f"optimum: least value at the {ENDS[o.kind]}")
-        if o.kind != "flat" and not o.verified:
-            out.append(", ".join(filter(None, [f"optimum {o.status}", o.known_to])))
-        return tuple(out)
+        texts = []
+        # all preloads without a steady response have the status of the lowest preload
+        not_steady = self.status[0] if self.lowest_steady_preload else ""
+        if not_steady:
+            texts.append(not_steady)
+        for preload, status in zip(self.preload, self.status):
+            if status not in (COMPLETE, not_steady):
+                texts.append(f"{preload:.6g} N: {status}")
+        best = self.optimum
+        if best.kind in ENDS:
+            texts.append(f"optimum: least value at the {ENDS[best.kind]}")
+        if best.kind != "flat" and not best.verified:
+            uncertainty = f", {best.known_to}" if best.known_to else ""
+            texts.append(f"optimum {best.status}{uncertainty}")
+        return tuple(texts)
 
     @property
     def failures(self) -> tuple[str, ...]:
@@ -308,12 +332,19 @@ class OptimalCurve(
         """Time responses at both ends of :attr:`near_best`; empty unless both were integrated."""
         if not np.isfinite(self.optimum.preload):
             return ()
-        ends = (
-            [k for k in self.time_response if np.isclose(k.preload, p, rtol=1e-6, atol=0.0)]
-            for p in self.near_best
-        )
-        low, high = (found[0] if found else None for found in ends)
-        return (low, high) if low is not None and high is not None else ()
+        low, high = self.near_best
+        at_low = self._integrated_at(low)
+        at_high = self._integrated_at(high)
+        if at_low is None or at_high is None:
+            return ()
+        return at_low, at_high
+
+    def _integrated_at(self, preload: float) -> TimeResponse | None:
+        """Return the time response at a preload, or None."""
+        for response in self.time_response:
+            if np.isclose(response.preload, preload, rtol=1e-6, atol=0.0):
+                return response
+        return None
 
     def preloads_within(self, amplitude: float) -> tuple[float, float]:
         """Return the range of preloads (N) around the optimum up to an amplitude (m).
@@ -332,30 +363,41 @@ class OptimalCurve(
         )
         limit = validation.number("amplitude", amplitude, least=best.amplitude, unit="m")
         computed = dict(zip(self.preload.tolist(), self.amplitude.tolist()))
+        below = sorted((p for p in computed if p < best.preload), reverse=True)
+        above = sorted(p for p in computed if p > best.preload)
         ends = []
-        for step in (-1, 1):
-            preload, before = best.preload, best.amplitude
-            for p in sorted(
-                (p for p in computed if step * (p - best.preload) > 0.0), reverse=step < 0
-            ):
-                a = computed[p]
-                if not a <= limit:  # also if unknown
-                    share = np.log(limit / before) / np.log(a / before) if a > before else 0.0
-                    preload *= (p / preload) ** share
+        for outward in (below, above):
+            preload = best.preload
+            reached = best.amplitude
+            for next_preload in outward:
+                next_amplitude = computed[next_preload]
+                # also if unknown
+                if not next_amplitude <= limit:
+                    share = 0.0
+                    if next_amplitude > reached:
+                        share = np.log(limit / reached) / np.log(next_amplitude / reached)
+                    preload *= (next_preload / preload) ** share
                     break
-                preload, before = p, a
+                preload = next_preload
+                reached = next_amplitude
             ends.append(float(preload))
-        return ends[0], ends[1]
+        low, high = ends
+        return low, high
 
     @property
     def optimum_in_time(self) -> TimeResponse | None:
         """Time response with the least upper bound of the amplitude; None with less than two."""
-        return min(self._known, key=lambda k: k.largest) if len(self._known) > 1 else None
+        known = [response for response in self.time_response if known_in_time(response)]
+        if len(known) < 2:
+            return None
+        return min(known, key=lambda response: response.largest)
 
     @property
     def recommended_preload(self) -> float:
-        """Preload (N) with the least upper bound in time, or that of the optimum; NaN without both."""
-        return (self.optimum_in_time or self.optimum).preload
+        """Preload (N) with the least upper bound in time, or of the optimum; NaN without both."""
+        if self.optimum_in_time is not None:
+            return self.optimum_in_time.preload
+        return self.optimum.preload
 
     @property
     def recommended_response(self) -> TimeResponse | None:
@@ -363,11 +405,11 @@ class OptimalCurve(
         preload = self.recommended_preload
         if not np.isfinite(preload):
             return None
-        return min(
-            self.time_response,
-            key=lambda response: abs(np.log(response.preload / preload)),
-            default=None,
-        )
+
+        def distance(response: TimeResponse) -> float:
+            return float(abs(np.log(response.preload / preload)))
+
+        return min(self.time_response, key=distance, default=None)
 
     @property
     def design_amplitude(self) -> float:
@@ -379,26 +421,30 @@ class OptimalCurve(
         amplitudes = checked_amplitudes(self)
         if not amplitudes or failed(self):
             return float("nan")
-        return float(np.max(list(amplitudes.values())))  # NaN if one of them is
-
-    @property
-    def _known(self) -> list[TimeResponse]:
-        """Time responses with a range, even if it is wide."""
-        return [k for k in self.time_response if known_in_time(k)]
+        # NaN if one of them is
+        return float(np.max(list(amplitudes.values())))
 
     @property
     def detached(self) -> tuple[str, ...]:
         """Highest points on closed branches of the curves, with preloads; they do not count."""
-        return tuple(
-            f"at {curve.preload:.6g} N {curve.point_text(i, 'detached')}"
-            for curve in self.curves
-            for i in curve.detached
-        )
+        texts = []
+        for curve in self.curves:
+            for i in curve.detached:
+                texts.append(f"at {curve.preload:.6g} N {curve.point_text(i, 'detached')}")
+        return tuple(texts)
 
     def report(
-        self, path: FilePath, study: Asking | Problem | None = None, *, fit: Recorded | None = None,
-        disk: Recorded | None = None, project: str = "", author: str = "", date: str = "", model_file: str = "",
-    ) -> Path:  # fmt: skip
+        self,
+        path: FilePath,
+        study: Asking | Problem | None = None,
+        *,
+        fit: Recorded | None = None,
+        disk: Recorded | None = None,
+        project: str = "",
+        author: str = "",
+        date: str = "",
+        model_file: str = "",
+    ) -> Path:
         """Write one HTML file for a design review, with embedded pictures; return its path.
 
         The file has no links.  With a date it is reproducible byte by byte.
@@ -434,6 +480,7 @@ class OptimalCurve(
 
     def _facts(self) -> tuple[Fact, ...]:
         best = self.optimum
-        named = exceeds(best.half_range, best.amplitude)
-        ranges = [Fact("half of the range", best.half_range, "m")] * named
-        return (Fact("optimum", best.text), *ranges, *super()._facts())
+        facts = [Fact("optimum", best.text)]
+        if exceeds(best.half_range, best.amplitude):
+            facts.append(Fact("half of the range", best.half_range, "m"))
+        return (*facts, *super()._facts())

@@ -135,9 +135,18 @@ class ResponseCurve(
     speed: RadiansPerSecond | None = None
     blades: Annotated[NDArray, Quantity("m", dims=(ROW, "blade", "harmonic"))] | None = None
     _summary_fields = (
-        "preload", "kind", "status", "peak.status", "peak.amplitude", "peak.frequency", "at_peak", "unstable_count",
-        "stability_note", "turning_points", "missing_ranges",
-    )  # fmt: skip
+        "preload",
+        "kind",
+        "status",
+        "peak.status",
+        "peak.amplitude",
+        "peak.frequency",
+        "at_peak",
+        "unstable_count",
+        "stability_note",
+        "turning_points",
+        "missing_ranges",
+    )
 
     @property
     def phase(self) -> Radians:
@@ -164,9 +173,7 @@ class ResponseCurve(
             return float("nan")
         if self.without_amplitude is not None:
             return self.without_amplitude.amplitude
-        apart = self.apart
-        counted = ~apart if not apart.all() else apart
-        return 0.5 * float(self.peak_to_peak[counted].max(initial=0.0))
+        return 0.5 * float(self.peak_to_peak[self._counted].max(initial=0.0))
 
     @property
     def folds(self) -> NDArray:
@@ -180,8 +187,10 @@ class ResponseCurve(
     @property
     def turning_points(self) -> tuple[str, ...]:
         """Folds, and the highest points of detached and separate branches, as texts."""
-        named = {"fold": self.folds, "detached": self.detached, "separate": self.separate}
-        return tuple(self.point_text(i, kind) for kind, points in named.items() for i in points)
+        folds = [self.point_text(i, "fold") for i in self.folds]
+        detached = [self.point_text(i, "detached") for i in self.detached]
+        separate = [self.point_text(i, "separate") for i in self.separate]
+        return (*folds, *detached, *separate)
 
     @property
     def gap(self) -> tuple[float, float] | None:
@@ -192,10 +201,10 @@ class ResponseCurve(
     @property
     def without_amplitude(self) -> LeftOut | None:
         """Part with a resonance that is unbounded or has no digits in double precision, or None."""
-        parts = (
-            part for part in self.missing_ranges if part.why.startswith((UNBOUNDED, NO_DIGITS))
-        )
-        return next(parts, None)
+        for part in self.missing_ranges:
+            if part.why.startswith((UNBOUNDED, NO_DIGITS)):
+                return part
+        return None
 
     def _jump(self, fold: int, reached: NDArray) -> tuple[float, float]:
         """Return the size (m) and the frequency (Hz) of the jump at a fold.
@@ -203,21 +212,26 @@ class ResponseCurve(
         The size is the difference from the nearest other amplitude at the frequency of the fold,
         and 0 without another solution.
         """
-        away = np.abs(np.arange(len(self) - 1) - fold + 0.5) > 1.0
+        frequency = float(self.frequency[fold])
+        # segments that do not end at the fold
+        segments = np.arange(len(self) - 1)
+        away = np.abs(segments - fold + 0.5) > 1.0
         joined = away & (np.diff(self.branch) == 0) & reached[1:]
-        _, met = crossed(self.frequency, self.amplitude, self.frequency[fold], joined)
-        return float(min(np.abs(met - self.amplitude[fold]), default=0.0)), float(
-            self.frequency[fold]
-        )
+        _, met = crossed(self.frequency, self.amplitude, frequency, joined)
+        size = float(min(np.abs(met - self.amplitude[fold]), default=0.0))
+        return size, frequency
 
     def _tops(self, numbers: Iterable[int]) -> NDArray:
         """Return the index of the largest response of each branch with a given number."""
-        on = (np.flatnonzero(self.branch == number) for number in numbers)
-        return np.array([i[np.argmax(self.amplitude[i])] for i in on], int)
+        tops = []
+        for number in numbers:
+            points = np.flatnonzero(self.branch == number)
+            tops.append(points[np.argmax(self.amplitude[points])])
+        return np.array(tops, int)
 
     @property
     def detached(self) -> NDArray:
-        """Index (k,) of the largest response of each closed branch; they do not count for the peak."""
+        """Index (k,) of the largest response of each closed branch; they are no peaks."""
         return self._tops(self.closed)
 
     @property
@@ -228,15 +242,23 @@ class ResponseCurve(
         within the interval stays on that branch.  A sweep from beyond the end may follow the
         separate branch; a wider interval shows it.
         """
-        same_end = 1e-6  # relative difference of frequencies
-        through: list[int] = []
-        back: list[int] = []
+        # relative difference of the frequencies of one end
+        same_end = 1e-6
+        any_through = False
+        returning: list[int] = []
         for number in np.unique(self.branch):
-            i, j = np.flatnonzero(self.branch == number)[[0, -1]]
-            if self.point_kind[i] == self.point_kind[j] == "end":
-                same = np.isclose(self.frequency[i], self.frequency[j], rtol=same_end, atol=0.0)
-                (back if same else through).append(int(number))
-        return self._tops(back if through else ())
+            points = np.flatnonzero(self.branch == number)
+            first, last = points[0], points[-1]
+            if self.point_kind[first] != "end" or self.point_kind[last] != "end":
+                continue
+            ends = self.frequency[first], self.frequency[last]
+            if np.isclose(*ends, rtol=same_end, atol=0.0):
+                returning.append(int(number))
+            else:
+                any_through = True
+        if not any_through:
+            return self._tops([])
+        return self._tops(returning)
 
     @property
     def apart(self) -> NDArray:
@@ -245,12 +267,18 @@ class ResponseCurve(
 
     def higher(self, amplitude: float) -> str:
         """Return a text on the separate branches that are higher than an amplitude (m), or ""."""
-        tops = [i for i in self.separate if self.amplitude[i] > amplitude]
-        ends = (self.frequency[self.branch == self.branch[i]][0] for i in tops)
-        return "; ".join(
-            f"higher on a separate branch that enters and leaves at {amount(end, 'Hz', 4)}: "
-            f"{peak_text(self.amplitude[i], self.frequency[i], 4)}, widen the interval" for i, end in zip(tops, ends)
-        )  # fmt: skip
+        texts = []
+        for i in self.separate:
+            if not self.amplitude[i] > amplitude:
+                continue
+            of_branch = self.frequency[self.branch == self.branch[i]]
+            end = amount(of_branch[0], "Hz", 4)
+            peak = peak_text(self.amplitude[i], self.frequency[i], 4)
+            texts.append(
+                f"higher on a separate branch that enters and leaves at {end}: {peak}, widen the "
+                "interval"
+            )
+        return "; ".join(texts)
 
     @property
     def may_be_higher(self) -> str:
@@ -264,16 +292,22 @@ class ResponseCurve(
     @property
     def out_of_reach(self) -> NDArray:
         """Whether each point (n,) is on a closed branch, or a separate one above the peak."""
-        above = self.separate[self.amplitude[self.separate] > self.amplitude[self.peak_index]]
+        separate = self.separate
+        above = separate[self.amplitude[separate] > self.amplitude[self.peak_index]]
         return np.isin(self.branch, (*self.closed, *self.branch[above]))
+
+    @property
+    def _counted(self) -> NDArray:
+        """Whether each point (n,) counts for the peak; all count if there is no other branch."""
+        apart = self.apart
+        return np.ones(len(self), bool) if apart.all() else ~apart
 
     @property
     def peak_index(self) -> int:
         """Index of the point of largest response; closed and separate branches do not count."""
         if not len(self):
             raise BdamperError(f"the curve has no points ({self.status}: {self.reason})")
-        apart = self.apart
-        return int(np.argmax(np.where(apart & ~apart.all(), -1.0, self.amplitude)))
+        return int(np.argmax(np.where(self._counted, self.amplitude, -1.0)))
 
     @property
     def peak(self) -> Peak:
@@ -290,20 +324,24 @@ class ResponseCurve(
         i = self.peak_index
         frequency = float(self.frequency[i])
         y = np.append(self.unknowns[i], 2.0 * np.pi * frequency)
-        ends = [
-            *self.frequency,
-            *(f for part in self.missing_ranges for f in (part.low, part.high)),
-        ]
-        why = self.reason if self.status == INCOMPLETE else f"{self.status}: {self.reason}"
-        search = COMPLETE if self.complete else with_reason(INCOMPLETE, why)
-        limit = {"limit": self.kind} if self.is_limit else {}
-        amplitude, status = (
-            float(self.amplitude[i]),
-            with_reason(INCOMPLETE, AT_END) if self.peak_at_end else search,
-        )
+        lowest = min([*self.frequency, *(part.low for part in self.missing_ranges)])
+        highest = max([*self.frequency, *(part.high for part in self.missing_ranges)])
+        settings = self.settings | {"frequency": [float(lowest), float(highest)]}
+        if self.is_limit:
+            settings |= {"limit": self.kind}
+        if self.complete:
+            search_status = COMPLETE
+        elif self.status == INCOMPLETE:
+            search_status = with_reason(INCOMPLETE, self.reason)
+        else:
+            search_status = with_reason(INCOMPLETE, f"{self.status}: {self.reason}")
+        amplitude = float(self.amplitude[i])
+        status = search_status
         if self.without_amplitude is not None:
             amplitude = self.without_amplitude.amplitude
             status = with_reason(INCOMPLETE, self.without_amplitude.at_middle)
+        elif self.peak_at_end:
+            status = with_reason(INCOMPLETE, AT_END)
         return Peak(
             parameter=self.preload,
             frequency=frequency,
@@ -320,8 +358,8 @@ class ResponseCurve(
             rank_deficiency=int(self.rank_deficiency[i]),
             corner=self.point_kind[i] != "maximum",
             status=status,
-            search_status=search,
-            settings=self.settings | {"frequency": [float(min(ends)), float(max(ends))]} | limit,
+            search_status=search_status,
+            settings=settings,
             model_hash=self.model_hash,
             half_range=self.half_range,
         )
@@ -337,13 +375,10 @@ class ResponseCurve(
         i = self.peak_index
         if self.kind in ("response", "run-up") and self.point_kind[i] in ("maximum", "fold"):
             return False
-        gaps = [
-            f
-            for part in self.missing_ranges
-            if part.why == NO_SOLUTION
-            for f in (part.low, part.high)
-        ]
-        ends = self.frequency.min(), self.frequency.max(), *gaps
+        ends = [self.frequency.min(), self.frequency.max()]
+        for part in self.missing_ranges:
+            if part.why == NO_SOLUTION:
+                ends += [part.low, part.high]
         return bool(np.isclose(self.frequency[i], ends, rtol=1e-6, atol=0.0).any())
 
     @property
@@ -357,42 +392,47 @@ class ResponseCurve(
         if self.unstable is None:
             return np.full(len(self), "", object)
         n = len(self.settings.get("harmonics", range(1, self.harmonics.shape[1])))
-        stays, leaves = (
-            f"stable as far as {n} harmonic{'s' if n > 1 else ''} tell{'s' if n == 1 else ''}",
-            "unstable",
-        )
+        harmonics = f"{n} harmonic" if n == 1 else f"{n} harmonics"
         if "sign of det J: " in self.stability_note:
-            signs = "undecided (det J >= 0)", "unstable (det J < 0)"
-            stays, leaves = (f"{sign} with {n} harmonic{'s' if n > 1 else ''}" for sign in signs)
-        proven = (
-            np.isfinite(self.in_time) if self.in_time is not None else np.zeros(len(self), bool)
-        )
-        in_time = np.where(self.unstable, "unstable", "stable")
-        return np.where(proven, in_time, np.where(self.unstable, leaves, stays))
+            stays = f"undecided (det J >= 0) with {harmonics}"
+            leaves = f"unstable (det J < 0) with {harmonics}"
+        else:
+            stays = f"stable as far as {harmonics} {'tells' if n == 1 else 'tell'}"
+            leaves = "unstable"
+        by_equations = np.where(self.unstable, leaves, stays)
+        if self.in_time is None:
+            return by_equations
+        by_integration = np.where(self.unstable, "unstable", "stable")
+        return np.where(np.isfinite(self.in_time), by_integration, by_equations)
 
     @property
     def unstable_count(self) -> int | None:
         """Number of unstable points; None if not examined."""
-        return None if self.unstable is None else int(np.sum(self.unstable))
+        if self.unstable is None:
+            return None
+        return int(np.sum(self.unstable))
 
     @property
     def at_peak(self) -> dict[str, float]:
         """Fractions of the cycle in stick, slip and separation at the peak, in per cent."""
-        shares = zip(
-            ("stick", "slip", "open"), np.round(100.0 * self.shares[self.peak_index], 1).tolist()
-        )
+        per_cent = np.round(100.0 * self.shares[self.peak_index], 1).tolist()
+        shares = zip(("stick", "slip", "open"), per_cent)
         return {f"{name} (%)": share for name, share in shares if np.isfinite(share)}
 
     def _facts(self) -> tuple[Fact, ...]:
         """Return the highest point of the curve and its origin; empty without points."""
         if not len(self):
             return ()
-        named = exceeds(self.half_range, self.amplitude[self.peak_index])
-        return (*super()._facts(), *[Fact("half of the range", self.half_range, "m")] * named)
+        facts = super()._facts()
+        if exceeds(self.half_range, self.amplitude[self.peak_index]):
+            return (*facts, Fact("half of the range", self.half_range, "m"))
+        return facts
 
     def _unprinted(self) -> tuple[str, ...]:
         """Return the names of fields that are not printed."""
-        return (*super()._unprinted(), *["preload"] * self.is_limit)
+        names = super()._unprinted()
+        # the preload of a limit only closes contact points
+        return (*names, "preload") if self.is_limit else names
 
     def _headline(self) -> str:
         if not len(self):
@@ -400,54 +440,67 @@ class ResponseCurve(
         if self.without_amplitude is not None:
             linear = f"{self.kind} " if self.is_limit else ""
             return f"No amplitude of the {linear}resonance: {self.without_amplitude.at_middle}."
-        i, low, high = self.peak_index, float(self.frequency.min()), float(self.frequency.max())
-        what = {"response": "Resonance", "free": "Free resonance", "stuck": "Stuck resonance"}.get(
-            self.kind, HIGHEST
-        )
-        load = (
-            f" under {preload_text(self.preload, self.settings)}" if self.kind == "response" else ""
-        )
-        if self.speed is not None:
-            speed = float(self.speed[i])
-            turning = f"{speed * 30.0 / np.pi:.5g} rpm ({speed:.5g} rad/s)"
-            load = f" along engine order {self.settings['engine_order']}, at {turning}"
-        if self.blades is not None:
-            load += f", blade {np.argmax(np.abs(self.blades[i, :, 1]))}"
-        peak = peak_and_range(self.amplitude[i], self.frequency[i], self.half_range)
-        what = (
-            HIGHEST
-            if self.peak_at_end
-            else "Lower bound of the resonance"
-            if self.may_be_higher
-            else what
-        )
-        out = [f"{what} of {peak}{load}."]
+        i = self.peak_index
+        sentences = [f"{self._kind_of_peak()} of {self._peak_text()}."]
         if self.peak_at_end:
-            out.append(
-                f"It lies at an end of the curve ({amount(low, 'Hz')} to {amount(high, 'Hz')}) and is not a peak."
-            )
-        if higher := self.higher(self.amplitude[i]):
-            out.append(f"The response is {higher}.")
+            low = amount(float(self.frequency.min()), "Hz")
+            high = amount(float(self.frequency.max()), "Hz")
+            sentences.append(f"It lies at an end of the curve ({low} to {high}) and is not a peak.")
+        higher = self.higher(self.amplitude[i])
+        if higher:
+            sentences.append(f"The response is {higher}.")
         if self.kind in ("response", "run-up"):
             checked = self.in_time is not None and np.isfinite(self.in_time[i])
-            out.append(f"In time it is {self.labels[i]}." if checked else NOT_IN_TIME)
+            sentences.append(f"In time it is {self.labels[i]}." if checked else NOT_IN_TIME)
         reached = ~self.out_of_reach
-        size, at = max(
-            (self._jump(fold, reached) for fold in self.folds if reached[fold]), default=(0.0, 0.0)
-        )
-        if size > 0.01 * self.amplitude[i]:  # smaller jumps are invisible in a plot
-            out.append(
-                f"A slow sweep of frequency jumps by up to {amount(size, 'm')}, at {amount(at, 'Hz')}."
+        jumps = [self._jump(fold, reached) for fold in self.folds if reached[fold]]
+        size, frequency = max(jumps, default=(0.0, 0.0))
+        # smaller jumps are invisible in a plot
+        if size > 0.01 * self.amplitude[i]:
+            sentences.append(
+                f"A slow sweep of frequency jumps by up to {amount(size, 'm')}, at "
+                f"{amount(frequency, 'Hz')}."
             )
-        out += [f"{note[:1].upper()}{note[1:]}." for note in self.self_locking]
+        sentences += [f"{note[:1].upper()}{note[1:]}." for note in self.self_locking]
         if not self.complete:
-            out.append(f"The curve is {self.status}, there may be a higher one: {self.reason}.")
-        return " ".join(out)
+            sentences.append(
+                f"The curve is {self.status}, there may be a higher one: {self.reason}."
+            )
+        return " ".join(sentences)
+
+    def _kind_of_peak(self) -> str:
+        """Return the first words of the headline."""
+        if self.peak_at_end:
+            return HIGHEST
+        if self.may_be_higher:
+            return "Lower bound of the resonance"
+        resonances = {
+            "response": "Resonance",
+            "free": "Free resonance",
+            "stuck": "Stuck resonance",
+        }
+        return resonances.get(self.kind, HIGHEST)
+
+    def _peak_text(self) -> str:
+        """Return the largest response with its frequency, preload or rotor speed, and blade."""
+        i = self.peak_index
+        text = peak_and_range(self.amplitude[i], self.frequency[i], self.half_range)
+        if self.speed is not None:
+            speed = float(self.speed[i])
+            rotor_speed = f"{speed * 30.0 / np.pi:.5g} rpm ({speed:.5g} rad/s)"
+            text += f" along engine order {self.settings['engine_order']}, at {rotor_speed}"
+        elif self.kind == "response":
+            text += f" under {preload_text(self.preload, self.settings)}"
+        if self.blades is not None:
+            text += f", blade {np.argmax(np.abs(self.blades[i, :, 1]))}"
+        return text
 
 
 def unstable_points(curve: ResponseCurve) -> NDArray:
     """Return the unstable points (n,): by a stability analysis, or by a decreasing frequency."""
-    return np.asarray(curve.backward if curve.unstable is None else curve.unstable, bool)
+    if curve.unstable is None:
+        return np.asarray(curve.backward, bool)
+    return np.asarray(curve.unstable, bool)
 
 
 def crossed(x: NDArray, height: NDArray, at: float, joined: NDArray) -> tuple[NDArray, NDArray]:
@@ -457,10 +510,11 @@ def crossed(x: NDArray, height: NDArray, at: float, joined: NDArray) -> tuple[ND
     heights.  Only segments with ``joined`` belong to the curve.
     """
     f = x - at
-    across = np.flatnonzero((f[:-1] * f[1:] <= 0.0) & (f[:-1] != f[1:]) & joined)
-    return across, height[across] + f[across] / (f[across] - f[across + 1]) * (
-        height[across + 1] - height[across]
-    )
+    changes_sign = (f[:-1] * f[1:] <= 0.0) & (f[:-1] != f[1:])
+    before = np.flatnonzero(changes_sign & joined)
+    after = before + 1
+    share = f[before] / (f[before] - f[after])
+    return before, height[before] + share * (height[after] - height[before])
 
 
 class InterruptedCurve(KeyboardInterrupt):
