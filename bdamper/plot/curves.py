@@ -50,8 +50,9 @@ from bdamper.response.verification import TimeResponse
 from bdamper.time_domain.frequency_sweep import TimeSweep
 from bdamper.util import validation
 from bdamper.util.display import register_plot
-from bdamper.util.formatting import amount, counted, percent, spaced
+from bdamper.util.formatting import amount, counted, percent, spaced, text_of
 from bdamper.util.tables import axis_label as label_of
+from bdamper.util.tables import is_strain
 
 # ---- Response and optimal curves ----
 
@@ -73,10 +74,13 @@ def amplitude_label(*results: ResponseCurve | OptimalCurve) -> str:
     locations = set()
     for result in results:
         response = result.settings.get("response")
-        locations.add(None if response is None else response["location"])
-    location = locations.pop() if len(locations) == 1 else None
+        location = None if response is None else text_of(response["location"])
+        locations.add((location, is_strain(result)))
+    location, of_strain = locations.pop() if len(locations) == 1 else (None, False)
     if location is None:
         return AMPLITUDE
+    if of_strain:
+        return f"Strain amplitude at {location} (m/m)"
     return f"{location.replace('_', ' ').capitalize()} amplitude (m)"
 
 

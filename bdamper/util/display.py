@@ -34,7 +34,7 @@ from bdamper.util.formatting import (
 )
 from bdamper.util.progress import Cost
 from bdamper.util.records import names_of
-from bdamper.util.tables import FEW_ROWS, Quantity, Tabular, quantities
+from bdamper.util.tables import FEW_ROWS, Quantity, Tabular, is_strain, quantities
 
 # ---- Summaries and figures ----
 
@@ -209,9 +209,7 @@ class Summarised:
 
     def _in_unit_of_response(self, text: str) -> str:
         """Return a text whose lengths are strains if the response of the result is one: m/m."""
-        settings = getattr(self, "settings", None) or {}
-        response = settings.get("response") or {} if isinstance(settings, Mapping) else {}
-        if response.get("elastic") is None:
+        if not is_strain(self):
             return text
         return re.sub(r"(?<=[\d)] )([pnµm]?m)(?![\w/])", r"\1/m", text)
 

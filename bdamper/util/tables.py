@@ -222,6 +222,11 @@ class Tabular:
             value = getattr(self, name)
             if value is not None:
                 columns |= _columns_of(name, mark, value, self._dimension())
+        if is_strain(self):
+            columns = {
+                name: column._replace(unit="m/m") if column.unit == "m" else column
+                for name, column in columns.items()
+            }
         grid = self._grid()
         if not grid:
             return columns
@@ -496,6 +501,13 @@ def concatenate(tables: Sequence[Tabular]) -> dict[str, Column]:
             values = np.concatenate([columns[name].values for columns in flat])
             joined[name] = column._replace(values=values)
     return joined
+
+
+def is_strain(result: Any) -> bool:
+    """Return whether the response of a result is the strain of a gauge, m/m instead of m."""
+    settings = getattr(result, "settings", None)
+    response = settings.get("response") if isinstance(settings, Mapping) else None
+    return response is not None and response.get("elastic") is not None
 
 
 def columns_of_rows(rows: Sequence[Any]) -> dict[str, Column]:

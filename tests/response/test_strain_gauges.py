@@ -81,6 +81,13 @@ class TestBar:
         study.save(tmp_path / "study.h5")
         again = bd.load_study(tmp_path / "study.h5")
         assert again.settings.response == study.settings.response
+        curve = study.frequency_response(0.0, (50.0, 60.0))
+        curve.to_csv(tmp_path / "curve.csv")
+        read = read_response(tmp_path / "curve.csv")
+        assert read.is_strain
+        np.testing.assert_allclose(np.abs(read.displacement), curve.amplitude, rtol=1e-9)
+        pytest.importorskip("matplotlib")
+        assert "m/m" in curve.plot().axes[0].get_ylabel()
 
 
 @each(("point", "allowed"), [(1, 0.02), (4, 0.005)])
