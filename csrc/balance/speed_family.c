@@ -71,7 +71,8 @@ static void pack(const bd_hbm *hbm, double *flat) {
         flat = append(flat, parameter, OF_POINT);
     }
     for (int l = 0; l <= hbm->n_harm; ++l) {
-        const size_t n = n_independent(hbm, l), stride = l == 0 ? n : 2 * n;
+        const size_t n = n_independent(hbm, l);
+        const size_t stride = l == 0 ? n : 2 * n;
         for (size_t i = 0; i < n_component; ++i) flat = append(flat, hbm->G[l] + i * stride, n);
     }
 }
@@ -84,13 +85,21 @@ static void unpack(const double *flat, bd_hbm *hbm) {
     flat = extract(flat, hbm->damping, n_mode);
     flat = extract(flat, hbm->force, (size_t)hbm->n_unknown);
     flat = extract(flat, hbm->shift, n_component);
-    for (int p = 0; p < hbm->n_point; ++p, flat += OF_POINT) {
+    for (int p = 0; p < hbm->n_point; ++p) {
         bd_element *e = hbm->element + p;
-        e->kt[0] = flat[0], e->kt[1] = flat[1], e->kn = flat[2], e->mu = flat[3], e->n0 = flat[4];
-        e->w[0] = flat[5], e->w[1] = flat[6], e->load = flat[7];
+        e->kt[0] = flat[0];
+        e->kt[1] = flat[1];
+        e->kn = flat[2];
+        e->mu = flat[3];
+        e->n0 = flat[4];
+        e->w[0] = flat[5];
+        e->w[1] = flat[6];
+        e->load = flat[7];
+        flat += OF_POINT;
     }
     for (int l = 0; l <= hbm->n_harm; ++l) {
-        const size_t n = n_independent(hbm, l), stride = l == 0 ? n : 2 * n, half = n / 2;
+        const size_t n = n_independent(hbm, l), half = n / 2;
+        const size_t stride = l == 0 ? n : 2 * n;
         for (size_t i = 0; i < n_component; ++i, flat += n) {
             double *row = hbm->G[l] + i * stride;
             extract(flat, row, n);
@@ -103,6 +112,7 @@ static void unpack(const double *flat, bd_hbm *hbm) {
 
 /* ---- polynomials ---- */
 
+/* Lagrange polynomials of the squared speed p. */
 static void set_basis(bd_family *family, double p) {
     for (int i = 0; i < family->n_node; ++i) {
         double product = family->weight[i];
@@ -112,6 +122,7 @@ static void set_basis(bd_family *family, double p) {
     }
 }
 
+/* Derivatives of the polynomials with respect to the frequency; by_omega = dp/domega. */
 static void set_basis_derivatives(bd_family *family, double p, double by_omega) {
     for (int i = 0; i < family->n_node; ++i) {
         double sum = 0.0;
@@ -140,12 +151,15 @@ static bd_status family_evaluate(bd_hbm *hbm, const double *u, double omega, dou
                                  double *r_omega) {
     bd_family *family = (bd_family *)hbm->variation;
     const size_t n = (size_t)hbm->n_unknown;
-    const double speed = omega / family->order, p = speed * speed;
-    if (!(p >= family->lowest && p <= family->highest))
-        return bd_hbm_evaluate_at(hbm, u, NAN, r, NULL, NULL);
+    const double speed = omega / family->order;
+    const double p = speed * speed;
+    const int within = p >= family->lowest && p <= family->highest;
+    if (!within) return bd_hbm_evaluate_at(hbm, u, NAN, r, NULL, NULL);
     set_basis(family, p);
     interpolate(family, hbm);
     if (!r_omega) return bd_hbm_evaluate_at(hbm, u, omega, r, J, NULL);
+
+    /* derivative of the contact forces with the arrays */
     bd_hbm *rate = &family->derivative;
     set_basis_derivatives(family, p, 2.0 * speed / family->order);
     interpolate(family, rate);
@@ -154,10 +168,12 @@ static bd_status family_evaluate(bd_hbm *hbm, const double *u, double omega, dou
     const bd_status status = bd_hbm_evaluate_at(hbm, u, omega, r, J, r_omega);
     hbm->derivative = NULL;
     if (status != BD_OK) return status;
+
+    /* derivative of the remainder: (dK) u + dG^T F + G^T dF */
     bd_hbm_linear_part(rate, u, omega, family->speed_derivative, NULL, NULL);
     bd_hbm_add_force(rate, hbm->F, family->speed_derivative);
     bd_hbm_add_force(hbm, rate->F, family->speed_derivative);
-    double sum = 0.0;
+    double sum = 0.0; /* NaN if an entry is not finite */
     for (size_t i = 0; i < n; ++i) {
         r_omega[i] += family->speed_derivative[i];
         sum += 0.0 * r_omega[i];
@@ -178,11 +194,14 @@ static void family_destroy(bd_variation *variation) {
 }
 
 static int same_sizes(const bd_hbm *a, const bd_hbm *b) {
-    if (a->n_point != b->n_point || a->n_harm != b->n_harm || a->variation || b->variation)
-        return 0;
-    if (memcmp(a->n_mode, b->n_mode, sizeof(int) * ((size_t)a->n_harm + 1)) != 0) return 0;
-    for (int p = 0; p < a->n_point; ++p)
-        if (a->element[p].law != b->element[p].law || a->element[p].law == BD_LAW_USER) return 0;
+    if (a->n_point != b->n_point || a->n_harm != b->n_harm) return 0;
+    if (a->variation || b->variation) return 0;
+    const size_t n_mode_bytes = sizeof(int) * ((size_t)a->n_harm + 1);
+    if (memcmp(a->n_mode, b->n_mode, n_mode_bytes) != 0) return 0;
+    for (int p = 0; p < a->n_point; ++p) {
+        const bd_law law = a->element[p].law;
+        if (law != b->element[p].law || law == BD_LAW_USER) return 0;
+    }
     return 1;
 }
 
@@ -192,7 +211,8 @@ static bd_status read_nodes(bd_family *family, const bd_hbm *const *node, const 
     for (size_t i = 0; i < n; ++i) {
         pack(node[i], family->node_values + i * family->n_value);
         family->squared_speed[i] = square[i];
-        low = fmin(low, square[i]), high = fmax(high, square[i]);
+        low = fmin(low, square[i]);
+        high = fmax(high, square[i]);
         double product = 1.0;
         for (size_t k = 0; k < n; ++k)
             if (k != i) product *= square[i] - square[k];
@@ -203,7 +223,8 @@ static bd_status read_nodes(bd_family *family, const bd_hbm *const *node, const 
         if (!isfinite(family->node_values[i])) return BD_BAD_ARGUMENT;
     /* Chebyshev nodes lie inside the interval; its ends are closer to the outer nodes than this */
     const double beyond = 0.05 * (high - low);
-    family->lowest = low - beyond, family->highest = high + beyond;
+    family->lowest = low - beyond;
+    family->highest = high + beyond;
     return BD_OK;
 }
 

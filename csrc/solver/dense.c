@@ -18,16 +18,22 @@
 /* Reciprocal condition below which the matrix counts as rank-deficient. */
 static const double RANK_TOLERANCE = 1e-14;
 
+/* Size of the work array of LAPACK for a least-norm solution with m unknowns; -1 if it fails. */
+static int least_norm_work(int m, const bd_lapack *lapack) {
+    int one = 1, query = -1, rank = 0, info = 0, pivot = 0;
+    double a = 0.0, b = 0.0, rcond = 0.0, size = 0.0;
+    lapack->dgelsy(&m, &m, &one, &a, &m, &b, &m, &pivot, &rcond, &rank, &size, &query, &info);
+    return info == 0 ? (int)size + 1 : -1;
+}
+
 bd_status bd_dense_create(bd_dense *dense, const bd_equations_type *type, int n_unknown,
                           const double *row_scale, const bd_lapack *lapack, bd_cost *cost) {
     memset(dense, 0, sizeof *dense);
     const size_t n = (size_t)n_unknown, n1 = n + 1;
-    int m = (int)n1, one = 1, query = -1, rank = 0, info = 0, pivot = 0;
-    double a = 0.0, b = 0.0, rcond = 0.0, size = 0.0;
-    lapack->dgelsy(&m, &m, &one, &a, &m, &b, &m, &pivot, &rcond, &rank, &size, &query, &info);
-    if (info != 0) return BD_BAD_ARGUMENT;
-    dense->lwork = (int)size + 1;
-    const size_t n_work = (size_t)dense->lwork > 4 * n1 ? (size_t)dense->lwork : 4 * n1;
+    const int lwork = least_norm_work((int)n1, lapack);
+    if (lwork < 0) return BD_BAD_ARGUMENT;
+    dense->lwork = lwork;
+    const size_t n_work = (size_t)lwork > 4 * n1 ? (size_t)lwork : 4 * n1;
     const size_t total = 3 * n + n * n + 2 * n1 * n1 + 5 * n1 + n_work;
     dense->memory = malloc(sizeof(double) * total);
     dense->pivot = malloc(sizeof(int) * 2 * n1);
@@ -38,18 +44,17 @@ bd_status bd_dense_create(bd_dense *dense, const bd_equations_type *type, int n_
 #ifdef BD_POISON
     for (size_t i = 0; i < total; ++i) dense->memory[i] = NAN;
 #endif
-    double *p = dense->memory;
     dense->base = (bd_equations){.type = type, .n = n_unknown, .k = 1, .cost = cost};
     dense->lapack = *lapack;
-    dense->base.row_scale = p, p += n;
-    dense->base.r = p, p += n;
-    dense->base.C = p, p += n;
-    dense->base.J = p, p += n * n;
-    dense->A = p, p += n1 * n1;
-    dense->LU = p, p += n1 * n1;
-    dense->row = p, p += n1;
-    dense->base.scratch = p, p += 4 * n1;
-    dense->work = p;
+    dense->base.row_scale = dense->memory;
+    dense->base.r = dense->base.row_scale + n;
+    dense->base.C = dense->base.r + n;
+    dense->base.J = dense->base.C + n;
+    dense->A = dense->base.J + n * n;
+    dense->LU = dense->A + n1 * n1;
+    dense->row = dense->LU + n1 * n1;
+    dense->base.scratch = dense->row + n1;
+    dense->work = dense->base.scratch + 4 * n1;
     dense->iwork = dense->pivot + n1;
     for (size_t i = 0; i < n; ++i) dense->base.row_scale[i] = row_scale ? row_scale[i] : 1.0;
     return BD_OK;
@@ -70,8 +75,9 @@ static const double NOISE = 1e-13;
  * entries of the columns. At unit size, such a row would impose an arbitrary condition. */
 static int is_noise(const bd_equations *e, const double *column, size_t i) {
     const size_t n = (size_t)e->n;
+    const double *row = e->J + i * n;
     for (size_t j = 0; j < n; ++j)
-        if (!(fabs(e->J[i * n + j]) <= NOISE * column[j])) return 0;
+        if (!(fabs(row[j]) <= NOISE * column[j])) return 0;
     return fabs(e->C[i]) <= NOISE * column[n];
 }
 
@@ -109,10 +115,13 @@ static void scale_entries(double *restrict x, double factor, size_t n) {
 static void build_matrix(bd_dense *dense, const bd_border *border) {
     const bd_equations *e = &dense->base;
     const size_t n = (size_t)e->n, n1 = n + 1;
+
+    /* largest entries of the columns */
     double *column = dense->work; /* at least (4 n1) */
     memset(column, 0, sizeof(double) * n1);
     for (size_t i = 0; i < n; ++i) raise_to(column, e->J + i * n, n);
     column[n] = largest_entry(e->C, n);
+
     for (size_t i = 0; i < n1; ++i) {
         double *row = dense->A + i * n1;
         if (i < n) {
@@ -153,24 +162,29 @@ bd_status bd_dense_factor(bd_equations *equations, const bd_border *border) {
     static const double FAR_ABOVE = 1e9;
     bd_dense *dense = (bd_dense *)equations;
     const size_t n1 = (size_t)equations->n + 1;
-    int m = (int)n1, info = 0;
-    double least = INFINITY, most = 0.0, sum = 0.0;
     build_matrix(dense, border);
     memcpy(dense->LU, dense->A, sizeof(double) * n1 * n1);
+    int m = (int)n1, info = 0;
     dense->lapack.dgetrf(&m, &m, dense->LU, &m, dense->pivot, &info);
     ++equations->cost->n_factorisation;
+
     bd_factored factored = {.orientation = 1, .rank = m};
+    double least = INFINITY, most = 0.0;
+    double sum = 0.0; /* not finite if a pivot is not */
     for (size_t i = 0; i < n1; ++i) {
         const double pivot = dense->LU[i * n1 + i];
         sum += pivot;
         least = fmin(least, fabs(pivot));
         most = fmax(most, fabs(pivot));
-        if ((pivot < 0.0) != (dense->pivot[i] != (int)i + 1))
-            factored.orientation = -factored.orientation;
+        /* an exchange of rows changes the sign of the determinant, and a negative pivot too */
+        const int exchanged = dense->pivot[i] != (int)i + 1;
+        if ((pivot < 0.0) != exchanged) factored.orientation = -factored.orientation;
     }
-    factored.condition = info == 0 ? least / most : 0.0;
-    if (info == 0 && !(factored.condition > FAR_ABOVE * RANK_TOLERANCE))
-        factored.condition = estimate_condition(dense);
+
+    const int has_factors = info == 0;
+    factored.condition = has_factors ? least / most : 0.0;
+    const int is_far_above = factored.condition > FAR_ABOVE * RANK_TOLERANCE;
+    if (has_factors && !is_far_above) factored.condition = estimate_condition(dense);
     if (!(factored.condition > RANK_TOLERANCE)) factored.orientation = 0;
     equations->factored = factored;
     return isfinite(sum) ? BD_OK : BD_SINGULAR;
@@ -186,6 +200,8 @@ static bd_status solve(bd_dense *dense, int transposed, double *b) {
         dense->lapack.dgetrs(&which, &m, &one, dense->LU, &m, dense->pivot, b, &m, &info);
         return info == 0 ? BD_OK : BD_SINGULAR;
     }
+
+    /* least norm */
     if (transposed) {
         memcpy(dense->LU, dense->A, sizeof(double) * n1 * n1);
     } else {

@@ -32,8 +32,11 @@ bd_status bd_trig_grid_create(bd_trig_grid *grid, int n_harm, int n_time) {
             const int l = (i + 1) / 2;
             /* an integer reduction of the argument makes the grid exact for every harmonic */
             const double angle = BD_TWO_PI * (double)(((long)l * k) % n_time) / n_time;
-            grid->basis[(size_t)i * (size_t)n_time + (size_t)k] =
-                i == 0 ? 1.0 : (i % 2 ? cos(angle) : sin(angle));
+            double *entry = grid->basis + (size_t)i * (size_t)n_time + (size_t)k;
+            if (i == 0)
+                *entry = 1.0;
+            else
+                *entry = i % 2 ? cos(angle) : sin(angle);
         }
     }
     return BD_OK;
@@ -111,8 +114,10 @@ void bd_trig_derivative(int n_harm, const double *x, double *dx) {
 
 double bd_trig_amplitude(int n_harm, const double *x) {
     double sum = 0.0;
-    for (int l = 1; l <= n_harm; ++l)
-        sum += sqrt(x[2 * l - 1] * x[2 * l - 1] + x[2 * l] * x[2 * l]);
+    for (int l = 1; l <= n_harm; ++l) {
+        const double cosine = x[2 * l - 1], sine = x[2 * l];
+        sum += sqrt(cosine * cosine + sine * sine);
+    }
     return sum;
 }
 
@@ -152,10 +157,11 @@ double bd_trig_bracketed_root(int n_harm, const double *f, double a, double b) {
 
 /* exp(i (theta_k + delta)) for a grid node and a small delta. */
 static void rotate(const bd_trig_grid *grid, int k, double delta, double *z) {
-    const double c = grid->basis[(size_t)grid->n_time + (size_t)k],
-                 s = grid->basis[2 * (size_t)grid->n_time + (size_t)k];
+    const double *cosines = grid->basis + (size_t)grid->n_time;
+    const double *sines = cosines + (size_t)grid->n_time;
+    const double c = cosines[k], s = sines[k];
     const double d = delta * delta;
-    double dc, ds;
+    double dc, ds;  /* cosine and sine of delta */
     if (d < 0.04) { /* Taylor series to rounding */
         dc = 1.0 -
              d / 2.0 *
@@ -173,24 +179,33 @@ static void rotate(const bd_trig_grid *grid, int k, double delta, double *z) {
     z[1] = s * dc + c * ds;
 }
 
+/* Root between 0 and 1 of the cubic with values f0, f1 and slopes m0, m1 at 0 and 1, by three
+ * Newton steps from the secant. */
+static double root_of_cubic(double f0, double f1, double m0, double m1) {
+    const double a3 = 2.0 * (f0 - f1) + m0 + m1;
+    const double a2 = 3.0 * (f1 - f0) - 2.0 * m0 - m1;
+    double t = f0 / (f0 - f1);
+    for (int i = 0; i < 3; ++i) {
+        const double value = f0 + t * (m0 + t * (a2 + t * a3));
+        const double slope = m0 + t * (2.0 * a2 + 3.0 * t * a3);
+        const double next = t - value / slope;
+        if (!(next > 0.0 && next < 1.0)) break;
+        t = next;
+    }
+    return t;
+}
+
 /* Return the bracketed root of a cell as distance from its left node. The start is the root of the
  * cubic through the values f0, f1 and slopes d0, d1 at the ends. Newton's method squares the error,
  * so the size of the step after the next is predictable. */
 static double refine(const bd_trig_grid *grid, const double *f, int k, double f0, double f1,
                      double d0, double d1) {
     const double h = BD_TWO_PI / grid->n_time;
-    const double m0 = h * d0, m1 = h * d1, a3 = 2.0 * (f0 - f1) + m0 + m1,
-                 a2 = 3.0 * (f1 - f0) - 2.0 * m0 - m1;
-    double t = f0 / (f0 - f1);
-    for (int i = 0; i < 3; ++i) {
-        const double p = f0 + t * (m0 + t * (a2 + t * a3)), dp = m0 + t * (2.0 * a2 + 3.0 * t * a3),
-                     next = t - p / dp;
-        if (!(next > 0.0 && next < 1.0)) break;
-        t = next;
-    }
-    double a = 0.0, b = h, x = t * h, last = 0.0, z[2];
+    double x = h * root_of_cubic(f0, f1, h * d0, h * d1);
+    double a = 0.0, b = h;
+    double last = 0.0; /* latest Newton step; 0 after a bisection */
     for (int i = 0; i < 100; ++i) {
-        double slope;
+        double slope, z[2];
         rotate(grid, k, x, z);
         const double fx = value_and_slope_at(grid->n_harm, f, z, &slope);
         if (fx == 0.0) return x;
@@ -205,10 +220,14 @@ static double refine(const bd_trig_grid *grid, const double *f, int k, double f0
         const double step = fabs(next - x);
         x = next;
         if (step <= 1e-16 || b - a <= 2e-16) break;
-        if (step == newton && last > 0.0 && step < 1e-3 * last &&
-            step * (step / last) * (step / last) < 1e-17)
-            break;
-        last = step == newton ? step : 0.0;
+
+        if (step != newton) {
+            last = 0.0;
+            continue;
+        }
+        const int converges = last > 0.0 && step < 1e-3 * last;
+        if (converges && step * (step / last) * (step / last) < 1e-17) break;
+        last = step;
     }
     return x;
 }
@@ -222,22 +241,26 @@ static double into_period(double theta) {
 static int roots_of_one_harmonic(const double *f, double *root, double *z) {
     const double square = f[1] * f[1] + f[2] * f[2];
     if (!(square > f[0] * f[0])) return 0; /* a double root is not a crossing */
-    const double amplitude = sqrt(square), c = f[1] / amplitude, s = f[2] / amplitude,
-                 k = -f[0] / amplitude;
+    const double amplitude = sqrt(square);
+    const double c = f[1] / amplitude, s = f[2] / amplitude;
+    const double k = -f[0] / amplitude; /* cosine of the half angle */
     const double m = sqrt(fmax((1.0 - k) * (1.0 + k), 0.0));
+
     /* exp(i theta) = (c + i s)(k -+ i m) */
-    double z0[2] = {c * k + s * m, s * k - c * m}, z1[2] = {c * k - s * m, s * k + c * m};
-    double r0 = into_period(atan2(z0[1], z0[0])), r1;
-    if (k == 0.0) {
-        r1 = into_period(r0 + BD_PI);
-    } else {
-        r1 = into_period(atan2(z1[1], z1[0]));
-    }
+    const double z0[2] = {c * k + s * m, s * k - c * m};
+    const double z1[2] = {c * k - s * m, s * k + c * m};
+    const double r0 = into_period(atan2(z0[1], z0[0]));
+    /* without a mean the roots are half a period apart */
+    const double r1 = into_period(k == 0.0 ? r0 + BD_PI : atan2(z1[1], z1[0]));
     if (r0 == r1) return 0;
-    const int swap = r0 > r1;
-    root[swap] = r0, root[!swap] = r1;
-    z[2 * swap] = z0[0], z[2 * swap + 1] = z0[1];
-    z[2 * !swap] = z1[0], z[2 * !swap + 1] = z1[1];
+
+    const int first = r0 > r1, second = !first;
+    root[first] = r0;
+    root[second] = r1;
+    for (int i = 0; i < 2; ++i) {
+        z[2 * first + i] = z0[i];
+        z[2 * second + i] = z1[i];
+    }
     return 2;
 }
 
@@ -251,13 +274,18 @@ static void append_root(const bd_trig_grid *grid, int k, double delta, double *r
  * zero between them. */
 static int hidden_pair(const bd_trig_grid *grid, const double *f, int k, double sign, double *root,
                        double *z, int n) {
-    const double h = BD_TWO_PI / grid->n_time, a = k * h, b = (k + 1) * h;
+    const int n_harm = grid->n_harm;
+    const double h = BD_TWO_PI / grid->n_time;
+    const double a = k * h, b = (k + 1) * h;
     double df[BD_MAX_COEF];
-    bd_trig_derivative(grid->n_harm, f, df);
-    const double extremum = bd_trig_bracketed_root(grid->n_harm, df, a, b);
-    if (!(sign * bd_trig_value(grid->n_harm, f, extremum) < 0.0)) return n;
-    append_root(grid, k, bd_trig_bracketed_root(grid->n_harm, f, a, extremum) - a, root, z, n);
-    append_root(grid, k, bd_trig_bracketed_root(grid->n_harm, f, extremum, b) - a, root, z, n + 1);
+    bd_trig_derivative(n_harm, f, df);
+    const double extremum = bd_trig_bracketed_root(n_harm, df, a, b);
+    const int crosses = sign * bd_trig_value(n_harm, f, extremum) < 0.0;
+    if (!crosses) return n;
+    const double before = bd_trig_bracketed_root(n_harm, f, a, extremum);
+    const double after = bd_trig_bracketed_root(n_harm, f, extremum, b);
+    append_root(grid, k, before - a, root, z, n);
+    append_root(grid, k, after - a, root, z, n + 1);
     return n + 2;
 }
 
@@ -266,59 +294,76 @@ static int crosses_here(double value, double slope, double size) {
     return fabs(value) <= 1e-14 * size && fabs(slope) > 1e-6 * size;
 }
 
+/* Distance of the root in cell k, with different signs just inside its ends, from the left node.
+ * zero0, zero1: an end is itself a root. */
+static double root_in_cell(const bd_trig_grid *grid, const double *f, const double *value,
+                           const double *slope, int k, int next, int zero0, int zero1) {
+    const double h = BD_TWO_PI / grid->n_time;
+    if (zero0 || zero1) {
+        const double a = (k + (zero0 ? 1e-6 : 0.0)) * h;
+        const double b = (k + 1 - (zero1 ? 1e-6 : 0.0)) * h;
+        return bd_trig_bracketed_root(grid->n_harm, f, a, b) - k * h;
+    }
+    if (value[k] == 0.0) return 0.0;
+    if (value[next] == 0.0) return h;
+    return refine(grid, f, k, value[k], value[next], slope[k], slope[next]);
+}
+
+/* Move a root at the very end of the period to its beginning. */
+static void move_last_root(int n, double *root, double *z) {
+    if (n == 0 || !(root[n - 1] >= BD_TWO_PI - 1e-14)) return;
+    const double z_last[2] = {z[2 * n - 2], z[2 * n - 1]};
+    for (int i = n - 1; i > 0; --i) {
+        root[i] = root[i - 1];
+        z[2 * i] = z[2 * i - 2];
+        z[2 * i + 1] = z[2 * i - 1];
+    }
+    root[0] = 0.0;
+    z[0] = z_last[0];
+    z[1] = z_last[1];
+}
+
 int bd_trig_roots_with_powers(const bd_trig_grid *grid, const double *f, const double *value,
                               const double *slope, double *root, double *z) {
-    const int n_time = grid->n_time, most = 2 * grid->n_harm;
     if (grid->n_harm == 1) return roots_of_one_harmonic(f, root, z);
+    const int n_time = grid->n_time;
+    const int most = 2 * grid->n_harm;
     const double h = BD_TWO_PI / n_time;
     double size = 0.0;
     for (int i = 0; i < bd_n_coef(grid->n_harm); ++i) size += fabs(f[i]);
+
     int n = 0;
     for (int k = 0; k < n_time && n < most; ++k) {
         const int next = k + 1 < n_time ? k + 1 : 0;
         const double f0 = value[k], f1 = value[next];
-        const int zero0 = crosses_here(f0, slope[k], size),
-                  zero1 = crosses_here(f1, slope[next], size);
+        const int zero0 = crosses_here(f0, slope[k], size);
+        const int zero1 = crosses_here(f1, slope[next], size);
         if (zero0) {
-            append_root(grid, k, k == 0 ? fmax(0.0, -f0 / slope[k]) : -f0 / slope[k], root, z, n);
-            if (++n == most) break;
+            /* not before the period */
+            const double delta = -f0 / slope[k];
+            append_root(grid, k, k == 0 ? fmax(0.0, delta) : delta, root, z, n);
+            ++n;
+            if (n == most) break;
         }
+
         /* signs just inside the cell */
         const double sign = (zero0 ? slope[k] : f0) < 0.0 ? -1.0 : 1.0;
         const double sign_end = (zero1 ? -slope[next] : f1) < 0.0 ? -1.0 : 1.0;
         if (sign != sign_end) {
-            double delta;
-            if (zero0 || zero1) {
-                const double a = (k + (zero0 ? 1e-6 : 0.0)) * h,
-                             b = (k + 1 - (zero1 ? 1e-6 : 0.0)) * h;
-                delta = bd_trig_bracketed_root(grid->n_harm, f, a, b) - k * h;
-            } else {
-                delta = f0 == 0.0   ? 0.0
-                        : f1 == 0.0 ? h
-                                    : refine(grid, f, k, f0, f1, slope[k], slope[next]);
-            }
+            const double delta = root_in_cell(grid, f, value, slope, k, next, zero0, zero1);
             append_root(grid, k, delta, root, z, n);
             ++n;
             continue;
         }
-        if (!(sign * slope[k] < 0.0 && sign * slope[next] > 0.0)) continue;
+
         /* With a slope that falls to zero in the cell, the extremum is at most h |slope| deep; the
          * factor 2 is a margin. */
+        const int has_extremum = sign * slope[k] < 0.0 && sign * slope[next] > 0.0;
+        if (!has_extremum) continue;
         if (fabs(f0) > 2.0 * h * fabs(slope[k]) || fabs(f1) > 2.0 * h * fabs(slope[next])) continue;
         if (n + 2 <= most) n = hidden_pair(grid, f, k, sign, root, z, n);
     }
-    /* a root at the very end of the period is moved to its beginning */
-    if (n > 0 && root[n - 1] >= BD_TWO_PI - 1e-14) {
-        const double z_last[2] = {z[2 * n - 2], z[2 * n - 1]};
-        for (int i = n - 1; i > 0; --i) {
-            root[i] = root[i - 1];
-            z[2 * i] = z[2 * i - 2];
-            z[2 * i + 1] = z[2 * i - 1];
-        }
-        root[0] = 0.0;
-        z[0] = z_last[0];
-        z[1] = z_last[1];
-    }
+    move_last_root(n, root, z);
     return n;
 }
 
