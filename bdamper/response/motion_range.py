@@ -28,26 +28,28 @@ def half_range(harmonics: NDArray) -> NDArray:
     harmonics : (..., n_harmonics + 1) complex
         Complex amplitudes; the first column is the mean.
     """
-    l = np.arange(1, harmonics.shape[-1])
-    if len(l) == 1:
+    orders = np.arange(1, harmonics.shape[-1])
+    if len(orders) == 1:
         return np.asarray(np.abs(harmonics[..., 1]))
-    theta = np.linspace(0.0, 2.0 * np.pi, SAMPLES * len(l), endpoint=False)
-    x = (harmonics[..., 1:] @ np.exp(1j * np.outer(l, theta))).real
+    theta = np.linspace(0.0, 2.0 * np.pi, SAMPLES * len(orders), endpoint=False)
+    # without the mean
+    x = (harmonics[..., 1:] @ np.exp(1j * np.outer(orders, theta))).real
     return np.asarray(0.5 * (_highest(x) + _highest(-x)))
 
 
 def _highest(x: NDArray) -> NDArray:
     """Return the maxima (...,) of periodic samples (..., n), by the parabola through three."""
+    n = x.shape[-1]
     top = x.argmax(axis=-1, keepdims=True)
-    before, at, after = (
-        np.take_along_axis(x, (top + k) % x.shape[-1], axis=-1)[..., 0] for k in (-1, 0, 1)
-    )
-    bend = before - 2.0 * at + after
+    before = np.take_along_axis(x, (top - 1) % n, axis=-1)[..., 0]
+    highest = np.take_along_axis(x, top, axis=-1)[..., 0]
+    after = np.take_along_axis(x, (top + 1) % n, axis=-1)[..., 0]
+    bend = before - 2.0 * highest + after
     # a constant has no parabola
     flat = bend == 0.0
-    return np.asarray(
-        at - np.where(flat, 0.0, (after - before) ** 2 / (8.0 * np.where(flat, 1.0, bend)))
-    )
+    bend_or_one = np.where(flat, 1.0, bend)
+    rise = (after - before) ** 2 / (8.0 * bend_or_one)
+    return np.asarray(highest - np.where(flat, 0.0, rise))
 
 
 def exceeds(half: float, amplitude: float) -> bool:
@@ -63,4 +65,6 @@ def range_text(half: float) -> str:
 def peak_and_range(amplitude: float, frequency: float, half: float) -> str:
     """Return amplitude (m) and frequency (Hz) as text, with half of the range (m) if needed."""
     text = peak_text(amplitude, frequency)
-    return f"{text} (first harmonic; {range_text(half)})" if exceeds(half, amplitude) else text
+    if exceeds(half, amplitude):
+        text += f" (first harmonic; {range_text(half)})"
+    return text

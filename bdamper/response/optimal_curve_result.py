@@ -264,7 +264,7 @@ class OptimalCurve(
 
     @property
     def interrupted(self) -> bool:
-        """Whether Ctrl-C ended the search, a check or the margins; the curve is a part."""
+        """Whether Ctrl-C ended the search, a check or the margins; the rest is missing."""
         # files of version 0.6 have it in the reason
         if INTERRUPTED in self.optimum.status or self.margins_interrupted:
             return True

@@ -42,9 +42,12 @@ def unresolved_resonance(
     top = int(np.argmax(np.abs(system.rows.value(y))))
     if frequency_rounding(system, y[top]) <= LOOSEST:
         return None
-    beside = [i for i in (top - 1, top, top + 1) if 0 <= i < len(y) and branch[i] == branch[top]]
-    frequency = y[beside, -1] / (2.0 * np.pi)
-    damping_ratio = basis.damping / (2.0 * y[top, -1] * np.where(basis.mass > 0.0, basis.mass, 1.0))
+    neighbours = range(max(top - 1, 0), min(top + 2, len(y)))
+    of_branch = [i for i in neighbours if branch[i] == branch[top]]
+    frequency = y[of_branch, -1] / (2.0 * np.pi)
+    # modes of the static residual flexibility have no mass
+    mass_or_one = np.where(basis.mass > 0.0, basis.mass, 1.0)
+    damping_ratio = basis.damping / (2.0 * y[top, -1] * mass_or_one)
     why = EXCEEDS_FRICTION if damping_ratio.max() <= UNDAMPED else TOO_SHARP
     return LeftOut(float(frequency.min()), float(frequency.max()), why)
 
@@ -56,8 +59,9 @@ def frequency_rounding(system: Equations, y: NDArray) -> float:
     contacts do not change it.
     """
     step = 1e-3
-    above, below = y.copy(), y.copy()
+    above = y.copy()
     above[-1] *= 1.0 + step
+    below = y.copy()
     below[-1] *= 1.0 - step
     # exact but for the rotor speed: the inertia forces are quadratic in the frequency
     change = (system.residual(above) - system.residual(below)) / (2.0 * step)

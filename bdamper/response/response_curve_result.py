@@ -231,7 +231,7 @@ class ResponseCurve(
 
     @property
     def detached(self) -> NDArray:
-        """Index (k,) of the largest response of each closed branch; they are no peaks."""
+        """Index (k,) of the largest response of each closed branch; not for the peak."""
         return self._tops(self.closed)
 
     @property
