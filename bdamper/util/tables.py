@@ -504,7 +504,13 @@ def concatenate(tables: Sequence[Tabular]) -> dict[str, Column]:
 
 
 def is_strain(result: Any) -> bool:
-    """Return whether the response of a result is the strain of a gauge, m/m instead of m."""
+    """Return whether the response of a result is the strain of a gauge, m/m instead of m.
+
+    Parameters
+    ----------
+    result
+        Result with the settings of its study, or another object.
+    """
     settings = getattr(result, "settings", None)
     response = settings.get("response") if isinstance(settings, Mapping) else None
     return response is not None and response.get("elastic") is not None
