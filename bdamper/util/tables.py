@@ -503,12 +503,12 @@ def concatenate(tables: Sequence[Tabular]) -> dict[str, Column]:
     return joined
 
 
-def is_strain(result: Any) -> bool:
+def is_strain(result: object) -> bool:
     """Return whether the response of a result is the strain of a gauge, m/m instead of m.
 
     Parameters
     ----------
-    result
+    result : object
         Result with the settings of its study, or another object.
     """
     settings = getattr(result, "settings", None)
