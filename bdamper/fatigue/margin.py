@@ -343,10 +343,11 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
         starts = (over_cycle.SCALED, over_cycle.UNSETTLED, over_cycle.APART)
         least = self.margin[i]
         for margins in self.in_time:
-            own = [note for note in margins.notes if note.startswith(starts)]
-            why = "; ".join(note for note in own if note not in self.notes)
+            notes = [
+                note for note in margins.notes if note.startswith(starts) and note not in self.notes
+            ]
             preload = amount(margins.preload, "N")
-            sentences.append(f"At {preload} it is {margins.least:.3g} in time, {why}.")
+            sentences.append(f"At {preload} it is {margins.least:.3g} in time, {'; '.join(notes)}.")
             least = min(least, margins.least)
         if least < 1.0:
             sentences.append("Below 1 the limit is exceeded.")
@@ -382,8 +383,8 @@ def _scaled_to_time(cycle: StressCycle, time_response: SteadyAmplitude | None) -
     other_preload = abs(time_response.preload - cycle.preload) > 5e-3 * cycle.preload
     if not np.isfinite(time_response.factor) or other_preload:
         expected = f"a time integration at {cycle.preload:g} N"
-        found = f"{time_response.text} at {time_response.preload:g} N"
-        raise validation.invalid("time_response", expected, found)
+        actual = f"{time_response.text} at {time_response.preload:g} N"
+        raise validation.invalid("time_response", expected, actual)
     coefficients = cycle.coefficients.copy()
     coefficients[..., 1:] *= time_response.factor
     highest = amount(time_response.largest, "m")

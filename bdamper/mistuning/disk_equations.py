@@ -63,8 +63,9 @@ def local_model(model: Model) -> Model:
     """
     if all(body.local is None for body in model.bodies.values()):
         raise ModelError(
-            "a bladed disk needs a local basis of blade and disk, and no body of the model has one; create it with "
-            "bladed_disk(wheel=LocalSizes()) of bdamper.fem, or with build_model(sector=Sector(blade_nodes=...))"
+            "a bladed disk needs a local basis of blade and disk, and no body of the model has "
+            "one; create it with bladed_disk(wheel=LocalSizes()) of bdamper.fem, or with "
+            "build_model(sector=Sector(blade_nodes=...))"
         )
     bodies = dict(model.bodies)
     meshes = dict(model.meshes)

@@ -424,14 +424,14 @@ class DiskProblem(Summarised):
         # fraction of a period by which each blade is ahead of blade 0
         periods = int(tuned.engine_order) * np.arange(N) % N / N
         wave = e.amplitude * np.exp(1j * e.phase + 2j * np.pi * periods)
-        out = np.zeros((N, s.n_sector), complex)
-        out[:, : s.n] = np.outer(wave, row)
-        if not out.any():
+        excitation = np.zeros((N, s.n_sector), complex)
+        excitation[:, : s.n] = np.outer(wave, row)
+        if not excitation.any():
             raise SettingError(
                 "excitation: expected a force on the blades, found "
                 f"{e.amplitude:g} N at '{e.location}'"
             )
-        return out
+        return excitation
 
     @cached_property
     def response_row(self) -> NDArray:

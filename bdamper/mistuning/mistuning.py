@@ -25,8 +25,10 @@ from bdamper.util.storage import FilePath, Storable, existing
 from bdamper.util.tables import Column, Tabular
 
 DISTRIBUTIONS = ("normal", "uniform")
-_BLADES, _DAMPERS = 1, 2
-"""Last number of the seeds of blades and of dampers, which makes their draws independent."""
+_BLADES = 1
+"""Last number of the seeds of blades, which makes their draws independent of those of dampers."""
+_DAMPERS = 2
+"""Last number of the seeds of dampers."""
 
 
 @validation.check_arguments
@@ -69,10 +71,13 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         """Return the mistuning of ``n_blades`` blades from an object, an array of deviations, or
         None (tuned)."""
         if not isinstance(mistuning, Mistuning):
-            mistuning = cls(np.zeros(n_blades) if mistuning is None else np.asarray(mistuning))
+            if mistuning is None:
+                mistuning = np.zeros(n_blades)
+            mistuning = cls(np.asarray(mistuning))
         if mistuning.n_blades != n_blades:
             raise SettingError(
-                f"mistuning: expected {n_blades} blades, as in the model, found {mistuning.n_blades}"
+                f"mistuning: expected {n_blades} blades, as in the model, found "
+                f"{mistuning.n_blades}"
             )
         return mistuning
 

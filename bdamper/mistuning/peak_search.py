@@ -11,12 +11,13 @@ flexibility.  With the modes :math:`\phi_{dj}` of the tuned disk with free dampe
 diameter d, the family j of the peak, and the frequency :math:`\omega_0` of the tuned peak,
 
 .. math::
-    W = \frac1N \sum_d \sum_{i \ne j} \frac{\phi_{di} \phi_{di}^H}{\omega_{di}^2 - \omega_0^2} , \qquad
+    W = \frac1N \sum_d \sum_{i \ne j}
+        \frac{\phi_{di} \phi_{di}^H}{\omega_{di}^2 - \omega_0^2} , \qquad
     \sqrt{k} B W B^T \sqrt{k} = U S U^T ,
 
-where B is the motion of the contact points by the blade and k their stiffness.  The shapes are :math:`W B^T \sqrt{k} U` of
-the largest S, and the common shape of all :math:`\phi_{dj}`.  Blades move in these about the static state of the full disk.
-Dampers and contact points are not reduced.
+where B is the motion of the contact points by the blade and k their stiffness.  The shapes are
+:math:`W B^T \sqrt{k} U` of the largest S, and the common shape of all :math:`\phi_{dj}`.  Blades
+move in these about the static state of the full disk.  Dampers and contact points are not reduced.
 
 **Band.**  The frequency band of the highest peaks follows from the waves of the tuned disk.
 """
@@ -58,10 +59,13 @@ SAME = 0.05
 
 GAIN = 1e-5
 """Estimated relative increase of the amplitude below which a local search ends."""
-NEAR, ROUGH = 2e-3, 1e-2
-"""Newton step (relative to the vibration) and residual accepted at the first point of a local
-search.  Without a limit of the residual, dampers that are nearly free have not yet reached their
-positions."""
+NEAR = 2e-3
+"""Newton step, relative to the vibration, accepted at the first point of a local search."""
+ROUGH = 1e-2
+"""Residual accepted there.
+
+Without a limit of the residual, dampers that are nearly free have not yet reached their positions.
+"""
 TOLERANCE = 1e-9
 """Residual of a peak, relative to excitation and static load."""
 EXACT = PeakOptions(tolerance=TOLERANCE, max_trials=12)

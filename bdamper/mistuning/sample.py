@@ -67,12 +67,12 @@ def highest_disks(height: NDArray, audit: float) -> NDArray:
     """Return the mask (n_disks, ...) of the fraction ``audit`` of the disks with the highest
     amplitudes in each cell."""
     n = int(np.ceil(audit * len(height) - 1e-9))
-    known = np.isfinite(height)
+    has_peak = np.isfinite(height)
     descending = -np.nan_to_num(height, nan=-np.inf)
     order = np.argsort(descending, axis=0, kind="stable")
     # the inverse of the order is the rank of each disk, 0 for the highest
     rank = np.argsort(order, axis=0, kind="stable")
-    return np.asarray((rank < n) & known)
+    return np.asarray((rank < n) & has_peak)
 
 
 @short_repr
@@ -193,8 +193,8 @@ class BestPreload(Summarised):
         tuned = f"tuned {amount(self.tuned_preload, 'N')}, {amount(self.tuned_amplitude, 'm')}"
         preload = Interval(self.low, self.preload, self.high).to_text("N")
         return (
-            f"Best preload for the highest blade in {self.percentile:g} % of {self.disks} bladed disks, "
-            f"standard deviation {100.0 * self.standard_deviation:g} %: {preload} "
+            f"Best preload for the highest blade in {self.percentile:g} % of {self.disks} bladed "
+            f"disks, standard deviation {100.0 * self.standard_deviation:g} %: {preload} "
             f"({self.kind} of the preload range), {self.amplitude.to_text('m')}; {tuned}"
         )
 
@@ -281,8 +281,10 @@ class MistunedSample(
     @property
     def held(self) -> float:
         """Fraction of the peaks that were found only with holding springs on the dampers."""
-        known = self.springs[np.isfinite(self.springs)]
-        return float(np.mean(known > 0.0)) if len(known) else 0.0
+        springs_of_peaks = self.springs[np.isfinite(self.springs)]
+        if not len(springs_of_peaks):
+            return 0.0
+        return float(np.mean(springs_of_peaks > 0.0))
 
     def percentile(self, q: float, quantity: str = "amplification") -> NDArray:
         """Return the lower end, estimate and upper end of a percentile over the disks, (3,
@@ -721,9 +723,9 @@ def _result(
 
     def of_searched(values: NDArray, missing: float) -> NDArray:
         """Return values of all points, ``missing`` without a thorough search."""
-        out = np.full(n_points, missing)
-        out[indices] = values
-        return out.reshape(sample.shape)
+        of_points = np.full(n_points, missing)
+        of_points[indices] = values
+        return of_points.reshape(sample.shape)
 
     curve_status = ["not asked"] * n_points
     for i, status in zip(indices, searched.status):
