@@ -531,8 +531,7 @@ def _stage(
     if before is not None:
         objective.held = dict(zip(before.result.names, before.result.values.tolist()))
     names = tuple(objective.ranges)
-    all_free = np.ones(len(names), bool)
-    x = objective.least(objective.start, all_free)
+    x = objective.least(objective.start, np.ones(len(names), bool))
     parts = objective.parts(x)
     labels = tuple(_label(test) for test in objective.data)
     if all(part.lost.all() for part in parts):
@@ -546,11 +545,8 @@ def _stage(
     # group of each row of the residual
     sizes = [part.residual.size for part in parts]
     group = np.repeat(groups, sizes)
-    prediction, lower_minimum = _predictions(objective, x, group)
-    if lower_minimum is not None:
-        x = objective.least(lower_minimum, all_free)
-        parts = objective.parts(x)
-        prediction, _ = _predictions(objective, x, group)
+    x, prediction = _lowest_minimum(objective, x, group)
+    parts = objective.parts(x)
     group_rows = [np.flatnonzero(group == number) for number in np.unique(group)]
     uncertainty = _uncertainty(objective, x, group_rows, before)
 
@@ -569,11 +565,6 @@ def _stage(
     for label, part in zip(labels, parts):
         doubts += _lost_points(label, part)
 
-    # the sum of squares of a column of J is the information about its parameter
-    ends_of_tests = np.cumsum(sizes)
-    rows = [slice(end - size, end) for end, size in zip(ends_of_tests, sizes)]
-    information = np.array([(J[s] ** 2).sum(axis=0) for s in rows]).T
-    whole_information = np.maximum((J**2).sum(axis=0)[:, None], 1e-300)
     if callable(objective.problem):
         problem = objective.made(dict(zip(names, np.exp(x))))
     else:
@@ -585,7 +576,7 @@ def _stage(
         high=np.exp(ends[1]),
         deviation=np.where(unknown, np.inf, deviation),
         left_out=uncertainty.left_out,
-        information=information / whole_information,
+        information=_information(J, sizes),
         tests=labels,
         noise=objective.noise,
         place=np.concatenate([part.place for part in parts]),
@@ -598,6 +589,19 @@ def _stage(
         **problem.recorded(),
     )
     return _Stage(_with_status(result, doubts), uncertainty.covariance)
+
+
+def _information(J: NDArray, sizes: Sequence[int]) -> NDArray:
+    """Return the share (k, n_tests) of each test in the information about each parameter.
+
+    The information is the sum of squares of a column of ``J``.  ``sizes`` has the number of rows of
+    each test; rows of priors follow.
+    """
+    squares = []
+    for end, size in zip(np.cumsum(sizes), sizes):
+        squares.append((J[end - size : end] ** 2).sum(axis=0))
+    whole = np.maximum((J**2).sum(axis=0)[:, None], 1e-300)
+    return np.asarray(np.array(squares).T / whole)
 
 
 def _label(test: MeasuredResponse | Measured | MeasuredMode) -> str:
@@ -682,6 +686,19 @@ def _far_priors(objective: Objective, x: NDArray) -> list[str]:
                 f"{prior} is {distance:.2g} standard deviations from the data: examine both"
             )
     return doubts
+
+
+def _lowest_minimum(objective: Objective, x: NDArray, group: NDArray) -> tuple[NDArray, NDArray]:
+    """Return a minimum and the residuals (n, 2) of its predictions, see :func:`_predictions`.
+
+    A fit without some tests may lead to a lower minimum than ``x``.
+    """
+    prediction, lower = _predictions(objective, x, group)
+    if lower is None:
+        return x, prediction
+    x = objective.least(lower, np.ones(len(x), bool))
+    prediction, _ = _predictions(objective, x, group)
+    return x, prediction
 
 
 def _predictions(

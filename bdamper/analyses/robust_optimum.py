@@ -352,15 +352,13 @@ class OptimalCurveUncertainty(
 
     def columns(self) -> dict[str, Column]:
         """Return percentiles at each preload, and the curves of all draws for xarray."""
-        bands = {
-            f"{name}_{q}": Column(self.percentile(float(q), name), unit)
-            for name, unit in (("amplitude", "m"), ("frequency", "Hz"))
-            for q in (5, 25, 50, 75, 95)
-        }
-        samples = {
-            f"sample_{name}": Column(values, "", ("draw",)) for name, values in self.samples.items()
-        }
-        return super().columns() | bands | samples
+        columns = super().columns()
+        for name, unit in (("amplitude", "m"), ("frequency", "Hz")):
+            for q in (5, 25, 50, 75, 95):
+                columns[f"{name}_{q}"] = Column(self.percentile(float(q), name), unit)
+        for name, values in self.samples.items():
+            columns[f"sample_{name}"] = Column(values, "", ("draw",))
+        return columns
 
     def _headline(self) -> str:
         failed = {
@@ -468,9 +466,8 @@ def _check_samples(samples: Any) -> None:
         "samples", samples, Mapping, "a mapping of settings to numbers, as sample returns it"
     )
     expected = "settings other than the preload"
-    validation.check(
-        samples and "preload" not in samples, "samples", expected, ", ".join(samples) or "none"
-    )
+    valid = samples and "preload" not in samples
+    validation.check(valid, "samples", expected, ", ".join(samples) or "none")
     for name, values in samples.items():
         validation.check(np.ndim(values) > 0, f"samples '{name}'", "a sequence of values", values)
     lengths = [len(values) for values in samples.values()]
@@ -888,10 +885,13 @@ def best_margin(
 
     def ask(places: Sequence[float]) -> list[Sample]:
         tops = curves.follow([float(np.exp(x)) for x in places])
-        return [
-            search.sample(top.top.peak, top.preload) if top.known and top.top else Sample(x, np.inf)
-            for x, top in zip(places, tops)
-        ]
+        samples = []
+        for x, top in zip(places, tops):
+            if top.known and top.top:
+                samples.append(search.sample(top.top.peak, top.preload))
+            else:
+                samples.append(Sample(x, np.inf))
+        return samples
 
     with Curves(problem, (low, high)) as curves:
         samples = []
