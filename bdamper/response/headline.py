@@ -1,8 +1,8 @@
-"""Checks of an optimal curve, and the headline that print, explorer, report and command line show.
+"""Checks of an optimal curve, its printed statement, and its headline for report and explorer.
 
-The headline gives the preload, the design amplitude with the values of each method, and the effects
-that are not covered. If a check has failed, it begins with the failure and a remedy, and there is
-no design amplitude.
+Both give the preload, the design amplitude with the values of each method, and the effects that are
+not covered. If a check has failed, they begin with the failure and name a remedy, and there is no
+design amplitude.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from bdamper.response.response_curve_result import NO_STEADY
 from bdamper.response.verification import FRICTION_SPREAD, MUCH, TimeResponse
 from bdamper.util.errors import COMPLETE, INTERRUPTED, status_word
 from bdamper.util.formatting import amount, loads_text, peak_text, percent, span
+from bdamper.util.statement import Row, Statement
 
 OptimalCurve = Any
 """Optimal curve, whose module imports this one."""
@@ -257,7 +258,7 @@ def _other_friction(curve: OptimalCurve) -> Check:
 
 def _friction_range(curve: OptimalCurve) -> Check:
     """Rate the factors on friction at which the amplitude at the recommended preload doubles."""
-    name = "Friction at which the amplitude doubles"
+    name = "Friction range"
     rule = f"red within a factor of {FRICTION_SPREAD:g}, amber if unknown there, white if not run"
     friction_range = curve.friction_range
     limits = None if friction_range is None else friction_range.limits
@@ -361,6 +362,131 @@ def _capitalised(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}"
 
 
+RESULTS = {"green": "pass", "amber": "uncertain", "red": "FAIL", "white": "not run"}
+"""Printed result of a check by its colour."""
+
+
+def statement(curve: OptimalCurve) -> Statement:
+    """Return the verdict, quantities, checks and remedies of an optimal curve."""
+    if not np.isfinite(curve.optimum.preload) or curve.optimum.kind == "flat":
+        return Statement([headline(curve)])
+    failures = failed(curve)
+    remedies = "; ".join(dict.fromkeys(check.remedy for check in failures))
+    remarks = [_doubts(curve), _locked(curve)]
+    if remedies:
+        remarks.append(f"Remedy: {remedies}")
+    return Statement(
+        verdict=[f"Not for design: {check.failure}" for check in failures] or [_verdict(curve)],
+        rows=[*_preload_rows(curve), *_amplitude_rows(curve, bool(failures))],
+        checks=[Row(check.name, RESULTS[check.colour], check.found) for check in checks(curve)],
+        remarks=[text for text in (*remarks, _not_covered(curve).rstrip(".")) if text],
+    )
+
+
+def _verdict(curve: OptimalCurve) -> str:
+    """Return the answer with its subject: engine order, excitation, friction coefficient."""
+    settings = curve.settings
+    subject = []
+    if settings.get("engine_order"):
+        subject.append(f"engine order {settings['engine_order']}")
+    force = settings.get("excitation", {}).get("amplitude", 0.0)
+    if force:
+        subject.append(f"{amount(force, 'N')} of excitation")
+    coefficients = _friction_coefficients(curve)
+    if coefficients.size:
+        subject.append(f"friction coefficient {_listed(coefficients)}")
+    alone = "" if curve.recommended_response is not None else ", by harmonic balance alone"
+    about = f": {', '.join(subject)}" if subject else ""
+    return f"Lowest amplitude at {amount(curve.recommended_preload, 'N')}{alone}{about}"
+
+
+def _preload_rows(curve: OptimalCurve) -> list[Row]:
+    """Return the recommended preload with the range around it, and further remarks on it."""
+    best, optimum = curve.recommended_preload, curve.optimum
+    low, high = curve.near_best
+    within = f"{span(low, high, 'N')}: within {percent(NEAR_BEST - 1.0)} by harmonic balance"
+    steeper = _steeper(curve)
+    if steeper:
+        within += f";{steeper.removeprefix(' and')} this range"
+    remarks = [within]
+    shares = loads_text(curve.settings.get("load_per_preload"))
+    if shares:
+        remarks.append(f"loads per newton: {shares}")
+    if optimum.uncertainty > GOOD and optimum.known_to:
+        remarks.append(optimum.known_to)
+    if not np.isclose(best, optimum.preload):
+        remarks.append(
+            f"lowest in time integration; by harmonic balance {amount(optimum.preload, 'N')}"
+        )
+    remarks += [text for text in (_not_integrated(curve), _of_damper(curve, best)) if text]
+    if curve.range_in_time:
+        remarks.append(_range_in_time(curve))
+    rows = [Row("Preload", amount(best, "N"), remarks[0].strip())]
+    return rows + [Row("", "", text.strip().rstrip(".")) for text in remarks[1:]]
+
+
+def _amplitude_rows(curve: OptimalCurve, any_failed: bool) -> list[Row]:
+    """Return the design amplitude, unless a check has failed, and the amplitude by each method."""
+    optimum, response = curve.optimum, curve.recommended_response
+    in_time = response if response is not None and known_in_time(response) else None
+    rows = []
+    if in_time is not None and not any_failed:
+        rows.append(_design_row(curve))
+    name = "Harmonic balance"
+    remark = amount(optimum.frequency, "Hz")
+    if in_time is not None and not np.isclose(in_time.preload, optimum.preload):
+        rows.append(Row(name, amount(in_time.balance, "m"), "at this preload"))
+        name = ""
+        remark += f" at its optimum, {amount(optimum.preload, 'N')}"
+    free = curve.free.amplitude
+    if np.isfinite(free):
+        ratio = free / optimum.amplitude
+        remark += f", {ratio:.3g} times below the free blade ({amount(free, 'm')})"
+    if in_time is None:
+        remark += "; not for the stress"
+    rows.append(Row(name, amount(optimum.amplitude, "m"), remark))
+    more = curve.convergence
+    if more is not None and len(more.peaks) > 1:
+        numbers = f"{more.peaks[0].harmonics} to {more.peaks[-1].harmonics} harmonics"
+        rows.append(Row("", span(*more.range, "m"), numbers))
+    if in_time is not None:
+        value = span(in_time.lowest, in_time.largest, "m")
+        remark = f"{amount(in_time.frequency, 'Hz')}, mean {amount(in_time.mean, 'm')}"
+        rows.append(Row("Time integration", value, remark))
+        if in_time.parted:
+            least, most = in_time.spread
+            rows.append(Row("", span(least, most, "m"), "different blades"))
+    half_range = _range(curve)
+    if half_range:
+        rows.append(Row("", "", half_range.rstrip(".")))
+    return rows
+
+
+def _design_row(curve: OptimalCurve) -> Row:
+    amplitudes = checked_amplitudes(curve)
+    unknown = [name for name, size in amplitudes.items() if np.isnan(size)]
+    if unknown:
+        return Row(
+            "Design amplitude", "unknown", f"the peak {' and '.join(unknown)} is not complete"
+        )
+    highest = max(amplitudes, key=lambda name: amplitudes[name])
+    return Row(
+        "Design amplitude", amount(curve.design_amplitude, "m"), f"largest of all checks, {highest}"
+    )
+
+
+def _not_integrated(curve: OptimalCurve) -> str:
+    """Return the side of the recommended preload without time integration, or ""."""
+    if curve.optimum_in_time is None:
+        return ""
+    best = curve.recommended_preload
+    integrated = [response.preload for response in curve.time_response if known_in_time(response)]
+    if best not in (integrated[0], integrated[-1]):
+        return ""
+    side = "lower" if best == integrated[0] else "higher"
+    return f"{side} preloads were not integrated"
+
+
 def _preload(curve: OptimalCurve) -> str:
     """Return the recommended preload and the range of preloads around the optimum."""
     optimum = curve.optimum
@@ -378,14 +504,9 @@ def _preload(curve: OptimalCurve) -> str:
         text += f" ({optimum.known_to})"
     if not np.isclose(recommended, optimum.preload):
         text += f", least in time (harmonic balance alone: {amount(optimum.preload, 'N')})"
-    if curve.optimum_in_time is not None:
-        integrated = [
-            response.preload for response in curve.time_response if known_in_time(response)
-        ]
-        if recommended == integrated[0]:
-            text += "; lower preloads were not integrated"
-        elif recommended == integrated[-1]:
-            text += "; higher preloads were not integrated"
+    not_integrated = _not_integrated(curve)
+    if not_integrated:
+        text += f"; {not_integrated}"
     low, high = curve.near_best
     text += (
         f"; by harmonic balance the amplitude is within {percent(NEAR_BEST - 1.0)} of the minimum "
@@ -573,7 +694,6 @@ def _doubts(curve: OptimalCurve) -> str:
 
 def _not_covered(curve: OptimalCurve) -> str:
     """Return the effects that the amplitude does not contain."""
-    effects = []
     response = curve.recommended_response
     if response is None or not known_in_time(response):
         effects += ["motion in time", "more blade modes"]
@@ -585,7 +705,7 @@ def _not_covered(curve: OptimalCurve) -> str:
         effects.append("more contact points")
     coefficients = _friction_coefficients(curve)
     if coefficients.size:
-        values = ", ".join(f"{coefficient:g}" for coefficient in coefficients)
+        values = _listed(coefficients)
         factors = [peak.factor for peak in curve.other_friction if peak.status == COMPLETE]
         if len(factors) > 1 and _friction_tried(curve):
             beyond = f"beyond {min(factors):g} to {max(factors):g} times"
@@ -593,6 +713,10 @@ def _not_covered(curve: OptimalCurve) -> str:
             beyond = "other than"
         effects.append(f"friction coefficients {beyond} {values}")
     return f"Not covered: {', '.join(effects)}."
+
+
+def _listed(coefficients: NDArray) -> str:
+    return ", ".join(f"{coefficient:g}" for coefficient in coefficients)
 
 
 def _friction_coefficients(curve: OptimalCurve) -> NDArray:

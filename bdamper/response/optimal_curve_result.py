@@ -19,6 +19,7 @@ from bdamper.response.headline import (
     failed,
     headline,
     known_in_time,
+    statement,
 )
 from bdamper.response.linear_limits import Limit
 from bdamper.response.motion_range import exceeds
@@ -30,6 +31,7 @@ from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, status_word
 from bdamper.util.formatting import percent, short_repr
 from bdamper.util.progress import Cost
 from bdamper.util.records import Data
+from bdamper.util.statement import Statement
 from bdamper.util.storage import FilePath, Recorded, Storable
 from bdamper.util.tables import (
     Hertz,
@@ -477,6 +479,9 @@ class OptimalCurve(
 
     def _headline(self) -> str:
         return headline(self)
+
+    def _statement(self) -> Statement:
+        return statement(self)
 
     def _facts(self) -> tuple[Fact, ...]:
         best = self.optimum

@@ -34,6 +34,7 @@ from bdamper.util.formatting import (
 )
 from bdamper.util.progress import Cost
 from bdamper.util.records import names_of
+from bdamper.util.statement import Statement
 from bdamper.util.tables import FEW_ROWS, Quantity, Tabular, is_strain, quantities
 
 # ---- Summaries and figures ----
@@ -135,6 +136,10 @@ class Summarised:
         """Return the main result in one or two sentences."""
         return ""
 
+    def _statement(self) -> Statement | None:
+        """Return the printed statement; None prints headline and values."""
+        return None
+
     def _facts(self) -> tuple[Fact, ...]:
         """Return the most important values: the fields of ``_summary_fields``, in order."""
         shown = [name for name in self._summary_fields if name not in self._unprinted()]
@@ -199,8 +204,9 @@ class Summarised:
         if isinstance(cost, np.ndarray):  # one cost for each part
             cost = Cost(**{name: sum(cost[name].tolist()) for name in names_of(cost)})
         texts += [str(cost or "").strip()]
+        statement = self._statement()
         lines = [
-            self._headline(),
+            self._headline() if statement is None else f"{statement.text}\n\n",
             *aligned([(fact.name, fact.to_digits(6)) for fact in facts], "  "),
             *table,
             *texts,
@@ -214,6 +220,9 @@ class Summarised:
         return re.sub(r"(?<=[\d)] )([pnµm]?m)(?![\w/])", r"\1/m", text)
 
     def __str__(self) -> str:
+        statement = self._statement()
+        if statement is not None:
+            return f"{statement.text}\n\nsummary() has all values"
         rows = [row for row in self._table() if row]
         shown = table_lines(rows) if rows and len(rows[0]) > 2 else aligned(rows)
         lines = shown or [
@@ -263,7 +272,13 @@ class Summarised:
             image = b""
         source = base64.b64encode(image).decode()
         picture = f'<img src="data:image/png;base64,{source}">' if image else ""
-        first = f"<p><b>{html.escape(self._headline())}</b></p>" if self._headline() else ""
+        statement = self._statement()
+        if statement is not None:
+            first, text = statement.html, ""
+        elif self._headline():
+            first = f"<p><b>{html.escape(self._headline())}</b></p>"
+        else:
+            first = ""
         rest = (
             f"<details><summary>details</summary><pre>{html.escape(self.summary())}</pre></details>"
             if first

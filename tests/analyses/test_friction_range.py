@@ -18,7 +18,7 @@ from tests.util.test_disk import BAND, pressed
 
 STUDY = pressed()
 MU = STUDY.settings.friction_coefficient
-NAME = "Friction at which the amplitude doubles"
+NAME = "Friction range"
 
 
 def peaks_of(amplitude):

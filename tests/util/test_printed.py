@@ -230,7 +230,9 @@ class TestBottomLine:
         )
         assert "motion in time" not in more
         lines = str(curve).split("\n")
-        assert len(lines) <= 14 and lines[-1] == "  1 further row; summary() has the rest"
+        assert len(lines) <= 30 and max(map(len, lines)) <= 88
+        assert lines[-1] == "summary() has all values"
+        assert not any(line.startswith("Design amplitude") for line in lines), "not in time"
         flat = replace(
             curve, optimum=replace(o, preload=np.nan, kind="flat", status="not found: flat")
         )
@@ -289,7 +291,11 @@ class TestBottomLine:
             )
             response = TimeResponse(change, change, change, 1.0, preload, 1.0, status=status)
             curve = replace(curve, optimum=o, time_response=(response,))
-        assert str(curve).replace("\n", " ").startswith(f"Not for design: {first}")
+        failure, _, remedy = first.partition(". ")
+        printed = " ".join(str(curve).split())
+        assert printed.startswith(f"Not for design: {failure}")
+        assert f"Remedy: {remedy[:1].lower()}{remedy[1:].rstrip('.')}" in printed
+        assert curve._headline().startswith(f"Not for design: {first}")
         assert " Preload: " in curve._headline() and "complete\n" not in str(curve)
         assert np.isnan(curve.design_amplitude) and "esign amplitude" not in str(curve)
 

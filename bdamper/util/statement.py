@@ -1,0 +1,90 @@
+"""Printed statement of a result: a verdict, quantities with remarks, checks, and what is left open."""
+
+from __future__ import annotations
+
+import html
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+WIDTH = 88
+"""Characters of a printed line, which a terminal, an e-mail, and a manual hold."""
+
+
+class Row(NamedTuple):
+    """Quantity with its value, and a remark on it; a further remark has neither name nor value."""
+
+    name: str
+    value: str
+    remark: str = ""
+
+
+@dataclass(frozen=True)
+class Statement:
+    """What a result says to a designer.
+
+    Parameters
+    ----------
+    verdict : sequence of str
+        The answer and its subject, or each reason why there is none.
+    rows : sequence of Row
+    checks : sequence of Row
+        Name, outcome and finding of each check.
+    remarks : sequence of str
+        Sentences after the tables: doubts, a remedy, and what is not covered.
+    """
+
+    verdict: Sequence[str]
+    rows: Sequence[Row] = ()
+    checks: Sequence[Row] = ()
+    remarks: Sequence[str] = ()
+
+    @property
+    def text(self) -> str:
+        """Lines of at most :data:`WIDTH` characters."""
+        parts = [[line for text in self.verdict for line in _wrapped(text)]]
+        parts += [_table(self.rows), _table(self.checks)]
+        parts.append([line for text in self.remarks for line in _wrapped(text)])
+        return "\n\n".join("\n".join(part) for part in parts if part)
+
+    @property
+    def html(self) -> str:
+        """The same as paragraphs and tables of a notebook."""
+        first = "<br>".join(html.escape(text) for text in self.verdict)
+        tables = "".join(_html_table(table) for table in (self.rows, self.checks) if table)
+        last = "".join(f"<p>{html.escape(text)}</p>" for text in self.remarks)
+        return f"<p><b>{first}</b></p>{tables}{last}"
+
+
+# a line break between a number and its unit would separate what belongs together
+_NO_BREAK = "\0"
+
+
+def _wrapped(text: str, width: int = WIDTH, indent: str = "  ") -> list[str]:
+    words = text.split(" ")
+    kept = words[0]
+    for before, word in zip(words, words[1:]):
+        is_unit = before[-1:].isdigit() and (len(word.rstrip(",;:.")) <= 3 or word == "rad/s")
+        kept += (_NO_BREAK if is_unit else " ") + word
+    lines = textwrap.wrap(kept, width, subsequent_indent=indent, break_long_words=False)
+    return [line.replace(_NO_BREAK, " ") for line in lines]
+
+
+def _table(rows: Sequence[Row]) -> list[str]:
+    widths = [max((len(row[column]) for row in rows), default=0) + 2 for column in (0, 1)]
+    return [line for row in rows for line in _lines(row, widths)]
+
+
+def _lines(row: Row, widths: Sequence[int]) -> list[str]:
+    """Return the lines of a row, with the remark wrapped in its column."""
+    start = f"{row.name:<{widths[0]}}{row.value:<{widths[1]}}"
+    remark = _wrapped(row.remark, max(WIDTH - len(start), 30), indent="") or [""]
+    lines = [start + remark[0], *(" " * len(start) + line for line in remark[1:])]
+    return [line.rstrip() for line in lines]
+
+
+def _html_table(rows: Sequence[Row]) -> str:
+    cell = '<td style="text-align:left">{}</td>'
+    lines = [f"<tr>{''.join(cell.format(html.escape(text)) for text in row)}</tr>" for row in rows]
+    return f"<table>{''.join(lines)}</table>"

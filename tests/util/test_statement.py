@@ -1,0 +1,52 @@
+"""Printed statements: width of the lines, columns, and the same content in a notebook."""
+
+import html
+import re
+
+import pytest
+
+from bdamper.util.statement import WIDTH, Row, Statement
+
+LONG = "70.1 to 74 µm in time, 75.3 µm by harmonic balance, and many more words that need a second line"
+
+
+@pytest.fixture
+def statement():
+    return Statement(
+        verdict=["Lowest amplitude at 104 N: engine order 5, 1 N of excitation", "Not for design: why"],
+        rows=[Row("Preload", "104 N", LONG), Row("", "", "a second remark"), Row("Half range", "75 µm")],
+        checks=[Row("Optimum within the range", "pass", LONG)],
+        remarks=["Remedy: use harmonics=5", ""][:1],
+    )
+
+
+def test_no_line_is_wider_than_a_page_and_no_number_loses_its_unit(statement):
+    lines = statement.text.split("\n")
+    assert max(map(len, lines)) <= WIDTH
+    assert not any(re.search(r"\d$", line) for line in lines if "µm" in line)
+
+
+def test_remarks_stay_in_their_column(statement):
+    lines = statement.text.split("\n")
+    first = next(i for i, line in enumerate(lines) if line.startswith("Preload"))
+    column = lines[first].index("70.1")
+    assert lines[first + 1].startswith(" " * column + lines[first + 1][column])
+    assert lines[first + 2] == " " * column + "a second remark"
+
+
+def test_parts_are_separated_by_empty_lines_and_empty_parts_are_left_out(statement):
+    verdict, rows, checks, remarks = statement.text.split("\n\n")
+    assert verdict.split("\n") == list(statement.verdict)
+    assert rows.startswith("Preload") and checks.startswith("Optimum") and remarks == statement.remarks[0]
+    assert Statement(["No optimum: why"]).text == "No optimum: why"
+
+
+def test_a_notebook_shows_the_same_texts(statement):
+    shown = html.unescape(re.sub(r"<[^>]+>", " ", statement.html))
+    for text in (*statement.verdict, *statement.remarks, *(cell for row in statement.rows for cell in row)):
+        assert text in shown
+    assert "<td" not in Statement(["<td"]).html
+
+
+def test_a_text_of_the_result_cannot_add_markup():
+    assert "<script>" not in Statement(["<script>"], [Row("<script>", "1", "<script>")]).html
