@@ -448,7 +448,8 @@ def _amplitude_rows(curve: OptimalCurve, any_failed: bool) -> list[Row]:
     more = curve.convergence
     if more is not None and len(more.peaks) > 1:
         numbers = f"{more.peaks[0].harmonics} to {more.peaks[-1].harmonics} harmonics"
-        rows.append(Row("", span(*more.range, "m"), numbers))
+        lowest, highest = more.range
+        rows.append(Row("", span(lowest, highest, "m"), numbers))
     if in_time is not None:
         value = span(in_time.lowest, in_time.largest, "m")
         remark = f"{amount(in_time.frequency, 'Hz')}, mean {amount(in_time.mean, 'm')}"

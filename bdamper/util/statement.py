@@ -1,4 +1,4 @@
-"""Printed statement of a result: a verdict, quantities with remarks, checks, and what is left open."""
+"""Printed statement of a result: verdict, quantities with remarks, checks, and open points."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Row(NamedTuple):
 
 @dataclass(frozen=True)
 class Statement:
-    """What a result says to a designer.
+    """Printed form of a result.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class Statement:
     checks : sequence of Row
         Name, outcome and finding of each check.
     remarks : sequence of str
-        Sentences after the tables: doubts, a remedy, and what is not covered.
+        Sentences after the tables: doubts, a remedy, effects that are not covered.
     """
 
     verdict: Sequence[str]
@@ -57,7 +57,7 @@ class Statement:
         return f"<p><b>{first}</b></p>{tables}{last}"
 
 
-# a line break between a number and its unit would separate what belongs together
+# in place of the space between a number and its unit, where no line breaks
 _NO_BREAK = "\0"
 
 

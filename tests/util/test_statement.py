@@ -13,8 +13,15 @@ LONG = "70.1 to 74 µm in time, 75.3 µm by harmonic balance, and many more word
 @pytest.fixture
 def statement():
     return Statement(
-        verdict=["Lowest amplitude at 104 N: engine order 5, 1 N of excitation", "Not for design: why"],
-        rows=[Row("Preload", "104 N", LONG), Row("", "", "a second remark"), Row("Half range", "75 µm")],
+        verdict=[
+            "Lowest amplitude at 104 N: engine order 5, 1 N of excitation",
+            "Not for design: why",
+        ],
+        rows=[
+            Row("Preload", "104 N", LONG),
+            Row("", "", "a second remark"),
+            Row("Half range", "75 µm"),
+        ],
         checks=[Row("Optimum within the range", "pass", LONG)],
         remarks=["Remedy: use harmonics=5", ""][:1],
     )
@@ -37,13 +44,21 @@ def test_remarks_stay_in_their_column(statement):
 def test_parts_are_separated_by_empty_lines_and_empty_parts_are_left_out(statement):
     verdict, rows, checks, remarks = statement.text.split("\n\n")
     assert verdict.split("\n") == list(statement.verdict)
-    assert rows.startswith("Preload") and checks.startswith("Optimum") and remarks == statement.remarks[0]
+    assert (
+        rows.startswith("Preload")
+        and checks.startswith("Optimum")
+        and remarks == statement.remarks[0]
+    )
     assert Statement(["No optimum: why"]).text == "No optimum: why"
 
 
 def test_a_notebook_shows_the_same_texts(statement):
     shown = html.unescape(re.sub(r"<[^>]+>", " ", statement.html))
-    for text in (*statement.verdict, *statement.remarks, *(cell for row in statement.rows for cell in row)):
+    for text in (
+        *statement.verdict,
+        *statement.remarks,
+        *(cell for row in statement.rows for cell in row),
+    ):
         assert text in shown
     assert "<td" not in Statement(["<td"]).html
 

@@ -170,6 +170,5 @@ def test_a_point_on_an_executor_computes_on_one_thread_and_without_it_on_all():
 
 @pytest.mark.parametrize("wrong", [0, -1, 1.5, "all", True])
 def test_other_numbers_of_workers_are_refused(wrong):
-    with pytest.raises(bd.SettingError, match="number"):
-        with bd.set_workers(wrong):
-            raise AssertionError("unreachable")
+    with pytest.raises(bd.SettingError, match="number"), bd.set_workers(wrong):
+        raise AssertionError("unreachable")
