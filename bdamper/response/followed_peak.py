@@ -270,7 +270,11 @@ def with_lower_preloads(
     if not response.known or not len(response.curve.folds) or response.rattles:
         return response
     for share in LOWER:
-        lower = _coarse_at(problem, share * response.preload, frequency, options)
+        # a model over rotor speed may end above the lower preload
+        try:
+            lower = _coarse_at(problem, share * response.preload, frequency, options)
+        except BdamperError:
+            continue
         response = replace(response, cost=response.cost + lower.cost)
         pair = {lower.preload: lower, response.preload: response}
         changed = without_lost_peaks(problem, pair, options)

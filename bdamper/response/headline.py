@@ -695,6 +695,7 @@ def _doubts(curve: OptimalCurve) -> str:
 
 def _not_covered(curve: OptimalCurve) -> str:
     """Return the effects that the amplitude does not contain."""
+    effects = []
     response = curve.recommended_response
     if response is None or not known_in_time(response):
         effects += ["motion in time", "more blade modes"]

@@ -11,6 +11,7 @@ import bdamper as bd
 from bdamper.fatigue import AISI_1050
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.harmonic_balance.rotor_speed import Conditions, preload_at
+from bdamper.response.followed_peak import LOWER
 from bdamper.response.optimal_curve import Curves
 from bdamper.util.errors import PlausibilityWarning
 from tests.each import each
@@ -69,12 +70,15 @@ def test_another_preload_at_a_speed_is_a_lighter_or_heavier_damper(study, factor
 
 
 def test_an_optimal_curve_takes_no_static_states_beyond_its_preloads(study):
-    """Displaced faces have no state in proportion to the load: that at 1 N may take minutes."""
+    """Displaced faces have no state in proportion to the load: that at 1 N may take minutes.
+
+    The peak of the lowest preload is followed from 0.9 and 0.6 times its value.
+    """
     at = study.at_speed(SPEED)
     with Curves(at.problem, (300.0, 400.0)) as curves:
         assert curves.follow([at.preload])[0].known
     preloads = [key[0] for key in at.problem.static_states if len(key) == 2]
-    assert preloads[0] == 0.0 and min(preloads[1:]) > 0.99 * at.preload
+    assert preloads[0] == 0.0 and min(preloads[1:]) > 0.99 * min(LOWER) * at.preload
 
 
 def test_an_imposed_displacement_of_the_faces_is_taken_up_by_springs_and_bodies(study):
