@@ -34,6 +34,7 @@ UNITS_WITHOUT_RANGE: dict[str, str] = {
     "microslip.forces": "N",
     "max_turn": "rad",
     "gauge_stress.gauge": "m",
+    "Response.location": "m",
     "PerArea.stiffness": "N/m3",
     "Checks.expected_frequencies": "Hz",
 }

@@ -57,7 +57,7 @@ class Statement:
         return f"<p><b>{first}</b></p>{tables}{last}"
 
 
-# in place of the space between a number and its unit, where no line breaks
+# replaces the space between a number and its unit: no line breaks there
 _NO_BREAK = "\0"
 
 

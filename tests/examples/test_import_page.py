@@ -261,7 +261,3 @@ def test_recipes(program, tmp_path, monkeypatch):
         program, set()
     )
     assert (kind.youngs_modulus, kind.poisson_ratio) == (2.1e11, 0.3)
-
-
-def test_page_is_short():
-    assert len(PAGE.read_text().splitlines()) <= 190

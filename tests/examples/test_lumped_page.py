@@ -12,7 +12,7 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "lumped.md"
 @pytest.fixture(scope="module")
 def page():
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.S)
-    assert len(blocks) == 7
+    assert len(blocks) == 8
     assert max(len(block.splitlines()) for block in blocks) <= 10
     space = {}
     for block in blocks:
@@ -45,6 +45,18 @@ def test_wedges(page):
     assert half.converged and whole.converged
     assert whole.amplitude == pytest.approx(half.amplitude, rel=1e-9)
     assert whole.frequency == pytest.approx(half.frequency, rel=1e-9)
+
+
+def test_shaken_base(page):
+    """The relative motion of a sticking contact is that of one mass on two springs."""
+    curve = page["shaken_curve"]
+    w = 2.0 * np.pi * curve.frequency
+    relative = 0.5 / np.abs(2.0 - w**2 + 0.02j * w)
+    shown = np.abs(page["shaken"].response_at(curve, "x0")[:, 1])
+    assert shown == pytest.approx(relative, rel=1e-7)
+    # the motion in space adds that of the base, -0.5/w^2
+    absolute = np.abs(-0.5 / (2.0 - w**2 + 0.02j * w) - 0.5 / w**2)
+    assert curve.amplitude == pytest.approx(absolute, rel=1e-7)
 
 
 def test_two_blades(page):

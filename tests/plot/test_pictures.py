@@ -99,7 +99,8 @@ class TestCurves:
         """Accelerations are drawn as displacements."""
         measurement = Measurement("shaker", np.array([280.0]), np.array([1.0]), unit="V")
         with pytest.raises(
-            bd.SettingError, match=r"shaker.*expected a displacement, velocity or acceleration"
+            bd.SettingError,
+            match=r"shaker.*expected a displacement, velocity, acceleration or strain",
         ):
             measurement.plot()
         assert measurement.plot(scale=0.5).axes[0].lines[-1].get_ydata() == [0.5]

@@ -12,6 +12,7 @@ import pytest
 
 import bdamper as bd
 from bdamper._core import Counts
+from bdamper.util import progress
 from bdamper.util.progress import Cost, CostMeter
 from tests import models
 from tests.plain import plain_study
@@ -19,9 +20,10 @@ from tests.plain import plain_study
 
 @pytest.fixture
 def clocks(monkeypatch):
-    """Wall clock at 100 s, processor clock at 10 s."""
+    """Wall clock at 100 s, processor clock at 10 s, and no other thread that has worked for this one."""
     monkeypatch.setattr(time, "perf_counter", lambda: 100.0)
     monkeypatch.setattr(time, "thread_time", lambda: 10.0)
+    monkeypatch.setattr(progress._other_threads, "seconds", 0.0)
 
 
 def test_waiting_costs_no_processor_time(clocks):

@@ -11,6 +11,7 @@ import pytest
 import bdamper as bd
 from bdamper import plot as plotting
 from bdamper.fatigue.criteria import Material
+from bdamper.fatigue.haigh_table import HaighTable
 from bdamper.fatigue.margin import Rule
 from bdamper.fem import Geometry
 from bdamper.fem.local_basis import LocalSizes
@@ -175,6 +176,7 @@ OPTIONS = (
     bd.AFT(), bd.ContinuationOptions(), bd.Excitation("tip"), bd.OptimalTask(), bd.PeakOptions(),
     bd.PeakTask(), bd.PerArea(1e12), bd.ResidualModes(), bd.Response("tip"), LocalSizes(), Material(3e8, 9e8, 8e8),
     Rule(), Units(), DiskPeakOptions(), Sector(), Placement(), Reduction(), Checks(), Geometry(),
+    HaighTable((2e8,), (0.0,), (20.0,), (0.5,)),
 )  # fmt: skip
 FREE = {"name", "source", "location", "beside", "fixed", "blade_nodes", "stress"}
 """Texts, names that the model knows, further excitations, and node sets, which are checked with the mesh."""
