@@ -94,6 +94,7 @@ from bdamper.util.formatting import amount, peak_text, percent, short_repr, spac
 from bdamper.util.progress import (
     CostMeter,
     LongWork,
+    is_part_of_work,
     one_thread,
     progress_stages,
     shows_progress,
@@ -229,18 +230,28 @@ def with_convergence(
     start = time.perf_counter()
     stop = Event()
 
-    def processed_curve() -> OptimalCurve:
+    # what is finished survives an interrupt of the other part
+    processed_curves: list[OptimalCurve] = []
+    convergences: list[Convergence | None] = []
+
+    def process_curve() -> None:
         processed = work()
         if any(response.status == INTERRUPTED for response in processed.time_response):
             stop.set()
-        return processed
+        processed_curves.append(processed)
 
-    def convergence_at_optimum() -> Convergence | None:
+    def converge_at_optimum() -> None:
         with stopped_by(stop):
-            return at_optimum(problem, curve, progress)
+            convergences.append(at_optimum(problem, curve, progress))
 
-    parts: list[Callable[[], Any]] = [processed_curve, convergence_at_optimum]
-    processed, convergence = on_threads(parts)
+    try:
+        on_threads([process_curve, converge_at_optimum])
+    except KeyboardInterrupt:
+        if not processed_curves or is_part_of_work():
+            raise
+    processed = processed_curves[0]
+    # an interrupted convergence says so itself
+    convergence = convergences[0] if convergences else None
     cost = processed.cost
     if convergence is not None:
         cost = cost + convergence.cost

@@ -8,9 +8,9 @@ A row is the endurable amplitude of a test series: at a mean stress, or at a str
 
 Between the rows the amplitude is interpolated: linearly over the mean stress, linearly over the
 temperature at the same mean stress, and linearly over the quantile of the normal distribution of
-the survival probability.  Below the lowest mean stress the amplitude is constant, and above the
-highest one a straight line ends at the ultimate strength.  A temperature or probability
-outside of the table is an error.
+the survival probability, between rows of the same mean stress or stress ratio. Below the lowest
+mean stress the amplitude is constant, and above the highest one a straight line ends at the
+ultimate strength. A temperature or probability outside of the table is an error.
 """
 
 from __future__ import annotations
@@ -173,26 +173,41 @@ class HaighTable(validation.Checked):
             within = lowest * (1.0 - 1e-12) <= wanted <= highest * (1.0 + 1e-12)
             expected = f"{lowest:g} to {highest:g} at {temperature:g} °C"
             validation.check(within, "probability", expected, f"{wanted:g}")
-            quantiles = ndtri(known)
-            place = float(np.clip(ndtri(wanted), quantiles[0], quantiles[-1]))
-            lines = [self._line(temperature, each) for each in known]
-            # the mean stresses at which every series has a row or lies between two
-            means = np.unique(np.concatenate([mean for mean, _ in lines]))
-            common = means[
-                (means >= max(mean[0] for mean, _ in lines))
-                & (means <= min(mean[-1] for mean, _ in lines))
+            means, amplitudes = self._line_at(temperature, known, wanted)
+            rows += [
+                (a, m, float(temperature)) for m, a in zip(means.tolist(), amplitudes.tolist())
             ]
-            expected = (
-                f"series of all probabilities over the same mean stresses at {temperature:g} °C"
-            )
-            validation.check(len(common) > 0, "Haigh table", expected, "none in common")
-            amplitudes = np.array([np.interp(common, *line) for line in lines])
-            for k, mean in enumerate(common):
-                amplitude = float(np.interp(place, quantiles, amplitudes[:, k]))
-                rows.append((amplitude, float(mean), float(temperature)))
         amplitudes_of_rows, means_of_rows, temperatures = zip(*rows)
         survival = (wanted,) * len(rows)
         return HaighTable(amplitudes_of_rows, means_of_rows, temperatures, survival, self.source)
+
+    def _line_at(
+        self, temperature: float, known: NDArray, probability: float
+    ) -> tuple[NDArray, NDArray]:
+        """Return mean stresses and amplitudes at a probability between those of the table.
+
+        A row belongs to the row of the other probability with the same mean stress or the same
+        stress ratio, so that no tested mean stress is lost.
+        """
+        tabulated = np.isclose(known, probability, rtol=1e-12, atol=0.0)
+        if tabulated.any():
+            return self._line(temperature, float(known[tabulated][0]))
+        upper = int(np.searchsorted(known, probability))
+        mean_0, amplitude_0 = self._line(temperature, float(known[upper - 1]))
+        mean_1, amplitude_1 = self._line(temperature, float(known[upper]))
+        match = len(mean_0) == len(mean_1) and (
+            np.allclose(mean_0, mean_1, rtol=0.01)
+            or np.allclose(mean_0 / amplitude_0, mean_1 / amplitude_1, rtol=0.01)
+        )
+        expected = (
+            f"rows at the same mean stresses or stress ratios with the survival probabilities "
+            f"{known[upper - 1]:g} and {known[upper]:g} at {temperature:g} °C"
+        )
+        validation.check(match, "Haigh table", expected, "others")
+        quantiles = ndtri(known[upper - 1 : upper + 1])
+        share = float((ndtri(probability) - quantiles[0]) / (quantiles[1] - quantiles[0]))
+        means = (1.0 - share) * mean_0 + share * mean_1
+        return means, (1.0 - share) * amplitude_0 + share * amplitude_1
 
     def allowed(
         self, mean: ArrayLike, ultimate_strength: float, temperature: ArrayLike | None = None

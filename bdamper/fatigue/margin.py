@@ -444,7 +444,7 @@ class LeastMargin(Rule):
     sets, speed
         See :func:`bdamper.fatigue.stress_cycle.stress`.
     temperature : float, (n,) float, or mapping of name to float, °C, optional
-        Temperature of the points, see :func:`bdamper.fatigue.haigh_table.at_points`.
+        Temperature of the points, by point or by set, in °C.
     """
 
     material: Annotated[Material, partial(validation.instance, kind=Material)]

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.model.loads import BASE
 from bdamper.response.branches import NO_SOLUTION
 from bdamper.response.motion_range import exceeds
 from bdamper.response.response_curve_result import NO_STEADY
@@ -389,9 +390,9 @@ def _verdict(curve: OptimalCurve) -> str:
     subject = []
     if settings.get("engine_order"):
         subject.append(f"engine order {settings['engine_order']}")
-    force = settings.get("excitation", {}).get("amplitude", 0.0)
-    if force:
-        subject.append(f"{amount(force, 'N')} of excitation")
+    excitation = _excitation_text(curve)
+    if excitation:
+        subject.append(excitation)
     coefficients = _friction_coefficients(curve)
     if coefficients.size:
         subject.append(f"friction coefficient {_listed(coefficients)}")
@@ -496,11 +497,11 @@ def _preload(curve: OptimalCurve) -> str:
     shares = loads_text(curve.settings.get("load_per_preload"))
     if shares:
         text += f" ({shares})"
-    force = _excitation(curve)
-    if force == 1.0:
+    excitation = _excitation_text(curve)
+    if _is_one_newton(curve):
         text += " per newton of excitation"
-    elif force:
-        text += f" at {amount(force, 'N')} of excitation"
+    elif excitation:
+        text += f" at {excitation}"
     if optimum.uncertainty > GOOD and optimum.known_to:
         text += f" ({optimum.known_to})"
     if not np.isclose(recommended, optimum.preload):
@@ -518,10 +519,21 @@ def _preload(curve: OptimalCurve) -> str:
     return f"{text}.{_of_damper(curve, recommended)}"
 
 
-def _excitation(curve: OptimalCurve) -> float:
-    """Return the amplitude of the excitation (N); 0 if unknown."""
-    force: float = curve.settings.get("excitation", {}).get("amplitude", 0.0)
-    return force
+def _excitation_text(curve: OptimalCurve) -> str:
+    """Return the amplitude of the excitation; empty if unknown."""
+    excitation = curve.settings.get("excitation", {})
+    amplitude = excitation.get("amplitude", 0.0)
+    if not amplitude:
+        return ""
+    if excitation.get("location") == BASE:
+        return f"{amplitude:g} m/s² of base acceleration"
+    return f"{amount(amplitude, 'N')} of excitation"
+
+
+def _is_one_newton(curve: OptimalCurve) -> bool:
+    """Return whether preloads are those for one newton of excitation, and scale with it."""
+    excitation = curve.settings.get("excitation", {})
+    return bool(excitation.get("amplitude") == 1.0 and excitation.get("location") != BASE)
 
 
 def _rises_in_time(curve: OptimalCurve) -> list[float]:
@@ -560,7 +572,7 @@ def _of_damper(curve: OptimalCurve, preload: float) -> str:
     """Compare a preload with the centrifugal load of the damper at the resonance."""
     order = curve.settings.get("engine_order", 0)
     # with an excitation of one newton the preload is a ratio
-    if _excitation(curve) == 1.0 or curve.settings.get("load_per_preload"):
+    if _is_one_newton(curve) or curve.settings.get("load_per_preload"):
         return ""
     if not order or not curve.mass_radius > 0.0:
         return ""

@@ -2,7 +2,7 @@
 the harmonic balance.
 
 All sectors of the disk are included, each with its contacts and sliders.  Their motion is a
-superposition of nodal diameters ``d`` with complex coordinates ``eta_d(t)``:
+superposition of nodal diameters ``d`` with complex coordinates ``eta_d(t)``::
 
     x_k(t) = shift + sum_d Re[G_d eta_d(t) exp(i k d 2 pi/N)],
     eta_d'' + 2 zeta Omega eta_d' + Omega^2 eta_d

@@ -280,7 +280,8 @@ def _integrate(
     ring, steps = search.ring, search.steps
     runs: dict[str, SteadyPoint] = {}
     others: dict[str, float] = {}
-    cost, error = Cost(), ""
+    error = ""
+    whole: Ring | None = None
     what = f"time integration at {amount(preload, 'N')}, {counted(ring.n, 'blade')}"
     with LongWork() as work, progress_stages(progress, what, "step") as report:
         search.on_frequency = lambda frequency: report(f"{frequency:.6g} Hz", len(runs), 3 + starts)
@@ -291,7 +292,8 @@ def _integrate(
                 # refinements are tried from three motions
                 points = sorted(search.points, key=lambda p: -p.mean)[:3]
                 richer = richer_structure(structure)
-                whole = None if richer is None else ring_of(richer[0], preload, blades)
+                if richer is not None:
+                    whole = ring_of(richer[0], preload, blades)
 
                 def with_shorter_steps() -> None:
                     shorter = runs[f"{2 * steps} steps"] = _refine(search, points, ring, 2)
@@ -303,7 +305,6 @@ def _integrate(
                         runs[richer[1]] = _refine(search, points, whole, 1)
 
                 on_threads([with_shorter_steps, in_richer_structure])
-                cost = cost if whole is None else whole.cost
         except IntegrationFailed as failed:
             search.failure = str(failed)
             # motions from before the failure still count
@@ -313,6 +314,7 @@ def _integrate(
     names = [f"{factor * steps} steps" for factor in (1, 2, 4)]
     names += [name for name in runs if name not in names]
     runs = {name: runs[name] for name in names if name in runs}
+    cost = Cost() if whole is None else whole.cost
     return _Integrations(search, runs, others, error, work.interrupted, cost)
 
 

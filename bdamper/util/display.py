@@ -204,7 +204,7 @@ class Summarised:
         if isinstance(cost, np.ndarray):  # one cost for each part
             cost = Cost(**{name: sum(cost[name].tolist()) for name in names_of(cost)})
         texts += [str(cost or "").strip()]
-        statement = self._statement()
+        statement = self._printed_statement()
         lines = [
             self._headline() if statement is None else f"{statement.text}\n\n",
             *aligned([(fact.name, fact.to_digits(6)) for fact in facts], "  "),
@@ -219,8 +219,12 @@ class Summarised:
             return text
         return re.sub(r"(?<=[\d)] )([pnµm]?m)(?![\w/])", r"\1/m", text)
 
-    def __str__(self) -> str:
+    def _printed_statement(self) -> Statement | None:
         statement = self._statement()
+        return None if statement is None else statement.with_texts(self._in_unit_of_response)
+
+    def __str__(self) -> str:
+        statement = self._printed_statement()
         if statement is not None:
             return f"{statement.text}\n\nsummary() has all values"
         rows = [row for row in self._table() if row]
@@ -272,7 +276,7 @@ class Summarised:
             image = b""
         source = base64.b64encode(image).decode()
         picture = f'<img src="data:image/png;base64,{source}">' if image else ""
-        statement = self._statement()
+        statement = self._printed_statement()
         if statement is not None:
             first, text = statement.html, ""
         elif self._headline():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -39,6 +39,15 @@ class Statement:
     rows: Sequence[Row] = ()
     checks: Sequence[Row] = ()
     remarks: Sequence[str] = ()
+
+    def with_texts(self, change: Callable[[str], str]) -> Statement:
+        """Return the statement with each of its texts changed."""
+        return Statement(
+            [change(text) for text in self.verdict],
+            [Row(*map(change, row)) for row in self.rows],
+            [Row(*map(change, row)) for row in self.checks],
+            [change(text) for text in self.remarks],
+        )
 
     @property
     def text(self) -> str:

@@ -222,7 +222,8 @@ class Tabular:
             value = getattr(self, name)
             if value is not None:
                 columns |= _columns_of(name, mark, value, self._dimension())
-        if is_strain(self):
+        # positions and displacements of contact points remain lengths
+        if is_strain(self) and self._dimension() != "contact_point":
             columns = {
                 name: column._replace(unit="m/m") if column.unit == "m" else column
                 for name, column in columns.items()

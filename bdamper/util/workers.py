@@ -71,7 +71,10 @@ def set_workers(number: int) -> Iterator[None]:
 def _shared_threads() -> Iterator[ThreadPoolExecutor | None]:
     """Yield the other threads of the outermost call; None with one worker."""
     threads, others = _threads.get(), workers() - 1
-    if threads is not None or others == 0:
+    if others == 0:
+        yield None
+        return
+    if threads is not None:
         yield threads
         return
     with ThreadPoolExecutor(others) as threads:
@@ -120,9 +123,11 @@ def on_threads(parts: Sequence[Callable[[], T]]) -> list[T]:
     if len(parts) < 2:
         return [part() for part in parts]
     with _shared_threads() as threads:
+        # one thread computes all parts as well, so that the results are those of several threads
         if threads is None:
-            return [part() for part in parts]
-        outcomes = _outcomes(parts, threads)
+            outcomes = [_computed(part) for part in parts]
+        else:
+            outcomes = _outcomes(parts, threads)
     for outcome in outcomes:
         if outcome.error is not None:
             raise outcome.error

@@ -1,6 +1,9 @@
 """More harmonics at one peak: amplitudes against whole curves, their rate, what ends them, modes met, the branch held."""
 
 import re
+import signal
+import threading
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +15,7 @@ from bdamper.lumped_masses import Contact, lumped
 from bdamper.response.peak import ANOTHER, Peak, peak_of_sign, sign_of_jacobian
 from bdamper.response.verification import Convergence, HarmonicPeak, Meeting
 from bdamper.util.formatting import span
+from bdamper.util.progress import raise_if_stopped
 from tests import models
 from tests.plain import plain_study
 
@@ -354,6 +358,33 @@ class TestOptimalCurve:
         )
         with pytest.raises(KeyboardInterrupt):
             room.with_convergence(study.problem, curve, stops)
+
+    def test_a_finished_curve_survives_an_interrupt_of_the_convergence(
+        self, study, curve, monkeypatch
+    ):
+        """Ctrl-C arrives while the main thread waits for the convergence alone."""
+        finished = threading.Event()
+
+        def interrupted(*_):
+            finished.wait()
+            time.sleep(0.05)
+            signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+            try:
+                while True:
+                    raise_if_stopped()
+                    time.sleep(1e-3)
+            except KeyboardInterrupt:
+                return series(1.0, status="interrupted")
+
+        def work():
+            finished.set()
+            return curve
+
+        monkeypatch.setattr(room, "at_optimum", interrupted)
+        with bd.set_workers(2):
+            found = room.with_convergence(study.problem, curve, work)
+        assert found.convergence.status == "interrupted"
+        assert found.preload.tolist() == curve.preload.tolist()
 
 
 @pytest.mark.slow

@@ -101,6 +101,33 @@ def test_probabilities_follow_the_normal_scatter():
             np.testing.assert_allclose(at_means, expected, rtol=1e-10)
 
 
+def by_ratio(amplitudes, probabilities=(0.1, 0.9), ratios=(-1.0, 0.0, 0.5)):
+    """Table of series at stress ratios, with one tuple of amplitudes (MPa) for each probability."""
+    tested = [
+        (MPA * amplitude, MPA * amplitude * (1.0 + r) / (1.0 - r), 20.0, p)
+        for p, series in zip(probabilities, amplitudes)
+        for amplitude, r in zip(series, ratios)
+    ]
+    return HaighTable(*zip(*tested))
+
+
+def test_no_tested_mean_stress_is_lost_between_probabilities():
+    """At R = 0.5 the series have mean stresses of 360 and 300 MPa, and the middle one 330 MPa."""
+    table = by_ratio([(300.0, 200.0, 120.0), (250.0, 170.0, 100.0)])
+    for p, mean, amplitude in ((0.1, 360.0, 120.0), (0.9, 300.0, 100.0), (0.5, 330.0, 110.0)):
+        allowed = table.at_probability(p).allowed(MPA * mean, 900e6)
+        assert allowed == pytest.approx(MPA * amplitude, rel=1e-12)
+
+
+def test_series_of_different_tests_are_not_interpolated():
+    table = by_ratio([(300.0, 200.0, 120.0), (250.0, 100.0)])
+    with pytest.raises(
+        bd.SettingError, match="Haigh table: expected rows at the same mean stresses"
+    ):
+        table.at_probability(0.5)
+    assert table.at_probability(0.9).allowed(0.0, 900e6) == pytest.approx(250e6)
+
+
 def test_interpolation_over_mean_stress_and_temperature(material):
     allowed = material.allowed(
         MPA * np.array([-500.0, 100.0, 700.0, 1000.0, 1200.0]), "table", 20.0

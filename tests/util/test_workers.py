@@ -82,8 +82,7 @@ def test_the_first_error_in_order_is_raised_after_all_parts(number):
     ]
     with bd.set_workers(number), pytest.raises(ValueError, match="second"):
         on_threads(parts)
-    if number == 2:
-        assert sorted(done) == ["first", "second", "third"]
+    assert sorted(done) == ["first", "second", "third"]
 
 
 def test_an_interrupt_of_the_calling_thread_ends_the_other_parts():
@@ -166,6 +165,18 @@ def test_a_point_on_an_executor_computes_on_one_thread_and_without_it_on_all():
         with ThreadPoolExecutor(2) as executor:
             run_points(number_of_workers, lambda i: {}, [0, 1], executor, keep)
     assert seen == [3.0, 3.0, 1.0, 1.0]
+
+
+def test_one_worker_within_a_part_computes_on_its_thread():
+    busy = Busy()
+
+    def part():
+        with bd.set_workers(1):
+            on_threads([partial(busy.work, k) for k in range(4)])
+
+    with bd.set_workers(4):
+        on_threads([part])
+    assert busy.most == 1
 
 
 @pytest.mark.parametrize("wrong", [0, -1, 1.5, "all", True])
