@@ -230,7 +230,7 @@ def with_convergence(
     start = time.perf_counter()
     stop = Event()
 
-    # what is finished survives an interrupt of the other part
+    # a finished part survives an interrupt of the other one
     processed_curves: list[OptimalCurve] = []
     convergences: list[Convergence | None] = []
 

@@ -123,7 +123,7 @@ def on_threads(parts: Sequence[Callable[[], T]]) -> list[T]:
     if len(parts) < 2:
         return [part() for part in parts]
     with _shared_threads() as threads:
-        # one thread computes all parts as well, so that the results are those of several threads
+        # one thread also computes all parts, and a failing part changes no result
         if threads is None:
             outcomes = [_computed(part) for part in parts]
         else:
