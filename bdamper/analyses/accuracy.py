@@ -230,7 +230,7 @@ def with_convergence(
     start = time.perf_counter()
     stop = Event()
 
-    # a finished part survives an interrupt of the other one
+    # a finished part survives an interrupt
     processed_curves: list[OptimalCurve] = []
     convergences: list[Convergence | None] = []
 
