@@ -1,20 +1,23 @@
-"""Highest steady amplitude in time at one preload, with its error, and one motion in time from a solution.
+"""Highest steady amplitude in time at one preload, with its error, and one motion in time from a
+solution.
 
-**Structure.**  A response curve may retain few modes, because its cost grows with them; in time they cost little.  The
-integration therefore has all stored modes of the constrained bodies.  A free body is rigid in time, unless its first
-elastic frequency is below :data:`RIGID_BEYOND` times the frequency of the highest harmonic (:func:`structure_in_time`).
+**Structure.**  A response curve may retain few modes, because its cost grows with them; in time
+they cost little.  The integration therefore has all stored modes of the constrained bodies.  A free
+body is rigid in time, unless its first elastic frequency is below :data:`RIGID_BEYOND` times the
+frequency of the highest harmonic (:func:`structure_in_time`).
 
-**Error.**  The search (``bdamper.time_domain.steady_amplitude``) uses n time steps per period.  From its highest motion
+**Error.**  The search (``bdamper.time_domain.steady_amplitude``) uses n time steps per period.
+From its highest motion
 
 * 2n and, from there, 4n time steps are used, because contacts may chatter only with shorter steps;
-* the motion continues in a richer structure: all elastic modes of the free bodies, and :data:`VECTORS` residual modes
-  for the flexibility of the contact faces;
+* the motion continues in a richer structure: all elastic modes of the free bodies, and
+  :data:`VECTORS` residual modes for the flexibility of the contact faces;
 * its amplitude is extrapolated up to the frequency at which it falls.
 
-The range of the result extends beyond these amplitudes by the remaining change of the mean, at least the 1 % to which a
-motion settles.  If two of them differ by more than 5 %, the amplitude is not settled, and only the range is stated.  Where
-a motion falls with a refinement, it is repeated from the next highest motions, because the frequency of a fall depends on
-all of these settings.
+The range of the result extends beyond these amplitudes by the remaining change of the mean, at
+least the 1 % to which a motion settles.  If two of them differ by more than 5 %, the amplitude is
+not settled, and only the range is stated.  Where a motion falls with a refinement, it is repeated
+from the next highest motions, because the frequency of a fall depends on all of these settings.
 """
 
 from __future__ import annotations
@@ -83,9 +86,13 @@ from bdamper.util.progress import (
 from bdamper.util.workers import on_threads
 
 NEIGHBOUR = 1.35
-"""Ratio of the preloads at which an optimum is checked in time: the amplitude rises steeply below it and slowly above."""
+"""Ratio of the preloads at which an optimum is checked in time: the amplitude rises steeply below
+it and slowly above.
+"""
 RIGID_BEYOND = 3.0
-"""Ratio of the first elastic frequency of a free body to the highest harmonic above which the body is rigid in time."""
+"""Ratio of the first elastic frequency of a free body to the highest harmonic above which the body
+is rigid in time.
+"""
 VECTORS = 24
 """Residual modes per harmonic of the richer structure."""
 
@@ -93,75 +100,112 @@ VECTORS = 24
 
 
 def structure_in_time(problem: Problem, frequency: float) -> tuple[Problem, str]:
-    """Return the problem with the modes for the integration near a frequency (Hz), and a text about them."""
-    s = problem.settings
-    blade, curve = s.most_modes("constrained"), min(s.blade_modes, s.most_modes("constrained"))
-    ratios = _first_elastic(problem, frequency * max(problem.harmonic_numbers, default=1))
-    elastic = {
-        name: n for name, n in _all_elastic(problem).items() if n and ratios[name] <= RIGID_BEYOND
-    }
-    damper = {name: max(n, elastic.get(name, 0)) for name, n in s.by_body("damper_modes").items()}
-    texts = [f"{curve} of {blade} blade modes in the curve, {blade} in time"] * (blade > 0)
-    texts += [
-        f"{name} {'elastic' if damper[name] else 'rigid'}, first elastic frequency {ratio:.3g} times the highest harmonic"
-        for name, ratio in ratios.items() if np.isfinite(ratio)
-    ]  # fmt: skip
-    text = "; ".join(texts)
-    structure = _with_modes(problem, max(blade, s.blade_modes), damper, s.contact_stiffness)
-    return (structure, text) if structure is not None else (problem, f"{curve} blade modes")
+    """Return the problem with the modes for the integration near a frequency (Hz), and a text about
+    them.
+    """
+    settings = problem.settings
+    blade_modes = settings.most_modes("constrained")
+    in_curve = min(settings.blade_modes, blade_modes)
+    texts = []
+    if blade_modes > 0:
+        texts.append(f"{in_curve} of {blade_modes} blade modes in the curve, {blade_modes} in time")
+
+    highest_harmonic = max(problem.harmonic_numbers, default=1)
+    frequency_ratios = _first_elastic(problem, frequency * highest_harmonic)
+    elastic_modes = _all_elastic(problem)
+    damper_modes = settings.by_body("damper_modes")
+    for name, ratio in frequency_ratios.items():
+        # the highest harmonic excites the elastic modes of this body
+        if ratio <= RIGID_BEYOND:
+            damper_modes[name] = max(damper_modes[name], elastic_modes[name])
+        if np.isfinite(ratio):
+            kind = "elastic" if damper_modes[name] else "rigid"
+            texts.append(
+                f"{name} {kind}, first elastic frequency {ratio:.3g} times the highest harmonic"
+            )
+
+    structure = _with_modes(
+        problem,
+        max(blade_modes, settings.blade_modes),
+        damper_modes,
+        settings.contact_stiffness,
+    )
+    if structure is None:
+        return problem, f"{in_curve} blade modes"
+    return structure, "; ".join(texts)
 
 
 def richer_structure(problem: Problem) -> tuple[Problem, str] | None:
-    """Return a structure with all elastic modes and more residual modes, and its name, or None if there is none."""
-    s, elastic = problem.settings, _all_elastic(problem)
-    damper = {name: max(n, elastic[name]) for name, n in s.by_body("damper_modes").items()}
-    residual = problem.contact.residual
-    stiffness, name = s.contact_stiffness, "all modes"
-    if residual is not None and (method := _residual_method(problem)) is not None:
-        stiffness, name = replace(method, n_vectors=VECTORS), f"all modes, {VECTORS} residual modes"
-    if damper == s.by_body("damper_modes") and stiffness is s.contact_stiffness:
+    """Return a structure with all elastic modes and more residual modes, and its name, or None if
+    there is none.
+    """
+    settings = problem.settings
+    elastic_modes = _all_elastic(problem)
+    damper_modes_now = settings.by_body("damper_modes")
+    damper_modes = {name: max(n, elastic_modes[name]) for name, n in damper_modes_now.items()}
+
+    stiffness = settings.contact_stiffness
+    name = "all modes"
+    if problem.contact.residual is not None:
+        method = _few_residual_modes(problem)
+        if method is not None:
+            stiffness = replace(method, n_vectors=VECTORS)
+            name = f"all modes, {VECTORS} residual modes"
+
+    if damper_modes == damper_modes_now and stiffness is settings.contact_stiffness:
         return None
-    richer = _with_modes(problem, s.blade_modes, damper, stiffness)
-    return None if richer is None else (richer, name)
+    richer = _with_modes(problem, settings.blade_modes, damper_modes, stiffness)
+    if richer is None:
+        return None
+    return richer, name
 
 
-def _residual_method(problem: Problem) -> ResidualModes | None:
-    """Return the settings of residual modes with fewer vectors than in the richer structure; None if there are none."""
+def _few_residual_modes(problem: Problem) -> ResidualModes | None:
+    """Return the settings of residual modes if they are fewer than in the richer structure."""
     method = problem.stiffness_method
-    method = ResidualModes() if method == "residual_modes" else method
-    fewer = (
-        isinstance(method, ResidualModes)
-        and method.n_vectors != "all"
-        and method.n_vectors < VECTORS
-    )
-    return method if fewer else None
+    if method == "residual_modes":
+        method = ResidualModes()
+    if not isinstance(method, ResidualModes) or method.n_vectors == "all":
+        return None
+    return method if method.n_vectors < VECTORS else None
 
 
 def _with_modes(
-    problem: Problem, blade: int, damper: Mapping[str, int], stiffness: Any
+    problem: Problem, blade_modes: int, damper_modes: Mapping[str, int], stiffness: Any
 ) -> Problem | None:
-    """Return the problem with these numbers of modes and contact stiffness; None if the model does not allow it."""
-    modes: Any = dict(damper) if len(set(damper.values())) > 1 else max(damper.values(), default=0)
-    changes = {"blade_modes": blade, "damper_modes": modes, "contact_stiffness": stiffness}
-    now = {"blade_modes": problem.settings.blade_modes, "damper_modes": problem.settings.damper_modes,
-           "contact_stiffness": problem.settings.contact_stiffness}  # fmt: skip
-    changes = {
-        name: value
-        for name, value in changes.items()
-        if value is not now[name] and value != now[name]
+    """Return the problem with these numbers of modes and contact stiffness; None if the model does
+    not allow it.
+    """
+    # one number for all bodies, as a user gives it, if they agree
+    of_dampers: Any = dict(damper_modes)
+    if len(set(damper_modes.values())) <= 1:
+        of_dampers = max(damper_modes.values(), default=0)
+    wanted = {
+        "blade_modes": blade_modes,
+        "damper_modes": of_dampers,
+        "contact_stiffness": stiffness,
     }
+    changes = {}
+    for name, value in wanted.items():
+        value_now = getattr(problem.settings, name)
+        # stiffnesses may be arrays, whose comparison has no truth value
+        unchanged = value is value_now or value == value_now
+        if not unchanged:
+            changes[name] = value
     if not changes:
         return problem
     try:
         with quiet():
             changed = problem.replace(**changes)
+            # the modes are selected, and refused, when they are first needed
             _ = changed.bases
-        return changed
     except BdamperError:
         return None
+    return changed
 
 
 def _all_elastic(problem: Problem) -> dict[str, int]:
+    """Return the number of elastic modes of each free body."""
     bodies = problem.model.bodies
     return {
         name: bodies[name].bases[0].n_natural - len(RIGID_NAMES)
@@ -170,16 +214,18 @@ def _all_elastic(problem: Problem) -> dict[str, int]:
 
 
 def _first_elastic(problem: Problem, frequency: float) -> dict[str, float]:
-    """Return the first elastic frequency of each free body over a frequency (Hz); infinite without elastic modes."""
-    out = {}
-    for name, n in _all_elastic(problem).items():
+    """Return the first elastic frequency of each free body over a frequency (Hz); infinite without
+    elastic modes.
+    """
+    ratios = {}
+    for name, n_elastic in _all_elastic(problem).items():
+        if n_elastic <= 0:
+            ratios[name] = float("inf")
+            continue
         omega2 = np.sort(problem.model.bodies[name].bases[0].omega2)
-        out[name] = (
-            float(np.sqrt(omega2[len(RIGID_NAMES)]) / (TWO_PI * frequency))
-            if n > 0
-            else float("inf")
-        )
-    return out
+        first_elastic = np.sqrt(omega2[len(RIGID_NAMES)])
+        ratios[name] = float(first_elastic / (TWO_PI * frequency))
+    return ratios
 
 
 # ---- highest steady amplitude ----
@@ -187,59 +233,76 @@ def _first_elastic(problem: Problem, frequency: float) -> dict[str, float]:
 
 @one_thread
 def time_response(
-    problem: Problem, result: ResponseCurve | Peak, *, steps_per_period: int | None = None, blades: int | None = None,
-    starts: int = 1, progress: bool | None = None,
-) -> TimeResponse:  # fmt: skip
+    problem: Problem,
+    result: ResponseCurve | Peak,
+    *,
+    steps_per_period: int | None = None,
+    blades: int | None = None,
+    starts: int = 1,
+    progress: bool | None = None,
+) -> TimeResponse:
     """See :meth:`bdamper.Study.time_response`."""
     starts = validation.integer("starts", starts, least=1)
-    steps = (
-        STEPS
-        if steps_per_period is None
-        else validation.integer("steps_per_period", steps_per_period, least=16)
-    )
+    steps = STEPS
+    if steps_per_period is not None:
+        steps = validation.integer("steps_per_period", steps_per_period, least=16)
     if isinstance(result, Peak):
         result = _curve_of_peak(problem, result)
     check_curve(problem, result)
     if result.peak_at_end:
         highest = peak_text(result.peak.amplitude, result.peak.frequency, 6)
         raise SettingError(
-            f"curve: expected a curve with a peak, found its highest amplitude at its end, {highest}"
+            "curve: expected a curve with a peak, found its highest amplitude at its end, "
+            f"{highest}"
         )
-    watch, balance, top, preload = CostMeter(), BalanceCurve(result), result.peak, result.preload
-    structure, text = structure_in_time(problem, top.frequency)
-    none = TimeResponse(
-        *(np.nan,) * 4, preload, top.amplitude, structure=text, **problem.recorded()
+
+    watch = CostMeter()
+    balance = BalanceCurve(result)
+    preload = result.preload
+    structure, text = structure_in_time(problem, result.peak.frequency)
+    without_amplitude = TimeResponse(
+        mean=np.nan,
+        lowest=np.nan,
+        highest=np.nan,
+        frequency=np.nan,
+        preload=preload,
+        balance=result.peak.amplitude,
+        structure=text,
+        **problem.recorded(),
     )
     if not np.isfinite(balance.flank):
         why = "next to the tip there are several solutions at all frequencies; widen the interval"
-        return replace(none, status=with_reason(NOT_FOUND, why))
+        return replace(without_amplitude, status=with_reason(NOT_FOUND, why))
+
     source = ring_of(problem, preload, blades)
     ring = source if structure is problem else ring_of(structure, preload, blades)
-    search, progress = SteadySearch(ring, source, balance, steps), shows_progress(progress)
-    found = _integrate(search, structure, preload, blades, starts, progress)
-    if found.step_error and not found.interrupted:
+    progress = shows_progress(progress)
+    search = SteadySearch(ring, source, balance, steps)
+    integrations = _integrate(search, structure, preload, blades, starts, progress)
+    if integrations.step_error and not integrations.interrupted:
         # shorter steps resolve the contacts better, so the search begins again
-        finer = SteadySearch(ring, source, balance, 4 * steps)
-        first, found = found, _integrate(finer, structure, preload, blades, starts, progress)
-        found.search.periods += first.search.periods
-        found = replace(found, cost=first.cost + found.cost)
-    search = found.search
-    if (
-        search.best is None
-        and search.failure
-        and structure.settings.blade_modes != problem.settings.blade_modes
-    ):
-        search.failure += (
-            f"; try a response curve with blade_modes={structure.settings.blade_modes}, as in time"
-        )
-    cost = watch.read(ring.cost + found.cost)
-    none = replace(
-        none, periods=search.periods, diameters=ring.nodal_diameters, cost=cost, fall=search.fall
+        first = integrations
+        search = SteadySearch(ring, source, balance, 4 * steps)
+        integrations = _integrate(search, structure, preload, blades, starts, progress)
+        search.periods += first.search.periods
+        integrations = replace(integrations, cost=first.cost + integrations.cost)
+
+    modes_in_time = structure.settings.blade_modes
+    more_modes_in_time = modes_in_time != problem.settings.blade_modes
+    if search.best is None and search.failure and more_modes_in_time:
+        # the curve may have its peak where the structure in time has none
+        search.failure += f"; try a response curve with blade_modes={modes_in_time}, as in time"
+    without_amplitude = replace(
+        without_amplitude,
+        periods=search.periods,
+        diameters=ring.nodal_diameters,
+        cost=watch.read(ring.cost + integrations.cost),
+        fall=search.fall,
     )
-    omitted = (
-        "" if result.complete else f"there may be a higher peak, as the curve is {result.status}"
-    )
-    return _stated(none, found, omitted)
+    doubt_about_curve = ""
+    if not result.complete:
+        doubt_about_curve = f"there may be a higher peak, as the curve is {result.status}"
+    return _stated(without_amplitude, integrations, doubt_about_curve)
 
 
 @dataclass(frozen=True)
@@ -277,64 +340,102 @@ def _integrate(
     progress: bool,
 ) -> _Integrations:
     """Search for the highest motion, and refine it."""
-    ring, steps = search.ring, search.steps
     runs: dict[str, SteadyPoint] = {}
     others: dict[str, float] = {}
+    richer: _RicherRing | None = None
     error = ""
-    whole: Ring | None = None
-    what = f"time integration at {amount(preload, 'N')}, {counted(ring.n, 'blade')}"
+    what = f"time integration at {amount(preload, 'N')}, {counted(search.ring.n, 'blade')}"
     with LongWork() as work, progress_stages(progress, what, "step") as report:
+        # three runs with different steps, one in the richer structure, and the other starts
         search.on_frequency = lambda frequency: report(f"{frequency:.6g} Hz", len(runs), 3 + starts)
         try:
             search.run()
-            if (best := search.best) is not None and not (error := step_error(best.transient)):
-                runs[f"{steps} steps"] = best
-                # refinements are tried from three motions
-                points = sorted(search.points, key=lambda p: -p.mean)[:3]
-                richer = richer_structure(structure)
-                if richer is not None:
-                    whole = ring_of(richer[0], preload, blades)
-
-                def with_shorter_steps() -> None:
-                    shorter = runs[f"{2 * steps} steps"] = _refine(search, points, ring, 2)
-                    runs[f"{4 * steps} steps"] = _refine(search, [shorter, *points], ring, 4)
-                    others.update(_other_starts(search, best, starts))
-
-                def in_richer_structure() -> None:
-                    if richer is not None and whole is not None:
-                        runs[richer[1]] = _refine(search, points, whole, 1)
-
-                on_threads([with_shorter_steps, in_richer_structure])
+            best = search.best
+            if best is not None:
+                error = step_error(best.transient)
+            if best is not None and not error:
+                structure_and_name = richer_structure(structure)
+                if structure_and_name is not None:
+                    richer_problem, name = structure_and_name
+                    richer = _RicherRing(name, ring_of(richer_problem, preload, blades))
+                _add_refinements(search, best, richer, starts, runs, others)
         except IntegrationFailed as failed:
             search.failure = str(failed)
             # motions from before the failure still count
             if isinstance(failed, EnergyGained) or search.best is None:
                 error = str(failed)
     # the order in which they ended depends on the threads
-    names = [f"{factor * steps} steps" for factor in (1, 2, 4)]
+    names = [_steps_name(search, factor) for factor in (1, 2, 4)]
     names += [name for name in runs if name not in names]
-    runs = {name: runs[name] for name in names if name in runs}
-    cost = Cost() if whole is None else whole.cost
-    return _Integrations(search, runs, others, error, work.interrupted, cost)
+    in_order = {name: runs[name] for name in names if name in runs}
+    cost = Cost() if richer is None else richer.ring.cost
+    return _Integrations(search, in_order, others, error, work.interrupted, cost)
+
+
+@dataclass(frozen=True)
+class _RicherRing:
+    """Name of a richer structure, and all its sectors."""
+
+    name: str
+    ring: Ring
+
+
+def _steps_name(search: SteadySearch, factor: int) -> str:
+    """Return the name of a motion with ``factor`` times the steps of the search."""
+    return f"{factor * search.steps} steps"
+
+
+def _add_refinements(
+    search: SteadySearch,
+    best: SteadyPoint,
+    richer: _RicherRing | None,
+    starts: int,
+    runs: dict[str, SteadyPoint],
+    others: dict[str, float],
+) -> None:
+    """Add the highest motion and its refinements to ``runs``, other initial states to ``others``.
+
+    What has ended before Ctrl-C or a failure is kept there.
+    """
+    runs[_steps_name(search, 1)] = best
+    # refinements are tried from three motions
+    highest_first = sorted(search.points, key=lambda point: -point.mean)
+    points = highest_first[:3]
+
+    def with_shorter_steps() -> None:
+        shorter = _refine(search, points, search.ring, 2)
+        runs[_steps_name(search, 2)] = shorter
+        runs[_steps_name(search, 4)] = _refine(search, [shorter, *points], search.ring, 4)
+        others.update(_other_starts(search, best, starts))
+
+    def in_richer_structure() -> None:
+        if richer is not None:
+            runs[richer.name] = _refine(search, points, richer.ring, 1)
+
+    on_threads([with_shorter_steps, in_richer_structure])
 
 
 def _curve_of_peak(problem: Problem, peak: Peak) -> ResponseCurve:
     """Return the response curve of a peak in its interval."""
-    what = "the highest peak of this study at its preload"
+    expected = "the highest peak of this study at its preload"
     if not peak.converged or "frequency" not in peak.settings:
         raise validation.invalid("result", "a peak at a preload", peak.status)
     if peak.model_hash != problem.model.hash:
-        raise validation.invalid("result", what, "a peak of another model")
+        raise validation.invalid("result", expected, "a peak of another model")
     curve = frequency_response(problem, peak.parameter, tuple(peak.settings["frequency"]))
-    if not (len(curve) and np.isclose(curve.peak.amplitude, peak.amplitude, rtol=1e-3, atol=0.0)):
-        raise validation.invalid(
-            "result", what, f"{amount(peak.amplitude, 'm')} at {peak.frequency:.6g} Hz"
-        )
+    same_peak = len(curve) > 0 and np.isclose(
+        curve.peak.amplitude, peak.amplitude, rtol=1e-3, atol=0.0
+    )
+    if not same_peak:
+        peak_found = f"{amount(peak.amplitude, 'm')} at {peak.frequency:.6g} Hz"
+        raise validation.invalid("result", expected, peak_found)
     return curve
 
 
-def _refine(search: SteadySearch, points: list[SteadyPoint], ring: Ring, finer: int) -> SteadyPoint:
-    """Return the highest motion with ``finer`` times the steps, or in a richer structure.
+def _refine(
+    search: SteadySearch, points: list[SteadyPoint], ring: Ring, step_factor: int
+) -> SteadyPoint:
+    """Return the highest motion with ``step_factor`` times the steps, or in a richer structure.
 
     A richer structure may need shorter steps.
 
@@ -343,37 +444,41 @@ def _refine(search: SteadySearch, points: list[SteadyPoint], ring: Ring, finer: 
     EnergyGained
         If the steps are too long even if they are four times shorter.
     """
-    refined = _with_steps(search, points, ring, finer)
+    refined = _with_steps(search, points, ring, step_factor)
     if step_error(refined.transient):
-        refined = _with_steps(search, points, ring, 4 * finer)
+        refined = _with_steps(search, points, ring, 4 * step_factor)
     return _balanced(refined)
 
 
 def _balanced(point: SteadyPoint) -> SteadyPoint:
     """Return the motion, or raise :class:`EnergyGained` if its time steps are too long."""
-    if error := step_error(point.transient):
+    error = step_error(point.transient)
+    if error:
         raise EnergyGained(error)
     return point
 
 
 def _with_steps(
-    search: SteadySearch, points: list[SteadyPoint], ring: Ring, finer: int
+    search: SteadySearch, points: list[SteadyPoint], ring: Ring, step_factor: int
 ) -> SteadyPoint:
-    """Return the highest motion that stays with ``finer`` times the steps, tried from ``points`` in this order."""
+    """Return the highest motion that stays with ``step_factor`` times the steps, tried from
+    ``points`` in this order.
+    """
     for point in points:
         if not point.stays:
             continue
         motion = point.transient.motion
         if ring is not search.ring:
             motion = transfer(search.ring, motion, ring)
+        # accelerations belong to the steps and the structure that they were computed with
         motion = motion._replace(a=None)
-        refined = search.settle_apart(ring, point.frequency, motion, point.mean, finer)
+        refined = search.settle_apart(ring, point.frequency, motion, point.mean, step_factor)
         # a beat that the longer steps had damped needs more periods to show its full range
         moved = abs(refined.mean / point.mean - 1.0) > 0.5 * CRITERIA.drift
         if refined.stays and moved:
             latest = refined.transient.motion
             refined = search.settle_apart(
-                ring, point.frequency, latest, refined.mean, finer, parting=True
+                ring, point.frequency, latest, refined.mean, step_factor, parting=True
             )
         if refined.stays:
             break
@@ -381,67 +486,104 @@ def _with_steps(
 
 
 def _at_fall(search: SteadySearch) -> float:
-    """Return the amplitude (m) of the highest motion, extrapolated to the frequency at which it falls."""
-    best, *others = sorted(search.points, key=lambda p: -p.mean)
-    gap = search.fall - best.frequency
-    behind = [p for p in others if (p.frequency - best.frequency) * gap < 0.0]
-    if not behind or search.between(search.fall):
+    """Return the amplitude (m) of the highest motion, extrapolated to the frequency at which it
+    falls.
+    """
+    best, *others = sorted(search.points, key=lambda point: -point.mean)
+    to_fall = search.fall - best.frequency
+    behind = [point for point in others if (point.frequency - best.frequency) * to_fall < 0.0]
+    # a maximum lies between the highest motion and its fall
+    beyond_maximum = bool(search.between(search.fall))
+    if not behind or beyond_maximum:
         return best.mean
-    near = min(behind, key=lambda p: abs(p.frequency - best.frequency))
-    return best.mean + max(0.0, (best.mean - near.mean) * gap / (best.frequency - near.frequency))
+    nearest = min(behind, key=lambda point: abs(point.frequency - best.frequency))
+    rise = (best.mean - nearest.mean) * to_fall / (best.frequency - nearest.frequency)
+    return best.mean + max(0.0, rise)
 
 
 def _other_starts(search: SteadySearch, best: SteadyPoint, starts: int) -> dict[str, float]:
-    """Return the amplitudes (m) that other disturbances and tractions of the highest motion lead to."""
-    tractions, out = search.ring.tractions(best.transient.motion), {}
-    for k in range(1, starts):
-        name = list(tractions)[(k - 1) % len(tractions)]
-        motion = search.ring.seeded(
-            best.transient.motion._replace(w=tractions[name]), CRITERIA.seed, k
-        )
-        out[f"start {k}, {name}"] = _balanced(
-            search.settle_apart(search.ring, best.frequency, motion, best.mean)
-        ).mean
-    return out
-
-
-def _stated(none: TimeResponse, found: _Integrations, omitted: str) -> TimeResponse:
-    """Return the result of a search: ``none``, a result without amplitudes, completed by the motions found.
-
-    ``omitted`` is a doubt about the response curve, or empty.
+    """Return the amplitudes (m) that other disturbances and tractions of the highest motion lead
+    to.
     """
-    search, best, interrupted = found.search, found.search.best, found.interrupted
+    tractions = search.ring.tractions(best.transient.motion)
+    traction_names = list(tractions)
+    amplitudes = {}
+    # start 0 is the highest motion itself
+    for start in range(1, starts):
+        name = traction_names[(start - 1) % len(traction_names)]
+        undisturbed = best.transient.motion._replace(w=tractions[name])
+        motion = search.ring.seeded(undisturbed, CRITERIA.seed, start)
+        point = search.settle_apart(search.ring, best.frequency, motion, best.mean)
+        amplitudes[f"start {start}, {name}"] = _balanced(point).mean
+    return amplitudes
+
+
+def _stated(
+    without_amplitude: TimeResponse, integrations: _Integrations, doubt_about_curve: str
+) -> TimeResponse:
+    """Return the result of a search: a result without amplitudes, completed by the motions.
+
+    ``doubt_about_curve`` is a doubt about the response curve, or empty.
+    """
+    search = integrations.search
+    best = search.best
     # an amplitude with energy that the time steps supply is no bound either
-    if found.step_error:
-        return replace(
-            none, status=INTERRUPTED if interrupted else with_reason(NOT_FOUND, found.step_error)
-        )
-    if best is None:
-        why = search.failure or "no motion stays near the peak"
-        return replace(none, status=INTERRUPTED if interrupted else with_reason(NOT_FOUND, why))
-    runs, others = found.runs or {f"{search.steps} steps": best}, found.starts
+    if integrations.step_error or best is None:
+        why = integrations.step_error or search.failure or "no motion stays near the peak"
+        status = _status(NOT_FOUND, why, integrations.interrupted)
+        return replace(without_amplitude, status=status)
+
+    runs = integrations.runs
+    if not runs:
+        # interrupted, or failed, before the first refinement
+        runs = {_steps_name(search, 1): best}
     answers = {name: run.mean for name, run in runs.items()}
-    if search.fall == search.fall:
+    if not np.isnan(search.fall):
         answers["at the fall"] = _at_fall(search)
-    higher = {name: mean for name, mean in others.items() if mean > best.mean}
-    lowest, highest, doubt = error_range(answers | higher, runs.values())
-    end = (
-        "the curve ends before the motion falls; widen the interval" if search.at_end(best) else ""
-    )
-    left = "; ".join(filter(None, (doubt, search.failure, end, omitted)))
-    carried, all_ = len(search.ring.nodal_diameters), search.ring.n // 2 + 1
-    said = "; ".join(filter(None, (
-        f"from the tip; a sweep from the flank has at most {amount(search.below, 'm')}"
-        if search.below < best.mean else "",
-        f"{carried} of {all_} nodal diameters were integrated" if carried < all_ else "",
-    )))  # fmt: skip
+    starts = integrations.starts
+    higher_starts = {name: mean for name, mean in starts.items() if mean > best.mean}
+    lowest, highest, doubt_about_range = error_range(answers | higher_starts, runs.values())
+
+    end = ""
+    if search.at_end(best):
+        end = "the curve ends before the motion falls; widen the interval"
+    doubts = [doubt_about_range, search.failure, end, doubt_about_curve]
+    doubt = "; ".join(filter(None, doubts))
+    if doubt:
+        status = _status(INCOMPLETE, doubt, integrations.interrupted)
+    else:
+        status = _status(COMPLETE, _remarks(search, best), integrations.interrupted)
     return replace(
-        none, mean=best.mean, lowest=lowest, highest=highest,
-        highest_period=highest_period(runs.values()), half_range=best.half_range, frequency=best.frequency,
-        answers=answers, starts=others,
-        status=INTERRUPTED if interrupted else with_reason(INCOMPLETE, left) if left else with_reason(COMPLETE, said),
+        without_amplitude,
+        mean=best.mean,
+        lowest=lowest,
+        highest=highest,
+        highest_period=highest_period(runs.values()),
+        half_range=best.half_range,
+        frequency=best.frequency,
+        answers=answers,
+        starts=starts,
+        status=status,
         **of_blades(best.transient, len(best.amplitude)),
-    )  # fmt: skip
+    )
+
+
+def _status(status: str, reason: str, interrupted: bool) -> str:
+    """Return a status with its reason, unless the user has interrupted the work."""
+    return INTERRUPTED if interrupted else with_reason(status, reason)
+
+
+def _remarks(search: SteadySearch, best: SteadyPoint) -> str:
+    """Return remarks on a complete result: how it was reached, and with which waves."""
+    remarks = []
+    if search.below < best.mean:
+        below = amount(search.below, "m")
+        remarks.append(f"from the tip; a sweep from the flank has at most {below}")
+    n_integrated = len(search.ring.nodal_diameters)
+    n_diameters = search.ring.n // 2 + 1
+    if n_integrated < n_diameters:
+        remarks.append(f"{n_integrated} of {n_diameters} nodal diameters were integrated")
+    return "; ".join(remarks)
 
 
 def highest_period(runs: Iterable[SteadyPoint]) -> float:
@@ -454,30 +596,48 @@ def error_range(
 ) -> tuple[float, float, str]:
     """Return the range (m) of the answers and the reason if it is wide, or "".
 
-    The range is widened by the uncertainty of the means and by the standard deviation of single periods: the mean of a
-    motion that is not periodic depends on its start.  It contains the highest single period.
+    The range is widened by the uncertainty of the means and by the standard deviation of single
+    periods: the mean of a motion that is not periodic depends on its start.  It contains the
+    highest single period.
     """
-    low, high = min(answers.values()), max(answers.values())
-    stay = [run for run in runs if run.stays]
-    change = max(CRITERIA.drift, *(abs(run.change) for run in stay))
-    scatter = max(change, *(float(np.std(run.amplitude)) / run.mean for run in stay))
-    doubts = [
-        "not settled" if high > (1.0 + CRITERIA.tolerance) * low else "",
-        f"its mean is uncertain by {100.0 * change:.2g} %" if change > CRITERIA.tolerance else "",
-    ]
-    top = max((1.0 + scatter) * high, highest_period(runs))
-    return (1.0 - scatter) * low, top, "; ".join(filter(None, doubts))
+    low = min(answers.values())
+    high = max(answers.values())
+    staying = [run for run in runs if run.stays]
+    changes = [abs(run.change) for run in staying]
+    change = max(CRITERIA.drift, *changes)
+    deviations = [float(np.std(run.amplitude)) / run.mean for run in staying]
+    widening = max(change, *deviations)
+
+    doubts = []
+    if high > (1.0 + CRITERIA.tolerance) * low:
+        doubts.append("not settled")
+    if change > CRITERIA.tolerance:
+        doubts.append(f"its mean is uncertain by {100.0 * change:.2g} %")
+    lowest = (1.0 - widening) * low
+    highest = max((1.0 + widening) * high, highest_period(runs))
+    return lowest, highest, "; ".join(doubts)
 
 
 def of_blades(transient: Transient, periods: int) -> dict[str, Any]:
-    """Return the fields of a result about all blades, from the last periods of a time integration."""
-    blades, half = transient.blades[-periods:], len(transient.harmonics) // 2
-    ratio = outside(transient, half)[0] if half else 0.0
+    """Return the fields of a result about all blades, from the last periods of a time
+    integration.
+    """
+    blades = transient.blades[-periods:]
+    mean_energy = np.mean(transient.energy[-periods:], axis=0)
+    # logarithmic growth of the motion in other waves, per period
+    growth = float("nan")
+    half = len(transient.harmonics) // 2
+    if half:
+        ratio = outside(transient, half).growth
+        if ratio:
+            growth = float(np.log(ratio)) / half
     return {
-        "blade": transient.blade, "blades": np.abs(blades), "waves": transient.ring.waves(blades),
-        "energy": tuple(float(x) for x in np.mean(transient.energy[-periods:], axis=0)),
-        "growth": float(np.log(ratio)) / half if ratio else float("nan"),
-    }  # fmt: skip
+        "blade": transient.blade,
+        "blades": np.abs(blades),
+        "waves": transient.ring.waves(blades),
+        "energy": tuple(float(value) for value in mean_energy),
+        "growth": growth,
+    }
 
 
 @one_thread
@@ -500,8 +660,10 @@ def with_time_response(
         preloads = [p for p in (best, NEIGHBOUR * best) if np.isfinite(p)]
     else:
         preloads = [float(p) for p in validation.numbers("preload", preload, above=0.0, unit="N")]
-    missing = {p: TimeResponse(*(np.nan,) * 4, p, np.nan, status=INTERRUPTED) for p in preloads}
-    responses = missing | {response.preload: response for response in curve.time_response}
+    # every preload counts as interrupted until its integration has ended
+    not_integrated = {p: _not_integrated(p) for p in preloads}
+    earlier = {response.preload: response for response in curve.time_response}
+    responses = not_integrated | earlier
     costs: dict[float, Cost] = {}
 
     def integrate(p: float) -> None:
@@ -511,31 +673,52 @@ def with_time_response(
             responses[p] = time_response(problem, tracked, progress=progress)
             costs[p] += responses[p].cost
         except BdamperError as error:
-            responses[p] = replace(missing[p], status=with_reason(NOT_FOUND, error))
+            responses[p] = replace(not_integrated[p], status=with_reason(NOT_FOUND, error))
 
     start = time.perf_counter()
     with LongWork():
         on_threads([partial(integrate, p) for p in preloads])
+    # the preloads share the time, so their seconds do not add up
     seconds = curve.cost.seconds + time.perf_counter() - start
     cost = sum((costs[p] for p in sorted(costs)), curve.cost)
     in_order = tuple(responses[p] for p in sorted(responses))
     return replace(curve, time_response=in_order, cost=replace(cost, seconds=seconds))
 
 
+def _not_integrated(preload: float) -> TimeResponse:
+    """Return the result at a preload (N) whose integration has not ended."""
+    return TimeResponse(
+        mean=np.nan,
+        lowest=np.nan,
+        highest=np.nan,
+        frequency=np.nan,
+        preload=preload,
+        balance=np.nan,
+        status=INTERRUPTED,
+    )
+
+
 # ---- one motion ----
 
 
 def disturbed(ring: Ring, u: NDArray, omega: float, steps: int | None = None) -> Transient:
-    """Return a time integration from a solution (n_unknowns,) with a disturbance of every nodal diameter."""
-    transient = Transient(ring, omega, u, steps)
-    return Transient(ring, omega, ring.seeded(transient.motion, CRITERIA.seed, 0), transient.steps)
+    """Return a time integration from a solution (n_unknowns,) with a disturbance of every nodal
+    diameter.
+    """
+    solution = Transient(ring, omega, u, steps)
+    motion = ring.seeded(solution.motion, CRITERIA.seed, 0)
+    return Transient(ring, omega, motion, solution.steps)
 
 
 def compare_with_solution(
-    transient: Transient, expected: NDArray, tolerance: float = CRITERIA.tolerance, periods: int = CRITERIA.longest,
+    transient: Transient,
+    expected: NDArray,
+    tolerance: float = CRITERIA.tolerance,
+    periods: int = CRITERIA.longest,
     progress: bool = False,
-) -> tuple[Verdict, bool]:  # fmt: skip
-    """Integrate until it is decided whether the motion keeps the response ``expected`` (n_harmonics + 1,) complex, m.
+) -> tuple[Verdict, bool]:
+    """Integrate until it is decided whether the motion keeps the response ``expected``
+    (n_harmonics + 1,) complex, m.
 
     Returns
     -------
@@ -547,14 +730,36 @@ def compare_with_solution(
     IntegrationFailed
         If the time integration fails.
     """
+    expected_amplitude = float(abs(expected[1]))
 
     def verdict_so_far() -> Verdict:
-        return judged(transient.amplitude, float(abs(expected[1])), tolerance, transient.memory)
+        return judged(transient.amplitude, expected_amplitude, tolerance, transient.memory)
 
-    stopped = transient.run(periods, progress, lambda: verdict_so_far().verdict != UNDECIDED)
+    interrupted = transient.run(periods, progress, lambda: verdict_so_far().verdict != UNDECIDED)
+    # without a single period there is no result to keep
     if not transient.harmonics:
         raise KeyboardInterrupt
-    return verdict_so_far(), stopped
+    return verdict_so_far(), interrupted
+
+
+@dataclass(frozen=True)
+class _MotionRun:
+    """One time integration from a solution.
+
+    Parameters
+    ----------
+    transient : Transient
+    status : str
+    decision : dict
+        Fields of the result on the decision, empty without one.
+    amplitude : (n,) float, m
+        Amplitudes that the result states.
+    """
+
+    transient: Transient
+    status: str
+    decision: dict[str, Any]
+    amplitude: NDArray
 
 
 @one_thread
@@ -574,109 +779,145 @@ def motion_in_time(
     validation.check_value(
         len(curve), "curve", "a curve with points", f"no points ({curve.status}: {curve.reason})"
     )
-    tolerance, n = validation.number("tolerance", tolerance, above=0.0, most=1.0), len(curve)
-    free, progress = frequency is not None, shows_progress(progress)
-    if frequency is not None:
-        frequency = validation.number("frequency", frequency, above=0.0, unit="Hz")
-        low, high = curve.frequency.min(), curve.frequency.max()
-        if not low <= frequency <= high:
-            warn_implausible(
-                "frequency", f"{low:g} to {high:g} Hz, within the curve", f"{frequency:g}"
-            )
-        if index is not None:
-            raise validation.invalid("index", "none, since a frequency is given", index)
-        i = int(np.abs(curve.frequency - frequency).argmin())
+    tolerance = validation.number("tolerance", tolerance, above=0.0, most=1.0)
+    progress = shows_progress(progress)
+    # at a frequency of the user the motion is not compared with a solution
+    free = frequency is not None
+    if frequency is None:
+        point = _index_of_point(curve, index)
+        frequency = float(curve.frequency[point])
     else:
-        i = (
-            curve.peak_index
-            if index is None
-            else validation.integer("index of a point", index, -n, n - 1)
-        )
-        frequency = float(curve.frequency[i])
-    least, default, steps = (
-        (CRITERIA.look, 200, STEPS) if free else (1, CRITERIA.longest, CRITERIA.steps)
-    )
-    periods = default if periods is None else validation.integer("periods", periods, least=least)
-    steps = steps if steps_per_period is None else steps_per_period
-    watch, ring = CostMeter(), ring_of(problem, curve.preload)
-    expected = problem.system(curve.preload).response(curve.unknowns[i])
+        frequency = validation.number("frequency", frequency, above=0.0, unit="Hz")
+        _check_on_curve(curve, frequency, index)
+        point = int(np.abs(curve.frequency - frequency).argmin())
 
-    def with_steps(steps: int) -> tuple[Transient, str, dict[str, Any], NDArray]:
-        """Return the motion, its status, fields of the result, and the amplitudes that the result states."""
-        transient = disturbed(ring, curve.unknowns[i], TWO_PI * frequency, steps)
+    if free:
+        fewest_periods = CRITERIA.look
+        default_periods = 200
+        steps = STEPS
+    else:
+        fewest_periods = 1
+        default_periods = CRITERIA.longest
+        steps = CRITERIA.steps
+    if periods is None:
+        n_periods = default_periods
+    else:
+        n_periods = validation.integer("periods", periods, least=fewest_periods)
+    if steps_per_period is not None:
+        steps = steps_per_period
+
+    watch = CostMeter()
+    ring = ring_of(problem, curve.preload)
+    solution = curve.unknowns[point]
+    expected = problem.system(curve.preload).response(solution)
+    omega = TWO_PI * frequency
+
+    def with_steps(steps: int) -> _MotionRun:
+        transient = disturbed(ring, solution, omega, steps)
         if free:
-            status, more = _without_decision(transient, periods, progress)
-            return transient, status, more, second_half(transient.amplitude)
-        status, more, last = _with_decision(transient, expected, tolerance, periods, progress)
-        return transient, status, more, transient.amplitude[-last:]
+            return _without_decision(transient, n_periods, progress)
+        return _with_decision(transient, expected, tolerance, n_periods, progress)
 
+    run = None
     try:
-        transient, status, more, amplitude = with_steps(steps)
-        error = step_error(transient)
+        run = with_steps(steps)
+        error = step_error(run.transient)
     except IntegrationFailed as failed:
-        status, error = "", str(failed)
+        error = str(failed)
     # shorter steps resolve the contacts better, so the motion begins again
-    if error and status != INTERRUPTED:
-        transient, status, more, amplitude = with_steps(4 * steps)
-        error = step_error(transient)
-        if error and status != INTERRUPTED:
+    if run is None or (error and run.status != INTERRUPTED):
+        run = with_steps(4 * steps)
+        error = step_error(run.transient)
+        if error and run.status != INTERRUPTED:
             raise EnergyGained(f"time integration at {frequency:.6g} Hz: {error}")
-    more |= of_blades(transient, len(amplitude))
+    amplitude = run.amplitude
+    response = run.transient.response
+    fields_of_blades = of_blades(run.transient, len(amplitude))
     return MotionInTime(
-        float(amplitude.mean()), float(amplitude.min()), float(amplitude.max()), frequency, curve.preload,
-        transient.response, repeats_after=repeats_after(transient.response), diameters=ring.nodal_diameters,
-        status=_with_energy(status, more), cost=watch.read(ring.cost), **more, **problem.recorded(),
-    )  # fmt: skip
+        mean=float(amplitude.mean()),
+        lowest=float(amplitude.min()),
+        highest=float(amplitude.max()),
+        frequency=frequency,
+        preload=curve.preload,
+        harmonics=response,
+        repeats_after=repeats_after(response),
+        diameters=ring.nodal_diameters,
+        status=_with_energy(run, fields_of_blades["energy"]),
+        cost=watch.read(ring.cost),
+        **run.decision,
+        **fields_of_blades,
+        **problem.recorded(),
+    )
 
 
-def _with_energy(status: str, result: Mapping[str, Any]) -> str:
+def _index_of_point(curve: ResponseCurve, index: int | None) -> int:
+    """Return the index of a point of a curve; by default that of its peak."""
+    if index is None:
+        return curve.peak_index
+    n = len(curve)
+    return validation.integer("index of a point", index, -n, n - 1)
+
+
+def _check_on_curve(curve: ResponseCurve, frequency: float, index: int | None) -> None:
+    """Warn of a frequency (Hz) beyond the curve; an index beside a frequency is an error."""
+    low = curve.frequency.min()
+    high = curve.frequency.max()
+    if not low <= frequency <= high:
+        warn_implausible("frequency", f"{low:g} to {high:g} Hz, within the curve", f"{frequency:g}")
+    if index is not None:
+        raise validation.invalid("index", "none, since a frequency is given", index)
+
+
+def _with_energy(run: _MotionRun, energy: tuple[float, ...]) -> str:
     """Return the status, incomplete while the stored energy changes.
 
     A motion with a verdict has settled, and only exchanges energy with the loads at rest.
     """
-    reason = status.partition(": ")[2] or (
-        "" if "verdict" in result else energy_change(result["energy"])
-    )
-    return with_reason(INCOMPLETE, reason) if reason and status != INTERRUPTED else status
+    if run.status == INTERRUPTED:
+        return run.status
+    reason = run.status.partition(": ")[2]
+    if not reason and not run.decision:
+        reason = energy_change(energy)
+    return with_reason(INCOMPLETE, reason) if reason else run.status
 
 
-def _without_decision(
-    transient: Transient, periods: int, progress: bool
-) -> tuple[str, dict[str, Any]]:
-    """Integrate a number of periods and return the status, incomplete while the mean changes, without further fields."""
+def _without_decision(transient: Transient, periods: int, progress: bool) -> _MotionRun:
+    """Integrate a number of periods; the result is incomplete while the mean changes."""
     interrupted = transient.run(periods, progress)
+    # fewer periods do not show whether the mean changes
     if interrupted and len(transient.harmonics) < CRITERIA.look:
         raise KeyboardInterrupt
     change = to_come(transient.amplitude, transient.memory)
-    moving = f"the mean changes by another {100.0 * change:+.2g} % by estimate; use more periods"
-    reason = moving if abs(change) > CRITERIA.drift else ""
-    return INTERRUPTED if interrupted else with_reason(
-        INCOMPLETE, reason
-    ) if reason else COMPLETE, {}
+    if interrupted:
+        status = INTERRUPTED
+    elif abs(change) > CRITERIA.drift:
+        percentage = f"{100.0 * change:+.2g} %"
+        reason = f"the mean changes by another {percentage} by estimate; use more periods"
+        status = with_reason(INCOMPLETE, reason)
+    else:
+        status = COMPLETE
+    return _MotionRun(transient, status, {}, second_half(transient.amplitude))
 
 
 def _with_decision(
     transient: Transient, expected: NDArray, tolerance: float, periods: int, progress: bool
-) -> tuple[str, dict[str, Any], int]:
-    """Integrate until a decision and return the status, the fields of the result on it, and the number of its periods."""
-    (verdict, reason, last), interrupted = compare_with_solution(
-        transient, expected, tolerance, periods, progress
-    )
-    apart, size = (
-        float(np.linalg.norm(x[1:])) for x in (transient.response[-1] - expected, expected)
-    )
-    status = (
-        INTERRUPTED
-        if interrupted
-        else with_reason(INCOMPLETE, UNDECIDED)
-        if verdict == UNDECIDED
-        else COMPLETE
-    )
-    distance = apart / max(size, 1e-300)
-    decided = {
+) -> _MotionRun:
+    """Integrate until a decision whether the motion keeps the response ``expected``."""
+    verdict, interrupted = compare_with_solution(transient, expected, tolerance, periods, progress)
+    # without the mean, which does not vibrate
+    difference = (transient.response[-1] - expected)[1:]
+    apart = float(np.linalg.norm(difference))
+    size = float(np.linalg.norm(expected[1:]))
+    if interrupted:
+        status = INTERRUPTED
+    elif verdict.verdict == UNDECIDED:
+        status = with_reason(INCOMPLETE, UNDECIDED)
+    else:
+        status = COMPLETE
+    decision = {
         "balance": float(abs(expected[1])),
-        "distance": distance,
-        "verdict": verdict,
-        "reason": reason,
+        "distance": apart / max(size, 1e-300),
+        "verdict": verdict.verdict,
+        "reason": verdict.reason,
     }
-    return status, decided, last
+    return _MotionRun(transient, status, decision, transient.amplitude[-verdict.periods :])
