@@ -1,23 +1,27 @@
 """Search for the highest steady amplitude in time near a resonance.
 
-The peak of the harmonic balance is the highest periodic solution of its equations, but a motion need not stay there, and
-another may be higher.  The search therefore follows motions in time, from two places:
+The peak of the harmonic balance is the highest periodic solution of its equations, but a motion
+need not stay there, and another may be higher.  The search therefore follows motions in time, from
+two places:
 
-* **from the flank**, at a frequency next to the resonance with one solution, in a slow sweep towards the tip and beyond;
-* **from the tip**, with the solution of the harmonic balance.  Its motion settles, unless it leaves the tip at once.  If it
-  is more than 5 % higher than the sweep there, it is also followed by sweeps in both directions.
+* **from the flank**, at a frequency next to the resonance with one solution, in a slow sweep
+  towards the tip and beyond;
+* **from the tip**, with the solution of the harmonic balance.  Its motion settles, unless it leaves
+  the tip at once.  If it is more than 5 % higher than the sweep there, it is also followed by
+  sweeps in both directions.
 
-A sweep is continuous: the frequency changes by the half width of the resonance in a given number of periods.  The motion is
-stored at equal numbers of periods (:class:`Place`).  A sweep ends if the amplitude remains below a fraction of its highest
-value, for example after a jump.  The criteria are
+A sweep is continuous: the frequency changes by the half width of the resonance in a given number of
+periods.  The motion is stored at equal numbers of periods (:class:`Place`).  A sweep ends if the
+amplitude remains below a fraction of its highest value, for example after a jump.  The criteria are
 in :class:`bdamper.time_domain.transient.SteadyCriteria`.
 
-**Settled points.**  The stored motion of highest amplitude is disturbed by waves of every nodal diameter, because the
-amplitudes of the blades have no time to diverge in a sweep, and settles at its frequency
-(``bdamper.time_domain.transient.settle``).  If its amplitude falls to another level, an earlier motion of the sweep is
-tried, in growing steps.  From the settled motion the frequency changes slowly to other points, until the highest one is
-known: if the motion falls on one side, the interval is halved; between two lower points a parabola through three points
-gives the maximum.  The highest motion continues until the amplitudes of the blades do not diverge further.
+**Settled points.**  The stored motion of highest amplitude is disturbed by waves of every nodal
+diameter, because the amplitudes of the blades have no time to diverge in a sweep, and settles at
+its frequency (``bdamper.time_domain.transient.settle``).  If its amplitude falls to another level,
+an earlier motion of the sweep is tried, in growing steps.  From the settled motion the frequency
+changes slowly to other points, until the highest one is known: if the motion falls on one side, the
+interval is halved; between two lower points a parabola through three points gives the maximum.  The
+highest motion continues until the amplitudes of the blades do not diverge further.
 """
 
 from __future__ import annotations
@@ -36,18 +40,22 @@ from bdamper.time_domain.transient import CRITERIA, SteadyPoint, Transient, sett
 from bdamper.util.formatting import amount
 
 APART = 0.01
-"""Smallest distance of the flank from the tip, relative to the frequency, if the half width is unknown."""
+"""Smallest distance of the flank from the tip, relative to the frequency, if the half width is
+unknown.
+"""
 
 
 class BalanceCurve:
-    """Amplitudes (m) of a response curve over frequency, without closed branches and separate branches above its peak."""
+    """Amplitudes (m) of a response curve over frequency, without closed branches and separate
+    branches above its peak.
+    """
 
     def __init__(self, curve: ResponseCurve) -> None:
         points = np.flatnonzero(~curve.out_of_reach)
-        self.frequency, self.amplitude, self.branch, self.unknowns = (
-            np.asarray(x)[points]
-            for x in (curve.frequency, curve.amplitude, curve.branch, curve.unknowns)
-        )
+        self.frequency = np.asarray(curve.frequency)[points]
+        self.amplitude = np.asarray(curve.amplitude)[points]
+        self.branch = np.asarray(curve.branch)[points]
+        self.unknowns = np.asarray(curve.unknowns)[points]
         self.top = int(np.argmax(self.amplitude))
         self.sides = {sign: self._side(sign) for sign in (1.0, -1.0)}
 
@@ -58,68 +66,101 @@ class BalanceCurve:
 
     def at(self, frequency: float) -> NDArray:
         """Return the amplitudes of all solutions at a frequency, in descending order."""
-        return np.sort(
-            crossed(self.frequency, self.amplitude, frequency, np.diff(self.branch) == 0)[1]
-        )[::-1]
+        same_branch = np.diff(self.branch) == 0
+        _, amplitudes = crossed(self.frequency, self.amplitude, frequency, same_branch)
+        return np.sort(amplitudes)[::-1]
 
     def solution(self, frequency: float) -> NDArray:
-        """Return the unknowns of the highest solution closest to a frequency, of any solution in a gap of the curve."""
-        high = np.flatnonzero(self.amplitude >= CRITERIA.low * max(self.at(frequency), default=0.0))
-        return np.asarray(self.unknowns[high[np.abs(self.frequency[high] - frequency).argmin()]])
+        """Return the unknowns of the highest solution closest to a frequency, of any solution in a
+        gap of the curve.
+        """
+        highest = max(self.at(frequency), default=0.0)
+        high = np.flatnonzero(self.amplitude >= CRITERIA.low * highest)
+        nearest = np.abs(self.frequency[high] - frequency).argmin()
+        return np.asarray(self.unknowns[high[nearest]])
 
     @property
     def half_width(self) -> float:
         """Half width of the resonance, Hz: the smaller one of the two sides."""
-        return float(np.nanmin(np.abs([width for width, _ in self.sides.values()])))
+        widths = [width for width, _ in self.sides.values()]
+        return float(np.nanmin(np.abs(widths)))
 
     @property
     def flank(self) -> float:
-        """Frequency (Hz) nearest to the tip, beyond half of the half width, with one solution; NaN if there is none."""
+        """Frequency (Hz) nearest to the tip, beyond half of the half width, with one solution; NaN
+        if there is none.
+        """
         flanks = [flank for _, flank in self.sides.values() if np.isfinite(flank)]
         return min(flanks, key=lambda f: abs(f - self.tip), default=float("nan"))
 
     def _side(self, sign: float) -> tuple[float, float]:
-        """Return the signed half width (Hz) on one side of the tip, and the first frequency beyond half of it with one
-        solution.
+        """Return the signed half width (Hz) on one side of the tip, and the first frequency beyond
+        half of it with one solution.
 
-        A value is NaN if the branch ends before it.  If the response does not decrease to half its power, the width is
-        twice the distance to that frequency.
+        A value is NaN if the branch ends before it.  If the response does not decrease to half its
+        power, the width is twice the distance to that frequency.
         """
-        tip, height = self.tip, self.amplitude[self.top]
+        tip = self.tip
+        height = self.amplitude[self.top]
         end = float(self.frequency.max() if sign > 0.0 else self.frequency.min())
-        width, before = np.nan, height
-        for f in np.linspace(tip, end, 400)[1:-1]:
-            expected = float(max(self.at(f), default=0.0))
-            if expected < CRITERIA.jump * before:
+        width = np.nan
+        amplitude_before = height
+        for frequency in np.linspace(tip, end, 400)[1:-1]:
+            amplitude = float(max(self.at(frequency), default=0.0))
+            # a fold: the branch of the tip has ended, and the solution is another one
+            if amplitude < CRITERIA.jump * amplitude_before:
                 return width, np.nan
-            before = expected
-            if expected <= height / np.sqrt(2.0):
-                width = f - tip
+            amplitude_before = amplitude
+            if amplitude <= height / np.sqrt(2.0):
+                width = frequency - tip
                 break
         apart = sign * APART * tip if np.isnan(width) else 0.5 * width
-        away = (
-            np.linspace(tip + apart, end, 400)[:-1] if abs(end - tip) > abs(apart) else np.zeros(0)
-        )
-        alone = (x for x in away if len(a := self.at(x)) and a[-1] >= CRITERIA.low * a[0])
-        start = float(next(alone, np.nan))
-        return 2.0 * (start - tip) if np.isnan(width) else width, start
+        start = self._first_alone(tip + apart, end) if abs(end - tip) > abs(apart) else np.nan
+        if np.isnan(width):
+            width = 2.0 * (start - tip)
+        return width, start
+
+    def _first_alone(self, nearest: float, end: float) -> float:
+        """Return the first frequency (Hz) from ``nearest`` towards ``end`` with one solution, or
+        NaN.
+        """
+        for frequency in np.linspace(nearest, end, 400)[:-1]:
+            amplitudes = self.at(frequency)
+            # solutions of nearly the same amplitude count as one
+            if len(amplitudes) and amplitudes[-1] >= CRITERIA.low * amplitudes[0]:
+                return float(frequency)
+        return float("nan")
 
 
 class Place(NamedTuple):
-    """Motion at one instant of a sweep: frequency (Hz), mean amplitude (m) of the last periods, and state."""
+    """Motion at one instant of a sweep: frequency (Hz), mean amplitude (m) of the last periods, and
+    state.
+    """
 
     frequency: float
     mean: float
     motion: Motion
 
 
+def _latest_place(frequency: float, transient: Transient) -> Place:
+    """Return the last motion at a constant frequency (Hz), with the mean of the last periods."""
+    latest = transient.amplitude[-CRITERIA.stride :]
+    return Place(frequency, float(latest.mean()), transient.motion)
+
+
 def _top(places: list[Place]) -> int:
     """Return the index of the place with the highest amplitude."""
-    return int(np.argmax([p.mean for p in places]))
+    return int(np.argmax([place.mean for place in places]))
+
+
+def _highest(places: list[Place]) -> float:
+    """Return the highest amplitude (m) of a sweep."""
+    return places[_top(places)].mean
 
 
 class SteadySearch:
-    """Search for the highest steady amplitude in time (:mod:`bdamper.time_domain.steady_amplitude`).
+    """Search for the highest steady amplitude in time
+    (:mod:`bdamper.time_domain.steady_amplitude`).
 
     Parameters
     ----------
@@ -138,7 +179,8 @@ class SteadySearch:
     fell : list of float, Hz
         Frequencies at which a motion did not stay near the expected amplitude.
     below : float, m
-        Highest amplitude of the sweep from the flank if the sweep from the tip is higher, otherwise NaN.
+        Highest amplitude of the sweep from the flank if the sweep from the tip is higher, otherwise
+        NaN.
     periods : int
         Total number of periods.
     failure : str
@@ -148,7 +190,10 @@ class SteadySearch:
     """
 
     def __init__(self, ring: Ring, source: Ring, balance: BalanceCurve, steps: int) -> None:
-        self.ring, self.source, self.balance, self.steps = ring, source, balance, steps
+        self.ring = ring
+        self.source = source
+        self.balance = balance
+        self.steps = steps
         self.points: list[SteadyPoint] = []
         self.fell: list[float] = []
         self.below = float("nan")
@@ -156,96 +201,122 @@ class SteadySearch:
         self._counting = Lock()
         self.failure = ""
         self.on_frequency: Callable[[float], None] = lambda frequency: None
-        self.pace = balance.half_width / CRITERIA.pace  # Hz in a period
+        # Hz in a period
+        self.pace = balance.half_width / CRITERIA.pace
         self.ends = float(balance.frequency.min()), float(balance.frequency.max())
 
     @property
     def best(self) -> SteadyPoint | None:
         """Highest steady motion so far."""
-        return max(self.points, key=lambda p: p.mean, default=None)
+        return max(self.points, key=lambda point: point.mean, default=None)
 
     @property
     def fall(self) -> float:
-        """Frequency (Hz) closest to the highest motion at which it does not stay; NaN if there is none.
+        """Frequency (Hz) closest to the highest motion at which it does not stay; NaN if there is
+        none.
 
         Frequencies beyond a motion of a lower level do not count.
         """
         best = self.best
         if best is None:
             return min(self.fell, key=lambda f: abs(f - self.balance.tip), default=float("nan"))
-        other = [
-            f for f in self.fell if any(p.mean < CRITERIA.low * best.mean for p in self.between(f))
-        ]
-        return min(
-            set(self.fell) - set(other), key=lambda f: abs(f - best.frequency), default=float("nan")
-        )
+        beyond_lower_level = set()
+        for frequency in self.fell:
+            amplitudes = [point.mean for point in self.between(frequency)]
+            if any(amplitude < CRITERIA.low * best.mean for amplitude in amplitudes):
+                beyond_lower_level.add(frequency)
+        own_falls = set(self.fell) - beyond_lower_level
+        return min(own_falls, key=lambda f: abs(f - best.frequency), default=float("nan"))
 
     def between(self, fall: float) -> list[SteadyPoint]:
-        """Return the steady motions at frequencies between the highest motion and ``fall`` (Hz), excluding ``fall``."""
+        """Return the steady motions at frequencies between the highest motion and ``fall`` (Hz),
+        excluding ``fall``.
+        """
         best = self.best
-        side = (
-            p
-            for p in self.points
-            if best is not None and (p.frequency - fall) * (best.frequency - p.frequency) > 0.0
-        )
-        return [p for p in side if abs(p.frequency - fall) > CRITERIA.fine * fall]
+        if best is None:
+            return []
+        enclosed = []
+        for point in self.points:
+            before_fall = (point.frequency - fall) * (best.frequency - point.frequency) > 0.0
+            apart = abs(point.frequency - fall) > CRITERIA.fine * fall
+            if before_fall and apart:
+                enclosed.append(point)
+        return enclosed
 
     def run(self) -> None:
         """Search from the flank and from the tip."""
-        flank, tip = self.balance.flank, self.balance.tip
+        flank = self.balance.flank
+        tip = self.balance.tip
         way = float(np.sign(tip - flank))
-        sweeps = [self.sweep(self.start(flank), flank, way)]
-        if _top(sweeps[0]) <= 1:  # the motion is higher on the other side
-            sweeps.append(self.sweep(sweeps[0][0].motion, flank, -way))
-        along = max(place.mean for places in sweeps for place in places)
-        nearest = min(
-            (place for places in sweeps for place in places),
-            key=lambda place: abs(place.frequency - tip),
-        )
-        here = Transient(self.ring, TWO_PI * tip, self.start(tip), self.steps)
-        here.advance(CRITERIA.fewest)
-        self.periods += CRITERIA.fewest
-        start = Place(tip, float(here.amplitude[-CRITERIA.stride :].mean()), here.motion)
+        from_flank = [self.sweep(self.start(flank), flank, way)]
+        # the motion is higher on the other side
+        if _top(from_flank[0]) <= 1:
+            from_flank.append(self.sweep(from_flank[0][0].motion, flank, -way))
+        along = max(_highest(places) for places in from_flank)
+
+        start = self._place_at_tip(tip)
+        swept = [place for places in from_flank for place in places]
+        nearest = min(swept, key=lambda place: abs(place.frequency - tip))
         higher = 1.0 + CRITERIA.tolerance
-        from_tip = [
-            self.sweep(start.motion, tip, sign)
-            for sign in (1.0, -1.0)
-            if start.mean > higher * nearest.mean
-        ]
-        ordered = sorted((*sweeps, *from_tip), key=lambda places: -places[_top(places)].mean)
-        for parting in (
-            False,
-            True,
-        ):  # if no steady motion lasts, the second time each has to last at once
-            for places in ordered:
+        from_tip = []
+        if start.mean > higher * nearest.mean:
+            from_tip = [self.sweep(start.motion, tip, sign) for sign in (1.0, -1.0)]
+
+        highest_first = sorted([*from_flank, *from_tip], key=lambda places: -_highest(places))
+        # if no steady motion lasts, the second time each has to last at once
+        for parting in (False, True):
+            for places in highest_first:
                 best = self.best
-                if best is None or places[_top(places)].mean > higher * best.mean:
-                    self.settle_back(places, parting)
-                    if self.best is not best:
-                        self.below = along if any(places is way for way in from_tip) else np.nan
+                may_be_higher = best is None or _highest(places) > higher * best.mean
+                if not may_be_higher:
+                    continue
+                self.settle_back(places, parting)
+                if self.best is not best:
+                    began_at_tip = any(places is sweep for sweep in from_tip)
+                    self.below = along if began_at_tip else np.nan
             self._settle_tip(start, along, way, parting)
-            parted: list[SteadyPoint] = []
-            while (best := self.best) is not None and best not in parted:
-                self.points.remove(best)
-                parted.append(
-                    self.settle(best.frequency, best.transient.motion, best.mean, parting=True)
-                )
+            self._let_blades_diverge()
             if self.points:
                 return
+
+    def _place_at_tip(self, tip: float) -> Place:
+        """Return the motion some periods after the solution at the tip (Hz)."""
+        transient = Transient(self.ring, TWO_PI * tip, self.start(tip), self.steps)
+        transient.advance(CRITERIA.fewest)
+        self.periods += CRITERIA.fewest
+        return _latest_place(tip, transient)
+
+    def _let_blades_diverge(self) -> None:
+        """Continue the highest motion until the amplitudes of the blades do not diverge further.
+
+        Another motion may be the highest one afterwards, and continues in the same way.
+        """
+        parted: list[SteadyPoint] = []
+        best = self.best
+        while best is not None and best not in parted:
+            self.points.remove(best)
+            point = self.settle(best.frequency, best.transient.motion, best.mean, parting=True)
+            parted.append(point)
+            best = self.best
 
     def _settle_tip(self, start: Place, along: float, way: float, parting: bool) -> None:
         """Settle the motion from the tip, and search around it if it is the highest one.
 
-        ``along`` is the highest amplitude (m) of the sweep from the flank.  A sweep at a distance of up to the tolerance
-        of 5 % below the tip would otherwise hide a motion that is higher than the stated range.
+        ``along`` is the highest amplitude (m) of the sweep from the flank.  A sweep at a distance
+        of up to the tolerance of 5 % below the tip would otherwise hide a motion that is higher
+        than the stated range.
         """
         best = self.best
+        # the motion has left the tip within the first periods
         if best is not None and start.mean < CRITERIA.jump * best.mean:
-            return  # the motion has left the tip within the first periods
+            return
         motion = self.ring.seeded(start.motion, CRITERIA.seed, 0)
         point = self.settle_apart(self.ring, start.frequency, motion, start.mean, parting=parting)
-        # the tip may belong to another level than the sweep, so its fall says nothing about the motion of the sweep
-        if not point.stays or (best is not None and point.mean <= best.mean):
+        # the tip may belong to another level than the sweep, so its fall says nothing about the
+        # motion of the sweep
+        if not point.stays:
+            return
+        if best is not None and point.mean <= best.mean:
             return
         self.points.append(point)
         self.failure = ""
@@ -254,59 +325,72 @@ class SteadySearch:
         self.look_around(point, way or 1.0)
 
     def start(self, frequency: float) -> Motion:
-        """Return the highest solution of the balance closest to a frequency, with disturbances of all blades."""
-        motion = self.source.start(self.balance.solution(frequency), TWO_PI * frequency, self.steps)
-        return self.ring.seeded(transfer(self.source, motion, self.ring), CRITERIA.seed, 0)
+        """Return the highest solution of the balance closest to a frequency, with disturbances of
+        all blades.
+        """
+        solution = self.balance.solution(frequency)
+        motion = self.source.start(solution, TWO_PI * frequency, self.steps)
+        in_ring = transfer(self.source, motion, self.ring)
+        return self.ring.seeded(in_ring, CRITERIA.seed, 0)
 
     def sweep(self, motion: Motion, frequency: float, way: float) -> list[Place]:
-        """Sweep slowly from a frequency (Hz), upward if ``way`` is 1 or downward if it is -1; return the stored motions."""
-        here = Transient(self.ring, TWO_PI * frequency, motion, self.steps)
-        here.advance(CRITERIA.fewest)
-        places = [Place(frequency, float(here.amplitude[-CRITERIA.stride :].mean()), here.motion)]
+        """Sweep slowly from a frequency (Hz), upward if ``way`` is 1 or downward if it is -1;
+        return the stored motions.
+        """
+        low, high = self.ends
+        transient = Transient(self.ring, TWO_PI * frequency, motion, self.steps)
+        transient.advance(CRITERIA.fewest)
+        places = [_latest_place(frequency, transient)]
         while True:
             self.on_frequency(frequency)
             frequency += way * CRITERIA.stride * self.pace
-            latest, top = places[-CRITERIA.low_places :], max(p.mean for p in places)
-            if (
-                all(p.mean < CRITERIA.low * top for p in latest)
-                or not self.ends[0] <= frequency <= self.ends[1]
-            ):
+            low_amplitude = CRITERIA.low * _highest(places)
+            latest = places[-CRITERIA.low_places :]
+            stays_low = all(place.mean < low_amplitude for place in latest)
+            if stays_low or not low <= frequency <= high:
                 self.periods += CRITERIA.fewest + CRITERIA.stride * (len(places) - 1)
                 return places
-            here = Transient(self.ring, here.omega, here.motion, self.steps)
-            here.sweep(TWO_PI * frequency, CRITERIA.stride)
-            places.append(Place(frequency, float(here.amplitude.mean()), here.motion))
+            # a new integration, so that its amplitudes are those of this part of the sweep
+            transient = Transient(self.ring, transient.omega, transient.motion, self.steps)
+            transient.sweep(TWO_PI * frequency, CRITERIA.stride)
+            places.append(Place(frequency, float(transient.amplitude.mean()), transient.motion))
 
     def settle_back(self, places: list[Place], parting: bool = False) -> None:
-        """Settle at the highest place of a sweep, or at an earlier place if the motion does not stay; search around it.
+        """Settle at the highest place of a sweep, or at an earlier place if the motion does not
+        stay; search around it.
 
         ``parting`` is passed to :func:`bdamper.time_domain.transient.settle`.
         """
-        k, back = _top(places), 1
+        # earlier falls belong to another motion
         if not self.points:
-            self.fell.clear()  # they belong to another motion
-        while k >= 0:
-            place = places[k]
+            self.fell.clear()
+        way = float(np.sign(places[-1].frequency - places[0].frequency)) or 1.0
+        index = _top(places)
+        back = 1
+        while index >= 0:
+            place = places[index]
             motion = self.ring.seeded(place.motion, CRITERIA.seed, 0)
             point = self.settle(place.frequency, motion, place.mean, parting=parting)
             if point.stays:
                 self.failure = ""
-                self.look_around(
-                    point, float(np.sign(places[-1].frequency - places[0].frequency)) or 1.0
-                )
+                self.look_around(point, way)
                 return
-            k, back = (k - back if k > back else k - 1), 2 * back
+            # in growing steps, or one by one where a step would pass the first place
+            index -= back if index > back else 1
+            back = 2 * back
         if not self.points:
-            solution = amount(max(self.balance.at(place.frequency), default=np.nan), "m")
+            balance_amplitude = max(self.balance.at(place.frequency), default=np.nan)
             self.failure = (
-                f"at {place.frequency:.6g} Hz, near the peak, harmonic balance gives {solution}, but the amplitude in time "
+                f"at {place.frequency:.6g} Hz, near the peak, harmonic balance gives "
+                f"{amount(balance_amplitude, 'm')}, but the amplitude in time "
                 f"becomes {amount(point.mean, 'm')}"
             )
 
     def settle(
         self, frequency: float, motion: Motion, expected: float, parting: bool = False
     ) -> SteadyPoint:
-        """Integrate a motion at a frequency (Hz) until it settles near the amplitude ``expected`` (m), or falls.
+        """Integrate a motion at a frequency (Hz) until it settles near the amplitude ``expected``
+        (m), or falls.
 
         The result is added to ``points``, or its frequency to ``fell``.
         """
@@ -326,7 +410,9 @@ class SteadySearch:
         step_factor: int = 1,
         parting: bool = False,
     ) -> SteadyPoint:
-        """Integrate as :meth:`settle` does, in any structure and with more time steps, without keeping the result."""
+        """Integrate as :meth:`settle` does, in any structure and with more time steps, without
+        keeping the result.
+        """
         self.on_frequency(frequency)
         transient = Transient(ring, TWO_PI * frequency, motion, step_factor * self.steps)
         point = settle(transient, expected, parting)
@@ -337,8 +423,9 @@ class SteadySearch:
 
     def at_end(self, point: SteadyPoint) -> bool:
         """Return whether a point is at an end of the curve, and the motion stays up to there."""
-        near = min(abs(end - point.frequency) for end in self.ends)
-        return self.fall != self.fall and near < 0.25 * self.balance.half_width
+        to_end = min(abs(end - point.frequency) for end in self.ends)
+        stays = bool(np.isnan(self.fall))
+        return stays and to_end < 0.25 * self.balance.half_width
 
     def follow(self, point: SteadyPoint, frequency: float) -> SteadyPoint:
         """Change the frequency of a steady motion slowly, and settle there."""
@@ -349,41 +436,67 @@ class SteadySearch:
         return self.settle(frequency, moving.motion, point.mean)
 
     def look_around(self, best: SteadyPoint, way: float) -> None:
-        """Settle around a steady motion until the highest one is known, beginning on the side ``way`` (1 or -1)."""
+        """Settle around a steady motion until the highest one is known, beginning on the side
+        ``way`` (1 or -1).
+        """
         for _ in range(CRITERIA.most_points):
             frequency = self._next(best, way)
             if frequency is None:
                 return
             self.follow(best, frequency)
-            best = max(self.points, key=lambda p: p.mean)
+            best = max(self.points, key=lambda point: point.mean)
 
     def _next(self, best: SteadyPoint, way: float) -> float | None:
         """Return the next frequency (Hz) to settle at, or None if the highest motion is known."""
-        f, step, near = (
-            best.frequency,
-            0.25 * self.balance.half_width,
-            CRITERIA.fine * best.frequency,
-        )
-        sides: list[SteadyPoint] = []
+        low, high = self.ends
+        step = 0.25 * self.balance.half_width
+        smallest = CRITERIA.fine * best.frequency
+        neighbours: list[SteadyPoint] = []
         for sign in (way, -way):
-            steady = min(
-                (p for p in self.points if (p.frequency - f) * sign > 0.0),
-                key=lambda p: abs(p.frequency - f),
-                default=None,
-            )
-            gap = abs(steady.frequency - f) if steady else np.inf
-            fall = min((abs(x - f) for x in self.fell if (x - f) * sign > 0.0), default=np.inf)
-            if fall < gap:
-                if fall > near:
-                    return f + 0.5 * sign * fall
-            elif steady is not None:
-                sides.append(steady)
-            elif self.ends[0] <= f + sign * step <= self.ends[1]:
-                return f + sign * step
-        if len(sides) < 2:
+            neighbour = self._nearest_steady(best.frequency, sign)
+            to_neighbour = abs(neighbour.frequency - best.frequency) if neighbour else np.inf
+            to_fall = self._nearest_fall(best.frequency, sign)
+            one_step_away = best.frequency + sign * step
+            if to_fall < to_neighbour:
+                # halve the interval in which the motion falls
+                if to_fall > smallest:
+                    return best.frequency + 0.5 * sign * to_fall
+            elif neighbour is not None:
+                neighbours.append(neighbour)
+            elif low <= one_step_away <= high:
+                return one_step_away
+        # a fall, or an end of the curve, on one side
+        if len(neighbours) < 2:
             return None
-        (a, b), (ma, mb) = (p.frequency - f for p in sides), (p.mean - best.mean for p in sides)
-        curvature, slope, _ = np.polyfit([a, 0.0, b], [ma, 0.0, mb], 2)
-        at = -0.5 * float(slope / curvature) if curvature < 0.0 else 0.0
-        rises = slope * at + curvature * at * at > max(CRITERIA.drift, abs(best.change)) * best.mean
-        return f + at if rises and abs(at) > 0.5 * min(near, step) else None
+        return self._vertex(best, neighbours[0], neighbours[1], 0.5 * min(smallest, step))
+
+    def _nearest_steady(self, frequency: float, sign: float) -> SteadyPoint | None:
+        """Return the steady motion nearest to a frequency (Hz) on one side of it."""
+        on_side = [point for point in self.points if (point.frequency - frequency) * sign > 0.0]
+        return min(on_side, key=lambda point: abs(point.frequency - frequency), default=None)
+
+    def _nearest_fall(self, frequency: float, sign: float) -> float:
+        """Return the distance (Hz) from a frequency to the nearest fall on one side, or
+        infinity.
+        """
+        on_side = [fall for fall in self.fell if (fall - frequency) * sign > 0.0]
+        return min((abs(fall - frequency) for fall in on_side), default=np.inf)
+
+    def _vertex(
+        self, best: SteadyPoint, first: SteadyPoint, second: SteadyPoint, smallest: float
+    ) -> float | None:
+        """Return the frequency (Hz) of the maximum of a parabola through three motions.
+
+        None if it is within ``smallest`` (Hz) of the highest motion, or not higher than that motion
+        by more than the uncertainty of the amplitudes.
+        """
+        # relative to the highest motion
+        offsets = [first.frequency - best.frequency, 0.0, second.frequency - best.frequency]
+        heights = [first.mean - best.mean, 0.0, second.mean - best.mean]
+        curvature, slope, _ = np.polyfit(offsets, heights, 2)
+        offset = -0.5 * float(slope / curvature) if curvature < 0.0 else 0.0
+        rise = slope * offset + curvature * offset * offset
+        uncertainty = max(CRITERIA.drift, abs(best.change)) * best.mean
+        if rise > uncertainty and abs(offset) > smallest:
+            return best.frequency + offset
+        return None
