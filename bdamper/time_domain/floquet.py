@@ -1,41 +1,47 @@
-"""Stability of periodic solutions with friction: Floquet multipliers with sliders as state variables, and time integration.
+"""Stability of periodic solutions with friction: Floquet multipliers with sliders as state
+variables, and time integration.
 
-A contact point in stick has a memory of the beginning of stick, so the state of a disturbed solution is ``(q, q', w)`` with
-the sliders ``w``.  Between two events (a change between stick, slip and separation at any point) the linearised equations
-have constant coefficients,
+A contact point in stick has a memory of the beginning of stick, so the state of a disturbed
+solution is ``(q, q', w)`` with the sliders ``w``.  Between two events (a change between stick, slip
+and separation at any point) the linearised equations have constant coefficients,
 
     M q'' + C q' + K q + G^T B(G q, w) = 0,
 
-with, for each point and direction, ``dT = kt (du - dw)`` in stick, ``dT = +-mu kn dv`` in slip, zero in separation, and
-``dN = kn dv`` in contact.  A matrix exponential gives the state at the next event.  The forces are continuous there, so the
-state passes unchanged, except for the slider.  During slip and separation the slider is no state variable.  At the
-beginning of stick it is set to
+with, for each point and direction, ``dT = kt (du - dw)`` in stick, ``dT = +-mu kn dv`` in slip,
+zero in separation, and ``dN = kn dv`` in contact.  A matrix exponential gives the state at the next
+event.  The forces are continuous there, so the state passes unchanged, except for the slider.
+During slip and separation the slider is no state variable.  At the beginning of stick it is set to
 
     dw = du -+ (mu kn/kt) dv      at a slip-to-stick event after positive (negative) slip,
     dw = du - (u'/v') dv          at a closing, whose instant moves by -dv/v'.
 
-The product over a period is the monodromy matrix.  If all multipliers are within the unit circle, every small disturbance
-decays.  A slider that is not set within the period has a multiplier of exactly 1 and is left out, also if it rests at its
-friction limit: a disturbance moves it once, into a neighbouring solution with another residual traction.
+The product over a period is the monodromy matrix.  If all multipliers are within the unit circle,
+every small disturbance decays.  A slider that is not set within the period has a multiplier of
+exactly 1 and is left out, also if it rests at its friction limit: a disturbance moves it once, into
+a neighbouring solution with another residual traction.
 
 With one real basis for all harmonics (no cyclic symmetry) the multipliers cover all disturbances.
 
-**Sign of det J.**  For a travelling wave the harmonics have different bases, so there is no such state of one sector.
-Coupled friction and cubic springs have no event sequence of this kind.  There only the sign of the determinant of the
-Jacobian is examined.  It is negative if an odd number of disturbances in the nodal diameters of the wave grows without
-oscillating, as between two folds.  Such a point is unstable in the equations of these harmonics, which have branches that
-do not exist in time.  Otherwise the point is undecided: growth with oscillation, growth in pairs and other nodal diameters
-are not examined.
+**Sign of det J.**  For a travelling wave the harmonics have different bases, so there is no such
+state of one sector.  Coupled friction and cubic springs have no event sequence of this kind.  There
+only the sign of the determinant of the Jacobian is examined.  It is negative if an odd number of
+disturbances in the nodal diameters of the wave grows without oscillating, as between two folds.
+Such a point is unstable in the equations of these harmonics, which have branches that do not exist
+in time.  Otherwise the point is undecided: growth with oscillation, growth in pairs and other nodal
+diameters are not examined.
 
-**Time integration.**  All this applies to the motion with the harmonics of the solution, so time integration decides.  With
-``with_stability(in_time=True)`` the motion starts at the solution with a disturbance of every nodal diameter, and
-``bdamper.time_domain.transient.judged`` decides whether it keeps its amplitude.  An undamped damper chatters at many points
-next to separated peaks, without any period; the criterion is the resulting amplitude, averaged over many periods.
+**Time integration.**  All this applies to the motion with the harmonics of the solution, so time
+integration decides.  With ``with_stability(in_time=True)`` the motion starts at the solution with a
+disturbance of every nodal diameter, and ``bdamper.time_domain.transient.judged`` decides whether it
+keeps its amplitude.  An undamped damper chatters at many points next to separated peaks, without
+any period; the criterion is the resulting amplitude, averaged over many periods.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,13 +73,19 @@ from bdamper.util.progress import CostMeter, LongWork, one_thread, shows_progres
 
 
 NEUTRAL = 1e-6
-"""Multipliers up to 1 + this count as within the unit circle: a neutral position is neither stable nor unstable."""
+"""Multipliers up to 1 + this count as within the unit circle: a neutral position is neither stable
+nor unstable.
+"""
 SINGULAR = 1e-12
-"""Singular value below which a Jacobian with rows of unit size has a neutral position, and a determinant without sign."""
+"""Singular value below which a Jacobian with rows of unit size has a neutral position, and a
+determinant without sign.
+"""
 
 
 def real_basis(system: Equations[Sector]) -> HarmonicBasis | None:
-    """Return the real set of modes with mass that all harmonics share, so that they describe one motion in time."""
+    """Return the real set of modes with mass that all harmonics share, so that they describe one
+    motion in time.
+    """
     first, *others = [basis for basis in system.structure.bases if len(basis.omega2)]
     if (system.structure.arrays["mass"] <= 0.0).any():
         return None
@@ -89,6 +101,30 @@ def real_basis(system: Equations[Sector]) -> HarmonicBasis | None:
     return first
 
 
+_Part = tuple[float, float, int]
+"""Begin and end angle of a segment of the cycle, and its contact state."""
+
+
+class _Piece(NamedTuple):
+    """Segment of the cycle with a stiffness of one kind (:func:`cycles`)."""
+
+    point: int
+    kind: int
+    begin: float
+    end: float
+    weight: float
+
+
+class _SliderEvent(NamedTuple):
+    """Stick segment of the cycle whose slider is set at its beginning (:func:`cycles`)."""
+
+    point: int
+    axis: int
+    begin: float
+    length: float
+    factor: float
+
+
 def cycles(
     system: Equations[Sector], x: NDArray
 ) -> tuple[tuple[NDArray, ...], tuple[NDArray, ...]]:
@@ -97,69 +133,136 @@ def cycles(
     Returns
     -------
     pieces : point, kind, begin, end, weight (N/m)
-        Segments with stiffness of one kind: 0 ``kn v v``; 1 and 2 ``kt u_d u_d``; 3 and 4 ``mu kn u_d v``.
+        Segments with stiffness of one kind: 0 ``kn v v``; 1 and 2 ``kt u_d u_d``; 3 and 4
+        ``mu kn u_d v``.
     events : point, axis, begin, length, factor
         Stick segments whose slider is set at their beginning.
     """
-    p, load = system.structure.points, system.structure.arrays["load"]
-    pieces: list[tuple[int, int, float, float, float]] = []
-    events: list[tuple[int, int, float, float, float]] = []
-    l = np.arange(1, x.shape[-1] // 2 + 1)
-    for i in range(system.n_points):
-        law, mu, kn, n0 = int(p.law[i]), float(p.mu[i]), float(p.kn[i]), float(p.n0[i])
-        parts: list[list[tuple[float, float, int]]] = [[], []]
-        if law == LAW_BONDED:
-            parts = [[(0.0, TWO_PI, STICK)]] * 2
-        elif mu > 0.0:
-            parts = segments(
-                x[i], p.kt[i], kn, mu, n0, p.slider[i], law, "event_driven", float(load[i])
-            )
-        axes = [d for d in range(2) if p.kt[i, d] > 0.0]
-        if law in (LAW_BONDED, LAW_CONSTANT):
-            pieces.append((i, 0, 0.0, TWO_PI, kn))
-        else:
-            seen = next((parts[d] for d in axes if parts[d]), [])
-            if (
-                not seen and kn > 0.0
-            ):  # without friction: separation from a slider with negligible friction
-                seen = segments(x[i], np.full(2, kn), kn, 1e-12, n0, np.zeros(2))[0]
-            pieces += [(i, 0, a, b, kn) for a, b, state in seen if state != OPEN]
-        reach = 0.0 if law == LAW_CONSTANT else mu * kn
-        slip = {SLIP_PLUS: reach, SLIP_MINUS: -reach}
-        for d in axes:
-            kt = float(p.kt[i, d])
-            for k, (a, b, state) in enumerate(parts[d]):
-                if state in slip:
-                    pieces.append((i, 3 + d, a, b, slip[state]))
-                elif state == STICK:
-                    pieces.append((i, 1 + d, a, b, kt))
-                    if len(parts[d]) == 1:  # permanent stick sets no slider
-                        continue
-                    if (before := parts[d][k - 1][2]) in slip:
-                        factor = -slip[before] / kt
-                    else:
-                        slope = x[i, :, 2::2] @ (l * np.cos(l * a)) - x[i, :, 1::2] @ (
-                            l * np.sin(l * a)
-                        )
-                        factor = -slope[d] / slope[2] if slope[2] != 0.0 else 0.0
-                    events.append((i, d, a, b - a, factor))
+    pieces: list[_Piece] = []
+    events: list[_SliderEvent] = []
+    for point in range(system.n_points):
+        parts = _parts_of_point(system, x, point)
+        pieces += _normal_pieces(system, x, point, parts)
+        tangential_pieces, slider_events = _tangential_pieces(system, x, point, parts)
+        pieces += tangential_pieces
+        events += slider_events
     return _columns(pieces), _columns(events)
 
 
-def _columns(rows: list[tuple[int, int, float, float, float]]) -> tuple[NDArray, ...]:
+def _parts_of_point(system: Equations[Sector], x: NDArray, point: int) -> list[list[_Part]]:
+    """Return the segments of a point over the cycle in both tangential directions; none without
+    friction.
+    """
+    p = system.structure.points
+    law = int(p.law[point])
+    mu = float(p.mu[point])
+    if law == LAW_BONDED:
+        whole_cycle = [(0.0, TWO_PI, STICK)]
+        return [whole_cycle, whole_cycle]
+    if not mu > 0.0:
+        return [[], []]
+    return segments(
+        x[point],
+        p.kt[point],
+        float(p.kn[point]),
+        mu,
+        float(p.n0[point]),
+        p.slider[point],
+        law,
+        "event_driven",
+        float(system.structure.arrays["load"][point]),
+    )
+
+
+def _sliding_axes(system: Equations[Sector], point: int) -> list[int]:
+    """Return the tangential directions in which a point has stiffness."""
+    kt = system.structure.points.kt[point]
+    return [axis for axis in range(2) if kt[axis] > 0.0]
+
+
+def _normal_pieces(
+    system: Equations[Sector], x: NDArray, point: int, parts: list[list[_Part]]
+) -> list[_Piece]:
+    """Return the segments in which the normal spring of a point acts."""
+    p = system.structure.points
+    kn = float(p.kn[point])
+    if int(p.law[point]) in (LAW_BONDED, LAW_CONSTANT):
+        return [_Piece(point, 0, 0.0, TWO_PI, kn)]
+    # both directions separate at the same instants
+    with_friction = [parts[axis] for axis in _sliding_axes(system, point) if parts[axis]]
+    seen: list[_Part] = []
+    if with_friction:
+        seen = with_friction[0]
+    elif kn > 0.0:
+        # without friction: separation from a slider with negligible friction
+        seen = segments(x[point], np.full(2, kn), kn, 1e-12, float(p.n0[point]), np.zeros(2))[0]
+    return [_Piece(point, 0, begin, end, kn) for begin, end, state in seen if state != OPEN]
+
+
+def _tangential_pieces(
+    system: Equations[Sector], x: NDArray, point: int, parts: list[list[_Part]]
+) -> tuple[list[_Piece], list[_SliderEvent]]:
+    """Return the segments in stick and in slip of a point, and the events that set its sliders."""
+    p = system.structure.points
+    # a constant normal load does not change the friction limit
+    limit_stiffness = 0.0
+    if int(p.law[point]) != LAW_CONSTANT:
+        limit_stiffness = float(p.mu[point]) * float(p.kn[point])
+    slip_stiffness = {SLIP_PLUS: limit_stiffness, SLIP_MINUS: -limit_stiffness}
+    pieces: list[_Piece] = []
+    events: list[_SliderEvent] = []
+    for axis in _sliding_axes(system, point):
+        kt = float(p.kt[point, axis])
+        for index, (begin, end, state) in enumerate(parts[axis]):
+            if state in slip_stiffness:
+                pieces.append(_Piece(point, 3 + axis, begin, end, slip_stiffness[state]))
+            if state != STICK:
+                continue
+            pieces.append(_Piece(point, 1 + axis, begin, end, kt))
+            # permanent stick sets no slider
+            if len(parts[axis]) == 1:
+                continue
+            # the segment before the first one is the last one of the period
+            state_before = parts[axis][index - 1][2]
+            if state_before in slip_stiffness:
+                factor = -slip_stiffness[state_before] / kt
+            else:
+                factor = _closing_factor(x[point], axis, begin)
+            events.append(_SliderEvent(point, axis, begin, end - begin, factor))
+    return pieces, events
+
+
+def _closing_factor(x: NDArray, axis: int, angle: float) -> float:
+    """Return -u'/v' of a point at the angle of a closing; 0 if the surfaces do not approach."""
+    harmonic = np.arange(1, x.shape[-1] // 2 + 1)
+    cosine_rate = x[:, 2::2] @ (harmonic * np.cos(harmonic * angle))
+    sine_rate = x[:, 1::2] @ (harmonic * np.sin(harmonic * angle))
+    velocity = cosine_rate - sine_rate
+    if velocity[2] == 0.0:
+        return 0.0
+    return float(-velocity[axis] / velocity[2])
+
+
+def _columns(rows: Sequence[_Piece | _SliderEvent]) -> tuple[NDArray, ...]:
+    """Return the columns of the segments, the first two as integers."""
     table = np.array(rows, float).reshape(-1, 5).T
     return (table[0].astype(int), table[1].astype(int), *table[2:])
 
 
 def rests(system: Equations[Sector], u: NDArray) -> bool:
-    """Return whether no slider moves, no contact state changes, and all springs and dampers are passive."""
-    a = system.structure.arrays
-    if not system.structure.exact or np.isin(a["law"], LAW_CUBIC).any():
+    """Return whether no slider moves, no contact state changes, and all springs and dampers are
+    passive.
+    """
+    arrays = system.structure.arrays
+    if not system.structure.exact or np.isin(arrays["law"], LAW_CUBIC).any():
         return False
-    if any((a[name] < 0.0).any() for name in ("kt", "kn", "damping")):
-        return False
+    for name in ("kt", "kn", "damping"):
+        if (arrays[name] < 0.0).any():
+            return False
     _, _, shares = system.contact(np.asarray(u))
-    slips = (a["kt"] > 0.0) & (a["mu"] > 0.0)[:, None] & (shares[:, [1, 3]] > 0.0)
+    has_friction = (arrays["kt"] > 0.0) & (arrays["mu"] > 0.0)[:, None]
+    # shares of the cycle: in slip of each direction, and separated
+    slips = has_friction & (shares[:, [1, 3]] > 0.0)
     changes = (shares[:, 4] > 0.0) & (shares[:, 4] < 1.0)
     return not (slips.any() or changes.any())
 
@@ -185,34 +288,43 @@ def monodromy(system: Equations[Sector], u: NDArray, omega: float) -> NDArray:
     n = len(basis.omega2)
     displacements, _, _ = system.contact(np.asarray(u))
     pieces, events = cycles(system, displacements)
-    point, kind, a, b, weight = pieces
-    at, axis, begin, length, factor = events
+    point, kind, piece_begin, piece_end, weight = pieces
+    stick_point, axis, stick_begin, stick_length, factor = events
 
     # direction of the force of each kind of segment, and of the motion that causes it (2 is normal)
-    force = G[point, np.array([2, 0, 1, 0, 1])[kind]]
-    motion = G[point, np.array([2, 0, 1, 2, 2])[kind]]
-    slider_force = system.structure.points.kt[at, axis, None] * G[at, axis]
+    force_direction = np.array([2, 0, 1, 0, 1])[kind]
+    motion_direction = np.array([2, 0, 1, 2, 2])[kind]
+    force = G[point, force_direction]
+    motion = G[point, motion_direction]
+    kt = system.structure.points.kt[stick_point, axis, None]
+    slider_force = kt * G[stick_point, axis]
 
     # the linearised equations have constant coefficients from one of these angles to the next
-    instants = [x % TWO_PI for x in (a, b, begin, begin + length)]
+    changes = [piece_begin, piece_end, stick_begin, stick_begin + stick_length]
+    instants = [angle % TWO_PI for angle in changes]
     angles = np.unique(np.concatenate([[0.0], *instants]))
-    angles = angles[np.append(True, np.diff(angles) > 1e-13)]  # events within rounding coincide
+    # events within rounding coincide
+    differ = np.append(True, np.diff(angles) > 1e-13)
+    angles = angles[differ]
     ends = np.append(angles[1:], TWO_PI)
-    interval_of_event = np.abs(angles[:, None] - begin % TWO_PI).argmin(axis=0)
+    interval_of_event = np.abs(angles[:, None] - stick_begin % TWO_PI).argmin(axis=0)
 
-    M = np.eye(2 * n + len(at))
+    M = np.eye(2 * n + len(stick_point))
     for i, (theta, end) in enumerate(zip(angles, ends)):
         # a slip-to-stick event or a closing sets the slider from the motion at its instant
         for j in np.flatnonzero(interval_of_event == i):
-            M[2 * n + j] = (G[at[j], axis[j]] + factor[j] * G[at[j], 2]) @ M[:n]
+            tangential = G[stick_point[j], axis[j]]
+            normal = G[stick_point[j], 2]
+            M[2 * n + j] = (tangential + factor[j] * normal) @ M[:n]
 
         # no state changes within the interval, so the states at its middle hold for all of it
         middle = 0.5 * (theta + end)
-        acts = (middle - a) % TWO_PI < b - a
-        sticks = (middle - begin) % TWO_PI < length
+        acts = (middle - piece_begin) % TWO_PI < piece_end - piece_begin
+        sticks = (middle - stick_begin) % TWO_PI < stick_length
 
         # rates of (q, q', sliders in stick); a slider in stick keeps its position
-        K = np.diag(basis.omega2) + (force[acts] * weight[acts, None]).T @ motion[acts]
+        contact_stiffness = (force[acts] * weight[acts, None]).T @ motion[acts]
+        K = np.diag(basis.omega2) + contact_stiffness
         size = 2 * n + sticks.sum()
         A = np.zeros((size, size))
         A[:n, n : 2 * n] = np.eye(n)
@@ -220,7 +332,8 @@ def monodromy(system: Equations[Sector], u: NDArray, omega: float) -> NDArray:
         A[n : 2 * n] = accelerations / basis.mass[:, None]
 
         state = np.append(np.arange(2 * n), 2 * n + np.flatnonzero(sticks))
-        M[state] = expm(A * ((end - theta) / omega)) @ M[state]
+        duration = (end - theta) / omega
+        M[state] = expm(A * duration) @ M[state]
 
     # only sliders in stick at the end of the period are state variables
     M[2 * n + np.flatnonzero(~sticks)] = 0.0
@@ -230,7 +343,8 @@ def monodromy(system: Equations[Sector], u: NDArray, omega: float) -> NDArray:
 def multipliers(system: Equations[Sector], u: NDArray, omega: float) -> NDArray:
     """Return the Floquet multipliers in descending order of the modulus; see :func:`monodromy`."""
     values = np.linalg.eigvals(monodromy(system, u, omega))
-    return np.asarray(values[np.argsort(-np.abs(values))])
+    descending = np.argsort(-np.abs(values))
+    return np.asarray(values[descending])
 
 
 def unstable_solutions(
@@ -251,9 +365,8 @@ def unstable_solutions(
         Criterion and disturbances considered.
     """
     refuse(system.structure.points.own, "stability")
-    without_events = np.isin(
-        system.structure.arrays["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC)
-    ).any()
+    laws = system.structure.arrays["law"]
+    without_events = np.isin(laws, (LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC)).any()
     if real_basis(system) is not None and not without_events:
         grows = _multiplier_outside
         note = "all disturbances, multipliers of motion and sliders"
@@ -268,21 +381,28 @@ def unstable_solutions(
 
 
 def _multiplier_outside(system: Equations[Sector], u: NDArray, omega: float) -> bool:
-    return bool(np.abs(multipliers(system, u, omega)).max(initial=0.0) > 1.0 + NEUTRAL)
+    """Return whether a disturbance grows from period to period."""
+    largest = np.abs(multipliers(system, u, omega)).max(initial=0.0)
+    return bool(largest > 1.0 + NEUTRAL)
 
 
 def _negative_determinant(system: Equations[Sector], u: NDArray, omega: float) -> bool:
+    """Return whether the determinant of the Jacobian is negative; not if it is singular."""
     _, J, _ = system.evaluate(u, omega)
-    size = np.maximum(np.abs(J).max(axis=1, keepdims=True), 1e-300)
-    sign, _ = np.linalg.slogdet(J / size)
-    return bool(sign < 0.0 and np.linalg.matrix_rank(J / size, tol=SINGULAR) == len(J))
+    row_size = np.maximum(np.abs(J).max(axis=1, keepdims=True), 1e-300)
+    scaled = J / row_size
+    sign, _ = np.linalg.slogdet(scaled)
+    if not sign < 0.0:
+        return False
+    return bool(np.linalg.matrix_rank(scaled, tol=SINGULAR) == len(J))
 
 
 # ---- stability by time integration ----
 
 
 def judged_in_time(ring: Ring, curve: ResponseCurve, progress: bool) -> ResponseCurve:
-    """Return a curve with stability by time integration in addition to the stability by the harmonics.
+    """Return a curve with stability by time integration in addition to the stability by the
+    harmonics.
 
     Undecided points, and all points after Ctrl-C, keep the stability by the harmonics.
 
@@ -293,31 +413,43 @@ def judged_in_time(ring: Ring, curve: ResponseCurve, progress: bool) -> Response
     curve : ResponseCurve
     progress : bool
     """
-    watch, unstable, judged = CostMeter(), np.array(curve.unstable, bool), 0
-    moving = np.array([not rests(ring.system, u) for u in curve.unknowns], bool).reshape(len(curve))
+    watch = CostMeter()
+    unstable = np.array(curve.unstable, bool)
+    n_judged = 0
+    moving = np.array([not rests(ring.system, u) for u in curve.unknowns], bool)
+    # without slip and separation the structure is linear and passive, so the motion is stable
     unstable[~moving] = False
     ratios = np.where(moving, np.nan, 1.0)
+    indices = np.flatnonzero(moving).tolist()
     with LongWork() as work:
-        for i in with_progress(
-            np.flatnonzero(moving).tolist(), progress, "motion in time", "point"
-        ):
-            verdict, ratio = judged_at(ring, curve.unknowns[i], TWO_PI * float(curve.frequency[i]))
-            judged += 1
+        for i in with_progress(indices, progress, "motion in time", "point"):
+            omega = TWO_PI * float(curve.frequency[i])
+            verdict, ratio = judged_at(ring, curve.unknowns[i], omega)
+            n_judged += 1
             if verdict != UNDECIDED:
-                unstable[i], ratios[i] = verdict != AGREES, ratio
+                unstable[i] = verdict != AGREES
+                ratios[i] = ratio
+    n_resting = int((~moving).sum())
+    n_undecided = int(np.isnan(ratios).sum())
     note = (
-        f"motion in time, amplitude kept to {100.0 * CRITERIA.tolerance:g} %: {judged} of {len(curve)} points judged, "
-        f"{int((~moving).sum())} rest, {int(np.isnan(ratios).sum())} undecided; {watch.read().seconds:.3g} s"
-        + (", interrupted by the user" if work.interrupted else "")
-        + (f"; the undecided: {curve.stability_note}" if np.isnan(ratios).any() else "")
+        f"motion in time, amplitude kept to {100.0 * CRITERIA.tolerance:g} %: "
+        f"{n_judged} of {len(curve)} points judged, {n_resting} rest, {n_undecided} undecided; "
+        f"{watch.read().seconds:.3g} s"
     )
+    if work.interrupted:
+        note += ", interrupted by the user"
+    if n_undecided:
+        note += f"; the undecided: {curve.stability_note}"
     return replace(curve, unstable=unstable, stability_note=note, in_time=ratios)
 
 
 def judged_at(ring: Ring, u: NDArray, omega: float) -> tuple[str, float]:
-    """Return the verdict on a solution, and the ratio of the mean amplitude in time to the amplitude of the solution."""
+    """Return the verdict on a solution, and the ratio of the mean amplitude in time to the
+    amplitude of the solution.
+    """
     expected = ring.system.response(u)
-    if not abs(expected[1]) > 0.0:
+    expected_amplitude = abs(expected[1])
+    if not expected_amplitude > 0.0:
         return UNDECIDED, np.nan
     try:
         transient = disturbed(ring, u, omega, CRITERIA.steps)
@@ -326,7 +458,8 @@ def judged_at(ring: Ring, u: NDArray, omega: float) -> tuple[str, float]:
         return UNDECIDED, np.nan
     if step_error(transient):
         return UNDECIDED, np.nan
-    return verdict.verdict, float(transient.amplitude[-verdict.periods :].mean() / abs(expected[1]))
+    mean = transient.amplitude[-verdict.periods :].mean()
+    return verdict.verdict, float(mean / expected_amplitude)
 
 
 @one_thread
@@ -338,10 +471,15 @@ def with_stability(
 ) -> ResponseCurve:
     """See :meth:`bdamper.Study.with_stability`."""
     check_curve(problem, curve)
-    system, progress = problem.system(curve.preload), shows_progress(progress)
-    ring = ring_of(problem, curve.preload) if validation.flag("in_time", in_time) else None
+    system = problem.system(curve.preload)
+    progress = shows_progress(progress)
+    validation.flag("in_time", in_time)
+    # a structure that cannot be integrated is refused before the work begins
+    ring = ring_of(problem, curve.preload) if in_time else None
     watch = CostMeter()
     unstable, note = unstable_solutions(system, curve.unknowns, TWO_PI * curve.frequency)
     note = f"{note}; {watch.read().seconds:.2f} s, {curve.cost.seconds:.2f} s for the curve"
     judged = replace(curve, unstable=unstable, stability_note=note, in_time=None)
-    return judged if ring is None else judged_in_time(ring, judged, progress)
+    if ring is None:
+        return judged
+    return judged_in_time(ring, judged, progress)
