@@ -1,10 +1,11 @@
 """Slow sweep of the excitation frequency in time.
 
-The frequency changes linearly in time from one end of an interval to the other, as on a test rig.  Among several stable
-solutions the sweep follows its branch until it ends, and then jumps; it leaves unstable solutions.  A transient of the
-least damped mode, with half bandwidth ``b = zeta f``, falls to 1/e within ``1/(2 pi b)``.  The default rate moves the
-frequency by RATE half bandwidths in this time: ``rate = RATE b 2 pi b``.  The lag of a response behind its steady value is
-proportional to the rate, so a sweep at twice the rate estimates the error.
+The frequency changes linearly in time from one end of an interval to the other, as on a test rig.
+Among several stable solutions the sweep follows its branch until it ends, and then jumps; it leaves
+unstable solutions.  A transient of the least damped mode, with half bandwidth ``b = zeta f``, falls
+to 1/e within ``1/(2 pi b)``.  The default rate moves the frequency by RATE half bandwidths in this
+time: ``rate = RATE b 2 pi b``.  The lag of a response behind its steady value is proportional to
+the rate, so a sweep at twice the rate estimates the error.
 """
 
 from __future__ import annotations
@@ -36,11 +37,15 @@ from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, FrequencySeries, Hertz, Metres, Quantity, Tabular
 
 RATE = 0.1
-"""Change of the frequency within the decay time of a transient, in half bandwidths of the least damped mode."""
+"""Change of the frequency within the decay time of a transient, in half bandwidths of the least
+damped mode.
+"""
 SETTLING = np.ceil(-np.log(CRITERIA.drift))
 """Decay times at the first frequency before the sweep, until a transient has settled."""
 JUMP = 0.2
-"""Relative change of the amplitude within one decay time that counts as a jump; a linear resonance changes by RATE/2."""
+"""Relative change of the amplitude within one decay time that counts as a jump; a linear resonance
+changes by RATE/2.
+"""
 AFTER_JUMP = 4.0
 """Decay times after a jump until its transient has decayed."""
 NEAR = 1e-4
@@ -54,7 +59,8 @@ class TimeSweep(
 ):
     """Response in a slow sweep of frequency in time, period by period.
 
-    ``plot`` draws amplitude over frequency, also over response curves (:func:`bdamper.plot.plot_frequency_sweep`).
+    ``plot`` draws amplitude over frequency, also over response curves
+    (:func:`bdamper.plot.plot_frequency_sweep`).
 
     Parameters
     ----------
@@ -105,54 +111,62 @@ class TimeSweep(
 
     @property
     def jumps(self) -> tuple[Jump, ...]:
-        """Jumps in the order of time: lasting changes of the amplitude by more than a fifth within the decay time.
+        """Jumps in the order of time: lasting changes of the amplitude by more than a fifth within
+        the decay time.
 
-        The amplitudes before and after a jump are means over a decay time; the second mean begins when the transient has
-        decayed.  Scatter, for example of a rattling damper, does not count as a jump.
+        The amplitudes before and after a jump are means over a decay time; the second mean begins
+        when the transient has decayed.  Scatter, for example of a rattling damper, does not count
+        as a jump.
         """
         amplitude = self.amplitude
         memory = self._turns(1.0)
         threshold = np.log1p(JUMP)
         log = np.log(np.maximum(amplitude, 1e-300))
-        fast = np.flatnonzero(np.abs(log[memory:] - log[:-memory]) > threshold)
+        change_in_memory = np.abs(log[memory:] - log[:-memory])
+        fast = np.flatnonzero(change_in_memory > threshold)
         if not len(fast):
             return ()
 
         # fast changes that are further apart than the decay time belong to different jumps
         separations = np.flatnonzero(np.diff(fast) > memory) + 1
         jumps = []
-        for part in np.split(fast, separations):
-            first, last = int(part[0]), int(part[-1])
+        for fast_turns in np.split(fast, separations):
+            first = int(fast_turns[0])
+            last = int(fast_turns[-1])
+            # the jump begins where half of the least change is reached
             change = np.abs(log[first:] - log[first])
-            begins = first + int((change > 0.5 * threshold).argmax())
+            begin = first + int((change > 0.5 * threshold).argmax())
 
-            earlier = max(0, first - memory + 1)
-            later = min(last + memory + self._turns(AFTER_JUMP), len(amplitude) - memory)
-            before = float(amplitude[earlier : earlier + memory].mean())
-            after = float(amplitude[later : later + memory].mean())
+            before_from = max(0, first - memory + 1)
+            decayed = last + memory + self._turns(AFTER_JUMP)
+            after_from = min(decayed, len(amplitude) - memory)
+            before = float(amplitude[before_from : before_from + memory].mean())
+            after = float(amplitude[after_from : after_from + memory].mean())
             if abs(np.log(after / before)) > threshold:
-                jumps.append(Jump(float(self.frequency[begins]), before, after))
+                jumps.append(Jump(float(self.frequency[begin]), before, after))
         return tuple(jumps)
 
     def _turns(self, memories: float) -> int:
-        return max(1, round(memories * self.memory * float(self.frequency.mean())))
+        """Return the number of periods in a number of decay times, at least one."""
+        mean_frequency = float(self.frequency.mean())
+        return max(1, round(memories * self.memory * mean_frequency))
 
     def _headline(self) -> str:
-        f, a = self.highest
-        way = f"from {amount(self.frequency[0], 'Hz')} to {amount(self.frequency[-1], 'Hz')}"
-        jumps = (
-            f"; it jumps at {', '.join(amount(j.frequency, 'Hz') for j in self.jumps)}"
-            if self.jumps
-            else ""
-        )
-        return f"Sweep in time {way}, preload {amount(self.preload, 'N')}: highest {peak_text(a, f)}{jumps}."
+        frequency, amplitude = self.highest
+        ends = f"from {amount(self.frequency[0], 'Hz')} to {amount(self.frequency[-1], 'Hz')}"
+        preload = amount(self.preload, "N")
+        highest = peak_text(amplitude, frequency)
+        jumps = ""
+        if self.jumps:
+            places = ", ".join(amount(jump.frequency, "Hz") for jump in self.jumps)
+            jumps = f"; it jumps at {places}"
+        return f"Sweep in time {ends}, preload {preload}: highest {highest}{jumps}."
 
     def _facts(self) -> tuple[Fact, ...]:
         """Return rate and jumps."""
-        return (
-            Fact("rate", abs(self.rate), "Hz/s"),
-            *(Fact("jump", str(jump)) for jump in self.jumps),
-        )
+        rate = Fact("rate", abs(self.rate), "Hz/s")
+        jumps = [Fact("jump", str(jump)) for jump in self.jumps]
+        return (rate, *jumps)
 
 
 @one_thread
@@ -171,39 +185,64 @@ def frequency_sweep(
     low, high = validation.interval("frequency", frequency)
     progress = shows_progress(progress)
     validation.flag("up", up)
-    rate = None if rate is None else validation.number("rate", rate, above=0.0, unit="Hz/s")
+    if rate is not None:
+        rate = validation.number("rate", rate, above=0.0, unit="Hz/s")
     watch = CostMeter()
-    ends = (low, high) if up else (high, low)
-    u, begin = _start(problem, preload, ends[0])
+    first, last = (low, high) if up else (high, low)
+    solution, solution_frequency = _start(problem, preload, first)
     ring = ring_of(problem, preload)
-    transient = Transient(ring, TWO_PI * begin, u, steps_per_period)
-    least = ring.least_damping
-    if not 0.0 < least < np.inf:
+    transient = Transient(ring, TWO_PI * solution_frequency, solution, steps_per_period)
+
+    # twice the decay rate, 1/s, of the least damped mode
+    damping = ring.least_damping
+    if not 0.0 < damping < np.inf:
         raise SettingError(
             "frequency_sweep: expected damping in every mode of the structure, found a mode without"
         )
-    memory = 2.0 / least
+    memory = 2.0 / damping
     if rate is None:
-        rate = RATE * least**2 / (8.0 * np.pi)
-    turns = max(1, round(0.5 * (low + high) * (high - low) / rate))
-    settling = max(1, round(SETTLING * memory * ends[0]))
-    sweep = _integrated(transient, ends, settling, turns, progress)
-    harmonics = np.array([x[np.abs(x[:, 1]).argmax()] for x in sweep.harmonics])
-    done = len(harmonics)
+        rate = RATE * damping**2 / (8.0 * np.pi)
+    mean_frequency = 0.5 * (low + high)
+    turns = max(1, round(mean_frequency * (high - low) / rate))
+    settling = max(1, round(SETTLING * memory * first))
+    sweep = _integrated(transient, (first, last), settling, turns, progress)
+    done = len(sweep.harmonics)
+    # without a single period there is no result to keep
     if not done:
         raise KeyboardInterrupt
-    status, reason = COMPLETE, ""
-    if not (error := energy_error(sweep, done)) <= CRITERIA.energy:
-        status = INCOMPLETE
-        reason = f"the time steps change its energy by {percent(error)}; use steps_per_period={4 * sweep.steps}"
-    if done < turns:
-        status, reason = INTERRUPTED, f"by the user after {done} of {turns} turns"
+
+    highest_blade = [x[np.abs(x[:, 1]).argmax()] for x in sweep.harmonics]
+    status, reason = _status(sweep, turns)
+    # the square of the frequency is linear in the number of periods; in the middle of each period
     along = (np.arange(done) + 0.5) / turns
+    squared_frequency = first**2 + (last**2 - first**2) * along
     return TimeSweep(
-        frequency=np.sqrt(ends[0] ** 2 + (ends[1] ** 2 - ends[0] ** 2) * along), harmonics=harmonics, preload=preload,
-        rate=rate if up else -rate, memory=memory, steps_per_period=transient.steps, sectors=ring.n,
-        status=status, reason=reason, cost=watch.read(ring.cost), settings=problem.record(), model_hash=problem.model.hash,
-    )  # fmt: skip
+        frequency=np.sqrt(squared_frequency),
+        harmonics=np.array(highest_blade),
+        preload=preload,
+        rate=rate if up else -rate,
+        memory=memory,
+        steps_per_period=transient.steps,
+        sectors=ring.n,
+        status=status,
+        reason=reason,
+        cost=watch.read(ring.cost),
+        settings=problem.record(),
+        model_hash=problem.model.hash,
+    )
+
+
+def _status(sweep: Transient, turns: int) -> tuple[str, str]:
+    """Return the status of a sweep that was to have a number of periods, and its reason."""
+    done = len(sweep.harmonics)
+    if done < turns:
+        return INTERRUPTED, f"by the user after {done} of {turns} turns"
+    error = energy_error(sweep, done)
+    # an error that is no number does not pass either
+    if not error <= CRITERIA.energy:
+        remedy = f"use steps_per_period={4 * sweep.steps}"
+        return INCOMPLETE, f"the time steps change its energy by {percent(error)}; {remedy}"
+    return COMPLETE, ""
 
 
 def _start(problem: Problem, preload: float, first: float) -> tuple[NDArray, float]:
@@ -213,19 +252,24 @@ def _start(problem: Problem, preload: float, first: float) -> tuple[NDArray, flo
         raise BdamperError(
             f"no solution to start from at {first:g} Hz ({start.status}: {start.reason})"
         )
-    i = int(np.where(start.backward, np.inf, start.amplitude).argmin())
-    return start.unknowns[i], float(start.frequency[i])
+    # the lowest solution; backward stretches of a curve are unstable
+    forward_amplitude = np.where(start.backward, np.inf, start.amplitude)
+    lowest = int(forward_amplitude.argmin())
+    return start.unknowns[lowest], float(start.frequency[lowest])
 
 
 def _integrated(
     transient: Transient, ends: tuple[float, float], settling: int, turns: int, progress: bool
 ) -> Transient:
     """Let the motion settle at the first frequency, then sweep; return the sweep."""
-    first, last = TWO_PI * ends[0], TWO_PI * ends[1]
+    first = TWO_PI * ends[0]
+    last = TWO_PI * ends[1]
+    periods = settling + turns
+    # without periods, if the user interrupts while the motion settles
     sweep = Transient(transient.ring, first, transient.motion, transient.steps)
     with (
         LongWork(),
-        progress_counter(progress, settling + turns, 0, "time integration", "period") as count,
+        progress_counter(progress, periods, 0, "time integration", "period") as count,
     ):
         transient.omega = first
         transient.sweep(first, settling, count)
