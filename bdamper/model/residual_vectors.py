@@ -61,11 +61,7 @@ def completed(
     retained = dict(modes)
     stress = dict(model.stress)
     for name, body in model.bodies.items():
-        on_body = [
-            (location, direction)
-            for location, direction in places
-            if model.locations[location].body == name
-        ]
+        on_body = [place for place in places if model.locations[place[0]].body == name]
         has_shapes = any(basis.static_shapes is not None for basis in body.bases.values())
         if not on_body or not has_shapes:
             continue
@@ -81,9 +77,12 @@ def completed(
         for d, basis in body.bases.items():
             columns = combinations[d][:, :count]
             bases[d], transformations[d] = _with_vectors(basis, n, columns)
+        # static loads and constant forces act at nodal diameter 0
         bodies[name] = _transformed(body, bases, transformations[0])
+        # the residual vectors follow all previous coordinates
         first = len(transformations[0])
-        retained[name] = np.concatenate([modes[name], np.arange(count) + first])
+        residual_vectors = np.arange(count) + first
+        retained[name] = np.concatenate([modes[name], residual_vectors])
         for key, points in stress.items():
             if points.body == name:
                 transformed = {d: s @ transformations[d] for d, s in points.modes.items()}
@@ -99,12 +98,15 @@ def _combinations(basis: ModalBasis, n: int, places: Sequence[Place]) -> NDArray
     """
     rows = np.array([direction @ basis.locations[location] for location, direction in places])
     loads = rows[:, n:].conj().T
-    scaled = loads / np.sqrt(basis.omega2[n:])[:, None]
+    frequency = np.sqrt(basis.omega2[n:])
+    scaled = loads / frequency[:, None]
+    # a load that does not act on the omitted coordinates has no residual vector
     length = np.linalg.norm(scaled, axis=0)
     acts = length > 0.0
     unit_columns = scaled[:, acts] / length[acts]
     combinations, size, _ = np.linalg.svd(unit_columns, full_matrices=False)
-    count = int((size > PARALLEL * size.max(initial=0.0)).sum())
+    is_independent = size > PARALLEL * size.max(initial=0.0)
+    count = int(is_independent.sum())
     return combinations[:, :count]
 
 
@@ -115,16 +117,20 @@ def _with_vectors(basis: ModalBasis, n: int, energies: NDArray) -> tuple[ModalBa
     """
     frequency = np.sqrt(basis.omega2[n:])
     shapes = energies / frequency[:, None]
-    # orthogonal and mass-normalised, in ascending order of frequency
-    square, V = np.linalg.eigh(shapes.conj().T @ shapes)
-    omega2 = 1.0 / square[::-1]
-    shapes = (shapes @ V / np.sqrt(square))[:, ::-1]
+    # orthogonal and mass-normalised; the longest shape has the lowest frequency
+    squared_length, V = np.linalg.eigh(shapes.conj().T @ shapes)
+    omega2 = 1.0 / squared_length[::-1]
+    normalised = shapes @ V / np.sqrt(squared_length)
+    shapes = normalised[:, ::-1]
 
     # the largest component of the motion at the locations is positive
-    moved = np.concatenate([rows[:, n:] @ shapes for rows in basis.locations.values()])
-    largest = np.take_along_axis(moved, np.abs(moved).argmax(axis=0)[None], axis=0)[0]
+    at_locations = [rows[:, n:] @ shapes for rows in basis.locations.values()]
+    moved = np.concatenate(at_locations)
+    place_of_largest = np.abs(moved).argmax(axis=0)
+    largest = np.take_along_axis(moved, place_of_largest[None], axis=0)[0]
     no_turn = np.ones_like(largest)
-    shapes = shapes * np.divide(np.abs(largest), largest, out=no_turn, where=largest != 0.0)
+    turn = np.divide(np.abs(largest), largest, out=no_turn, where=largest != 0.0)
+    shapes = shapes * turn
 
     # the residual vectors replace this part of the other modes
     total = basis.n_modes
@@ -132,8 +138,11 @@ def _with_vectors(basis: ModalBasis, n: int, energies: NDArray) -> tuple[ModalBa
     T = np.eye(total, total + count, dtype=shapes.dtype)
     T[n:, n:total] -= (shapes / omega2) @ shapes.conj().T * basis.omega2[n:]
     T[n:, total:] = shapes
+
+    # the omitted modes damp the residual vectors in proportion to their shares
     rate = basis.damping_ratio[n:] * frequency
-    ratio = (np.abs(shapes) ** 2).T @ rate / np.sqrt(omega2)
+    shares = np.abs(shapes) ** 2
+    ratio = shares.T @ rate / np.sqrt(omega2)
     complete = replace(
         basis,
         omega2=np.concatenate([basis.omega2, omega2]),
