@@ -359,8 +359,8 @@ def _faces(
         k = validation.number(f"cubic {row!r}", value, unit="N/m3")
         faces[f"cubic {number}"] = _Face((row, None, None), [k, 0.0, 0.0], "cubic")
     for number, spring in enumerate(modes.springs, start=1):
-        rows = (spring.motion, None, None)
-        faces[f"spring {number}"] = _Face(rows, [spring.stiffness, 0.0, 0.0], "spring")
+        stiffness = [spring.stiffness, 0.0, 0.0]
+        faces[f"spring {number}"] = _Face((spring.motion, None, None), stiffness, "spring")
     return faces
 
 

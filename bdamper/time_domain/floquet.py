@@ -195,7 +195,9 @@ def _normal_pieces(
         seen = with_friction[0]
     elif kn > 0.0:
         # without friction: separation from a slider with negligible friction
-        seen = segments(x[point], np.full(2, kn), kn, 1e-12, float(p.n0[point]), np.zeros(2))[0]
+        kt = np.full(2, kn)
+        n0 = float(p.n0[point])
+        seen = segments(x[point], kt, kn, mu=1e-12, n0=n0, slider=np.zeros(2))[0]
     return [_Piece(point, 0, begin, end, kn) for begin, end, state in seen if state != OPEN]
 
 
@@ -474,7 +476,6 @@ def with_stability(
     system = problem.system(curve.preload)
     progress = shows_progress(progress)
     validation.flag("in_time", in_time)
-    # a structure that cannot be integrated is refused before the work begins
     ring = ring_of(problem, curve.preload) if in_time else None
     watch = CostMeter()
     unstable, note = unstable_solutions(system, curve.unknowns, TWO_PI * curve.frequency)

@@ -350,7 +350,7 @@ class SteadySearch:
             if stays_low or not low <= frequency <= high:
                 self.periods += CRITERIA.fewest + CRITERIA.stride * (len(places) - 1)
                 return places
-            # a new integration, so that its amplitudes are those of this part of the sweep
+            # a new integration has only the amplitudes of this part of the sweep
             transient = Transient(self.ring, transient.omega, transient.motion, self.steps)
             transient.sweep(TWO_PI * frequency, CRITERIA.stride)
             places.append(Place(frequency, float(transient.amplitude.mean()), transient.motion))

@@ -395,7 +395,7 @@ def _add_refinements(
 ) -> None:
     """Add the highest motion and its refinements to ``runs``, other initial states to ``others``.
 
-    What has ended before Ctrl-C or a failure is kept there.
+    Finished motions stay there after Ctrl-C or a failure.
     """
     runs[_steps_name(search, 1)] = best
     # refinements are tried from three motions
@@ -859,7 +859,7 @@ def _index_of_point(curve: ResponseCurve, index: int | None) -> int:
 
 
 def _check_on_curve(curve: ResponseCurve, frequency: float, index: int | None) -> None:
-    """Warn of a frequency (Hz) beyond the curve; an index beside a frequency is an error."""
+    """Warn of a frequency (Hz) beyond the curve, and refuse an index in addition to it."""
     low = curve.frequency.min()
     high = curve.frequency.max()
     if not low <= frequency <= high:
@@ -902,7 +902,7 @@ def _without_decision(transient: Transient, periods: int, progress: bool) -> _Mo
 def _with_decision(
     transient: Transient, expected: NDArray, tolerance: float, periods: int, progress: bool
 ) -> _MotionRun:
-    """Integrate until a decision whether the motion keeps the response ``expected``."""
+    """Integrate until it is decided whether the response remains ``expected``."""
     verdict, interrupted = compare_with_solution(transient, expected, tolerance, periods, progress)
     # without the mean, which does not vibrate
     difference = (transient.response[-1] - expected)[1:]
