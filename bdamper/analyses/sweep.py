@@ -1,11 +1,11 @@
 """Sweeps over settings of a problem, and comparisons of several studies.
 
-:func:`sweep` evaluates one function for many variants of a problem, on any executor. Every point depends on the problem and
-its own settings only, so results do not depend on order, workers or interruptions. A results file
-(:mod:`bdamper.util.storage`) can store finished points.
+:func:`sweep` evaluates one function for many variants of a problem, on any executor. Every point
+depends on the problem and its own settings only, so results do not depend on order, workers or
+interruptions. A results file (:mod:`bdamper.util.storage`) can store finished points.
 
-:func:`compare` evaluates one function for several studies. The function returns a response curve or an optimal curve, and
-the :class:`Comparison` relates all of them to the first.
+:func:`compare` evaluates one function for several studies. The function returns a response curve or
+an optimal curve, and the :class:`Comparison` relates all of them to the first.
 """
 
 from __future__ import annotations
@@ -72,8 +72,8 @@ from bdamper.util.tables import Column, Tabular, concatenate
 
 Values = Mapping[str, Any]
 Task = Callable[[Any, float | None], Values]
-"""Function of a study (or problem) and a preload (None if the sweep has none) that returns named numbers, texts or lists
-of numbers.
+"""Function of a study (or problem) and a preload (None if the sweep has none) that returns named
+numbers, texts or lists of numbers.
 
 "warning" is a text, empty if there is none; the result collects the others. "cost" may be a
 :class:`bdamper.util.progress.Cost`, the cost of the point.
@@ -99,25 +99,28 @@ class PeakTask(validation.Checked):
     mode: validation.Count = 1
 
     def __call__(self, study: Asking | Problem, preload: float | None) -> Values:
-        at: Any = self.preload if preload is None else preload
-        # a sweep over the preload compares its points with each other
-        search = single_peak if preload is None else highest_peak
-        peak = search(problem_of(study), at, self.frequency, mode=self.mode)
-        stick, slip, separation = (float(s) for s in peak.shares)
-        amplitude, frequency = (
-            (peak.amplitude, peak.frequency) if peak.converged else (np.nan, np.nan)
-        )
+        peak: Peak
+        if preload is None:
+            constant_preload: Any = self.preload
+            peak = single_peak(problem_of(study), constant_preload, self.frequency, mode=self.mode)
+        else:
+            # a sweep over the preload compares its points with each other at the end
+            peak = highest_peak(problem_of(study), preload, self.frequency, mode=self.mode)
+        stick, slip, separation = peak.shares
+        warning = ""
+        if peak.search_status != "complete":
+            warning = f"scan {peak.search_status}"
         return {
-            "amplitude": amplitude,
+            "amplitude": peak.amplitude if peak.converged else np.nan,
             "lower_bound": peak.lower_bound,
-            "frequency": frequency,
+            "frequency": peak.frequency if peak.converged else np.nan,
             "residual": peak.residual,
-            "stick": stick,
-            "slip": slip,
-            "open": separation,
+            "stick": float(stick),
+            "slip": float(slip),
+            "open": float(separation),
             "search_status": peak.search_status,
             "status": peak.status,
-            "warning": "" if peak.search_status == "complete" else f"scan {peak.search_status}",
+            "warning": warning,
             "cost": peak.cost,
         }
 
@@ -150,17 +153,26 @@ class OptimalTask(validation.Checked):
         curve = optimal_curve(
             problem_of(study), self.preload, self.n, frequency=self.frequency, mode=self.mode
         )
-        o = curve.optimum
-        shared = curve.requested  # the other preloads differ from point to point
+        optimum = curve.optimum
+        # the preloads that refine the curve differ from point to point of the sweep
+        requested = curve.requested
         return {
-            "curve_preload": curve.preload[shared].tolist(), "curve_amplitude": curve.amplitude[shared].tolist(),
-            "curve_frequency": curve.frequency[shared].tolist(), "optimum_preload": o.preload,
-            "optimum_amplitude": o.amplitude, "optimum_frequency": o.frequency, "optimum_kind": o.kind,
-            "optimum_uncertainty": o.uncertainty, "optimum_status": o.status,
-            "free_frequency": curve.free.frequency, "free_amplitude": curve.free.amplitude,
-            "stuck_frequency": curve.stuck.frequency, "stuck_amplitude": curve.stuck.amplitude,
-            "warning": "; ".join(curve.warnings), "cost": curve.cost,
-        }  # fmt: skip
+            "curve_preload": curve.preload[requested].tolist(),
+            "curve_amplitude": curve.amplitude[requested].tolist(),
+            "curve_frequency": curve.frequency[requested].tolist(),
+            "optimum_preload": optimum.preload,
+            "optimum_amplitude": optimum.amplitude,
+            "optimum_frequency": optimum.frequency,
+            "optimum_kind": optimum.kind,
+            "optimum_uncertainty": optimum.uncertainty,
+            "optimum_status": optimum.status,
+            "free_frequency": curve.free.frequency,
+            "free_amplitude": curve.free.amplitude,
+            "stuck_frequency": curve.stuck.frequency,
+            "stuck_amplitude": curve.stuck.amplitude,
+            "warning": "; ".join(curve.warnings),
+            "cost": curve.cost,
+        }
 
 
 @short_repr
@@ -179,7 +191,8 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
     values : (n,) array with named fields
         Results of each point; NaN or None if there is none.
     status : tuple of str
-        "complete", "failed: " with the reason, or "not run" after an interruption, with the reason if the executor ended.
+        "complete", "failed: " with the reason, or "not run" after an interruption, with the reason
+        if the executor ended.
     seconds : (n,) float
         Elapsed time of each point.
     shape : tuple of int
@@ -204,20 +217,21 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
 
     def with_present_names(self) -> Self:
         """Return a result of version 3 of the format with the present names of settings."""
-        columns = {present_name(name): self.points[name] for name in names_of(self.points)}
-        points = named_fields(columns, len(self))
-        return replace(self, names=tuple(map(present_name, self.names)), points=points)
+        settings = {present_name(name): self.points[name] for name in names_of(self.points)}
+        names = tuple(present_name(name) for name in self.names)
+        return replace(self, names=names, points=named_fields(settings, len(self)))
 
     def check_rows(self) -> None:
         """Raise ValueError unless every point of the grid has settings, values, status and time."""
-        parts = (
-            self.points,
-            self.values,
-            self.status,
-            self.seconds,
-            self.seconds if self.cost is None else self.cost,
-        )
-        counts = [int(np.prod(self.shape)), *(len(part) for part in parts)]
+        cost = self.seconds if self.cost is None else self.cost
+        counts = [
+            int(np.prod(self.shape)),
+            len(self.points),
+            len(self.values),
+            len(self.status),
+            len(self.seconds),
+            len(cost),
+        ]
         if len(set(counts)) > 1:
             raise ValueError(f"grid, points, values, status, seconds and cost of {counts} points")
 
@@ -229,10 +243,10 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warning of each point, empty if there is none."""
-        found = (
-            self.values["warning"].tolist() if "warning" in self.quantities else [""] * len(self)
-        )
-        return tuple(str(warning or "") for warning in found)
+        if "warning" not in self.quantities:
+            return ("",) * len(self)
+        # None if the point has no result
+        return tuple(str(warning or "") for warning in self.values["warning"].tolist())
 
     @property
     def quantities(self) -> tuple[str, ...]:
@@ -251,102 +265,133 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
         column = self.values[quantity]
         if column.dtype != object:
             return column.astype(float).reshape(self.shape)
-        known = next((np.asarray(value) for value in column if value is not None), np.array(""))
-        if known.dtype.kind not in "fiub":
-            return np.fromiter(
-                ("" if value is None else value for value in column), object, len(self)
-            ).reshape(self.shape)
-        rows = [
-            np.full(known.shape, np.nan) if value is None else np.asarray(value, float)
-            for value in column
-        ]
-        return np.array(rows).reshape(*self.shape, *known.shape)
+        present = [value for value in column if value is not None]
+        example = np.asarray(present[0]) if present else np.array("")
+        is_number = example.dtype.kind in "fiub"
+        if not is_number:
+            texts = ["" if value is None else value for value in column]
+            # a value may itself be a list, which np.array would turn into a further dimension
+            return np.fromiter(texts, object, len(self)).reshape(self.shape)
+        missing = np.full(example.shape, np.nan)
+        rows = [missing if value is None else np.asarray(value, float) for value in column]
+        return np.array(rows).reshape(*self.shape, *example.shape)
 
     def _grid(self) -> dict[str, Any]:
-        columns = {name: self.points[name].tolist() for name in self.names}
-        if len(self.shape) != len(self.names) or any(
-            isinstance(v, (list, dict)) for c in columns.values() for v in c
-        ):
+        # a list of points has no grid, and lists and mappings are no coordinates
+        if len(self.shape) != len(self.names):
             return {}
-        grid = {name: list(dict.fromkeys(column)) for name, column in columns.items()}
-        for (name, values), n in zip(grid.items(), self.shape):
-            if len(values) != n:
+        columns = {name: self.points[name].tolist() for name in self.names}
+        for value in itertools.chain(*columns.values()):
+            if isinstance(value, (list, dict)):
+                return {}
+
+        grid = {}
+        for (name, column), n in zip(columns.items(), self.shape):
+            different = list(dict.fromkeys(column))
+            if len(different) != n:
                 raise SettingError(
-                    f"to_xarray of a sweep: expected each value of '{name}' once, as coordinates are, found {n} values of "
-                    f"which {len(values)} differ; to_pandas takes them all"
+                    f"to_xarray of a sweep: expected each value of '{name}' once, "
+                    f"as coordinates are, found {n} values of which {len(different)} differ; "
+                    "to_pandas takes them all"
                 )
+            grid[name] = different
         return grid
 
     def columns(self) -> dict[str, Column]:
-        """Return one row for each point with settings, quantities, status and time; lists have a second dimension in
-        xarray.
+        """Return one row for each point with settings, quantities, status and time.
+
+        Lists have a second dimension in xarray.
         """
-        settings = {name: np.array([str(v) if isinstance(v, dict) else v for v in self.points[name].tolist()])
-                    for name in self.names}  # fmt: skip
-        out = {name: Column(values, UNITS.get(name, "")) for name, values in settings.items()}
+        columns = {}
+        for name in self.names:
+            values = self.points[name].tolist()
+            shown = [str(value) if isinstance(value, dict) else value for value in values]
+            columns[name] = Column(np.array(shown), UNITS.get(name, ""))
         for name in self.quantities:
-            values = self.array(name).reshape(len(self), -1)
-            key, unit = (
-                name if name not in out else f"answer_{name}",
-                UNITS.get(name.removeprefix("curve_"), ""),
-            )
-            single = values.shape[1] == 1
-            out[key] = (
-                Column(values[:, 0], unit)
-                if single
-                else Column(values, unit, ("point", f"{key}_index"))
-            )
-        return out | {"run": Column(np.array(self.status)), "seconds": Column(self.seconds, "s")}
+            by_point = self.array(name).reshape(len(self), -1)
+            # a quantity may have the name of a setting
+            key = f"answer_{name}" if name in columns else name
+            unit = UNITS.get(name.removeprefix("curve_"), "")
+            if by_point.shape[1] == 1:
+                columns[key] = Column(by_point[:, 0], unit)
+            else:
+                columns[key] = Column(by_point, unit, ("point", f"{key}_index"))
+        columns["run"] = Column(np.array(self.status))
+        columns["seconds"] = Column(self.seconds, "s")
+        return columns
+
+    def _main_quantity(self) -> str:
+        """Return the first quantity with one real number for each point, "" without one."""
+        for name in self.quantities:
+            column = self.array(name)
+            if column.dtype.kind == "f" and column.ndim == len(self.shape):
+                return name
+        return ""
+
+    def _counts(self, values: NDArray) -> str:
+        """Return the number of points as text, and how many of them lack a result or are in doubt.
+
+        ``values`` (n,) are those of the main quantity, empty without one.
+        """
+        words = [status_word(status) for status in self.status]
+        n_failed = words.count(FAILED)
+        n_not_run = words.count(NOT_RUN)
+        n_missing = 0
+        if len(values):
+            n_missing = int(np.count_nonzero(~np.isfinite(values))) - n_failed - n_not_run
+        # the warning of a missing value says why it is missing
+        n_warnings = sum(1 for warning in self.warnings if warning)
+        counts = {
+            "not found": n_missing,
+            "failed": n_failed,
+            "not run": n_not_run,
+            "with a warning": n_warnings - n_missing,
+        }
+        settings = ", ".join(spaced(name) for name in self.names)
+        parts = [f"{counted(len(self), 'point')} over {settings}"]
+        parts += [f"{n} {what}" for what, n in counts.items() if n > 0]
+        return ", ".join(parts)
 
     def _headline(self) -> str:
-        name = next(
-            (
-                q
-                for q in self.quantities
-                if self.array(q).dtype.kind == "f" and self.array(q).ndim == len(self.shape)
-            ),
-            "",
-        )
-        known = self.array(name).ravel() if name else np.empty(0)
-        words = [status_word(s) for s in self.status]
-        missing = (
-            int(np.count_nonzero(~np.isfinite(known))) - words.count(FAILED) - words.count(NOT_RUN)
-            if name
-            else 0
-        )
-        doubted = sum(map(bool, self.warnings)) - missing
-        counts = [
-            (missing, "not found"),
-            (words.count(FAILED), "failed"),
-            (words.count(NOT_RUN), "not run"),
-        ]
-        counts.append((doubted, "with a warning"))
-        points = f"{counted(len(self), 'point')} over {', '.join(spaced(n) for n in self.names)}"
-        points = ", ".join([points, *(f"{n} {what}" for n, what in counts if n > 0)])
-        if not np.isfinite(known).any():
-            return f"{points}{next((f': {why}' for why in self.warnings if why), '')}."
-        i, j = int(np.nanargmin(known)), int(np.nanargmax(known))
-        ends = (
-            f"{amount(known[k], UNITS.get(name, ''))} ({as_words(row_of(self.points, k))})"
-            for k in dict.fromkeys((i, j))
-        )
-        return f"{spaced(name).capitalize()} {'from ' * (i != j)}{' to '.join(ends)}; {points}."
+        name = self._main_quantity()
+        values = self.array(name).ravel() if name else np.empty(0)
+        points = self._counts(values)
+        if not np.isfinite(values).any():
+            reasons = [warning for warning in self.warnings if warning]
+            return f"{points}: {reasons[0]}." if reasons else f"{points}."
+
+        def at_point(i: int) -> str:
+            value = amount(values[i], UNITS.get(name, ""))
+            return f"{value} ({as_words(row_of(self.points, i))})"
+
+        lowest = int(np.nanargmin(values))
+        highest = int(np.nanargmax(values))
+        extent = at_point(lowest)
+        if highest != lowest:
+            extent = f"from {extent} to {at_point(highest)}"
+        return f"{spaced(name).capitalize()} {extent}; {points}."
 
 
 def as_words(point: Mapping[str, Any]) -> str:
     """Return the settings of a point as text with units."""
-    texts = {
-        n: amount(v, UNITS.get(n, ""), 6) if isinstance(v, float) else short_text(v)
-        for n, v in point.items()
-    }
-    return ", ".join(f"{spaced(name)} {text}" for name, text in texts.items())
+    words = []
+    for name, value in point.items():
+        if isinstance(value, float):
+            text = amount(value, UNITS.get(name, ""), 6)
+        else:
+            text = short_text(value)
+        words.append(f"{spaced(name)} {text}")
+    return ", ".join(words)
 
 
 def _named(task: Any) -> str:
     """Return a stable identifier of a callable."""
     if is_dataclass(task) and not isinstance(task, type):
         return repr(task)
-    return f"{getattr(task, '__module__', '')}.{getattr(task, '__qualname__', type(task).__qualname__)}"
+    module = getattr(task, "__module__", "")
+    # an object with a call method has no name of its own
+    name = getattr(task, "__qualname__", type(task).__qualname__)
+    return f"{module}.{name}"
 
 
 @dataclass(frozen=True)
@@ -357,30 +402,32 @@ class _Job:
     evaluate: Task
 
     def varied(self, settings: Mapping[str, Any]) -> Asking | Problem:
-        varied = {name: value for name, value in settings.items() if name != "preload"}
-        return vary(self.study, varied) if varied else self.study
+        """Return the study under the settings of a point; the preload is not one of its
+        settings."""
+        changed = {name: value for name, value in settings.items() if name != "preload"}
+        return vary(self.study, changed) if changed else self.study
 
     def check(self, points: NDArray) -> None:
         """Raise the first error if the settings of no point are valid."""
-        first: BdamperError | None = None
+        first_error: BdamperError | None = None
         for i in range(len(points)):
             try:
                 self.varied(row_of(points, i))
                 return
             except BdamperError as error:
-                first = first or error
-        if first is not None:
-            raise first
+                first_error = first_error or error
+        if first_error is not None:
+            raise first_error
 
     def __call__(self, settings: Mapping[str, Any]) -> Values:
         preload = settings.get("preload")
         if preload is not None:
             preload = float(preload)
-        varied = self.varied(settings)
+        study = self.varied(settings)
         if isinstance(self.evaluate, (PeakTask, OptimalTask)):
-            return self.evaluate(varied, preload)
+            return self.evaluate(study, preload)
         with inside_user_code():
-            return self.evaluate(varied, preload)
+            return self.evaluate(study, preload)
 
 
 def _points(over: Any, combine: str) -> tuple[tuple[str, ...], NDArray, tuple[int, ...]]:
@@ -391,18 +438,18 @@ def _points(over: Any, combine: str) -> tuple[tuple[str, ...], NDArray, tuple[in
     names = tuple(over)
     columns: dict[str, Sequence[Any]] = {}
     for name in names:
-        if isinstance(over[name], (str, bytes)) or not isinstance(
-            over[name], (Sequence, np.ndarray)
-        ):
-            raise SettingError(
-                f"over '{name}': expected a sequence of values, found {over[name]!r}"
-            )
-        columns[name] = [v.item() if isinstance(v, np.generic) else v for v in over[name]]
+        values = over[name]
+        is_sequence = isinstance(values, (Sequence, np.ndarray))
+        if not is_sequence or isinstance(values, (str, bytes)):
+            raise SettingError(f"over '{name}': expected a sequence of values, found {values!r}")
+        # the JSON of a results file has no numbers of NumPy
+        columns[name] = [v.item() if isinstance(v, np.generic) else v for v in values]
         validation.check(columns[name], f"over '{name}'", "at least one value", "none")
     lengths = [len(column) for column in columns.values()]
     if combine == "product":
-        columns = dict(zip(names, zip(*itertools.product(*columns.values()))))
-        return names, named_fields(columns, len(columns[names[0]])), tuple(lengths)
+        combinations = list(itertools.product(*columns.values()))
+        columns = dict(zip(names, zip(*combinations)))
+        return names, named_fields(columns, len(combinations)), tuple(lengths)
     if combine == "zip":
         validation.check(
             len({*lengths}) == 1, 'combine="zip"', "as many values of each setting", lengths
@@ -427,12 +474,16 @@ def _question(
     frequency: tuple[float, float] | None,
     mode: int,
 ) -> Task:
-    """Return the function to evaluate: the given one, or the search for the highest peak."""
-    if evaluate is not None and (preload is not None or frequency is not None or mode != 1):
+    """Return the function to evaluate: ``evaluate``, or the search for the highest peak."""
+    if evaluate is None:
+        evaluate = PeakTask(preload, frequency, mode)
+    elif preload is not None or frequency is not None or mode != 1:
         raise SettingError("preload, frequency, mode: omit them if evaluate is given")
-    task: Task = PeakTask(preload, frequency, mode) if evaluate is None else evaluate
-    good = callable(task) and not isinstance(task, type)
-    validation.check_value(good, "evaluate", "PeakTask(...), OptimalTask(...) or a function", task)
+    task: Task = evaluate
+    # a class is callable, but its instances are the tasks
+    is_task = callable(task) and not isinstance(task, type)
+    expected = "PeakTask(...), OptimalTask(...) or a function"
+    validation.check_value(is_task, "evaluate", expected, task)
     if isinstance(task, PeakTask) and task.preload is None and "preload" not in names:
         raise SettingError(
             'preload: expected a number, or "preload" among the settings of the sweep, found neither'
@@ -443,74 +494,107 @@ def _question(
 def _check_plausible(
     problem: Problem, evaluate: Task, over: Mapping[str, Any], in_task: bool
 ) -> None:
-    """Warn once about implausible values, unless the sweep varies them; ``in_task``: the task has the preload."""
-    varied = any(name.startswith("excitation") for name in over)
-    if isinstance(evaluate, PeakTask | OptimalTask) and not varied:
-        preload = validation.numbers(
-            "preload", np.atleast_1d(over.get("preload", evaluate.preload)), unit="N"
-        )
-        if in_task:
-            plausible_ranges.check("sweep", "preload", preload, problem.sizes)
-        check_question(problem, preload, evaluate.frequency)
-        if evaluate.mode > 1:
-            with suppress(StaticError):  # the point of this preload says so
-                free_and_stuck(problem.at(float(preload.max())), evaluate.mode)
+    """Warn once about implausible values, unless the sweep varies them.
+
+    ``in_task``: the preload is part of the task; an argument of the sweep has been checked.
+    """
+    if not isinstance(evaluate, PeakTask | OptimalTask):
+        return
+    # plausible preloads depend on the excitation
+    if any(name.startswith("excitation") for name in over):
+        return
+    preload_or_preloads = over.get("preload", evaluate.preload)
+    preloads = validation.numbers("preload", np.atleast_1d(preload_or_preloads), unit="N")
+    if in_task:
+        plausible_ranges.check("sweep", "preload", preloads, problem.sizes)
+    check_question(problem, preloads, evaluate.frequency)
+    if evaluate.mode > 1:
+        # a mode that does not exist is an error before the first point; the status of a point
+        # names a preload without a static state
+        with suppress(StaticError):
+            free_and_stuck(problem.at(float(preloads.max())), evaluate.mode)
 
 
 def _check_loads(problem: Problem, evaluate: Task, points: NDArray) -> None:
-    """Warn once if a sweep over speed or mass of the damper has preloads that contradict its centrifugal load."""
+    """Warn once if preloads of a sweep contradict the centrifugal load of the damper.
+
+    The load follows from rotor speed and mass, so only sweeps over one of them are checked.
+    """
     if not {"speed", MASS} & {*names_of(points)}:
         return
-    groups: dict[tuple[Any, float], list[float]] = {}
+    preloads_of: dict[tuple[Any, float], list[float]] = {}
     for i in range(len(points)):
         point = row_of(points, i)
         preload = point.get("preload", getattr(evaluate, "preload", None))
-        if preload is not None:
-            at = point.get("speed", problem.settings.speed), point.get(MASS, 1.0)
-            groups.setdefault(at, []).extend(np.ravel(preload))
-    any(problem.sizes.check_preload(np.array(preloads), *at) for at, preloads in groups.items())
+        if preload is None:
+            continue
+        speed = point.get("speed", problem.settings.speed)
+        mass_factor = point.get(MASS, 1.0)
+        preloads_of.setdefault((speed, mass_factor), []).extend(np.ravel(preload))
+    for (speed, mass_factor), preloads in preloads_of.items():
+        warned = problem.sizes.check_preload(np.array(preloads), speed, mass_factor)
+        if warned:
+            return
 
 
-def _with_followed_peaks(job: _Job, task: PeakTask, points: NDArray, found: Records) -> Records:
-    """Return the records of a sweep over the preload, without amplitudes below a peak of the next lower preload.
-
-    The points with equal other settings are compared with each other (:mod:`bdamper.response.followed_peak`).
-    """
-    groups: dict[str, dict[float, int]] = {}
+def _lines_over_preload(points: NDArray) -> list[dict[float, int]]:
+    """Return the points with equal other settings, as mappings of preload to point."""
+    lines: dict[str, dict[float, int]] = {}
     for i in range(len(points)):
         settings = row_of(points, i)
-        groups.setdefault(repr({**settings, "preload": None}), {})[float(settings["preload"])] = i
-    if "amplitude" not in names_of(found.values):
-        return found
-    values, status = found.values.copy(), list(found.status)
+        other_settings = repr({**settings, "preload": None})
+        lines.setdefault(other_settings, {})[float(settings["preload"])] = i
+    return list(lines.values())
+
+
+def _with_followed_peaks(job: _Job, task: PeakTask, points: NDArray, records: Records) -> Records:
+    """Return the records of a sweep over the preload, without amplitudes below a peak of the next
+    lower preload.
+
+    The points with equal other settings are compared with each other
+    (:mod:`bdamper.response.followed_peak`).
+    """
+    if "amplitude" not in names_of(records.values):
+        return records
+    values = records.values.copy()
+    status = list(records.status)
     amplitude = values["amplitude"].astype(float)
-    for group in groups.values():
-        heights = {p: float(amplitude[i]) for p, i in group.items()}
-        ordered = [heights[p] for p in sorted(heights) if np.isfinite(heights[p])]
-        if not any(drops(a, b) for a, b in itertools.pairwise(ordered)):
+    for line in _lines_over_preload(points):
+        height = {preload: float(amplitude[i]) for preload, i in line.items()}
+        ascending = [height[preload] for preload in sorted(height)]
+        finite = [value for value in ascending if np.isfinite(value)]
+        # peaks are followed only from a preload after which the amplitude drops
+        if not any(drops(lower, upper) for lower, upper in itertools.pairwise(finite)):
             continue
-        problem = problem_of(job.varied(row_of(points, next(iter(group.values())))))
+        any_point = next(iter(line.values()))
+        problem = problem_of(job.varied(row_of(points, any_point)))
 
         def peak_at(preload: float, problem: Problem = problem) -> Peak | None:
             peak = highest_peak(problem, preload, task.frequency, mode=task.mode)
             return peak if peak.converged and not peak.corner else None
 
-        for p, followed in followed_peaks(problem, heights, lambda _: True, peak_at).items():
-            i = group[p]
-            values["amplitude"][i], values["frequency"][i] = np.nan, np.nan
+        higher_peaks = followed_peaks(problem, height, lambda _: True, peak_at)
+        for preload, followed in higher_peaks.items():
+            i = line[preload]
+            values["amplitude"][i] = np.nan
+            values["frequency"][i] = np.nan
             values["lower_bound"][i] = followed.peak.amplitude
-            status[i] = with_reason(INCOMPLETE, followed.note)
             values["warning"][i] = followed.note
-    return replace(found, values=values, status=tuple(status))
+            status[i] = with_reason(INCOMPLETE, followed.note)
+    return replace(records, values=values, status=tuple(status))
 
 
 def _header(job: _Job, over: Mapping[str, Any], combine: str) -> dict[str, Any]:
     """Return the identification of a sweep in its results file."""
     return {
-        "format": "bdamper-sweep-results", "version": 5, **INSTALLED.attributes(),
-        "study": study_fingerprint(problem_of(job.study)), "evaluate": _named(job.evaluate), "combine": combine,
+        "format": "bdamper-sweep-results",
+        "version": 5,
+        **INSTALLED.attributes(),
+        "study": study_fingerprint(problem_of(job.study)),
+        "evaluate": _named(job.evaluate),
+        "combine": combine,
         "over": {name: list(values) for name, values in over.items()},
-    }  # fmt: skip
+    }
 
 
 @validation.check_arguments
@@ -536,16 +620,19 @@ def sweep(
     over : mapping of name to sequence of values
         "preload" and the settings of :mod:`bdamper.harmonic_balance.parameters`.
     evaluate : callable, optional
-        ``evaluate(study, preload)`` returns named numbers, texts or lists of numbers; by default the highest peak. Process
-        pools need a module-level function, a :class:`PeakTask` or an :class:`OptimalTask`.
+        ``evaluate(study, preload)`` returns named numbers, texts or lists of numbers; by default
+        the highest peak. Process pools need a module-level function, a :class:`PeakTask` or an
+        :class:`OptimalTask`.
     combine : {"product", "zip"}
         All combinations of the values, or element-wise combinations.
     preload, frequency, mode
         See :class:`PeakTask`.
     executor : concurrent.futures.Executor, optional
-        Threads, processes, ``dask.distributed.Client(...).get_executor()`` or ``mpi4py.futures.MPIPoolExecutor``.
+        Threads, processes, ``dask.distributed.Client(...).get_executor()`` or
+        ``mpi4py.futures.MPIPoolExecutor``.
     resume : path, optional
-        Results file: finished points are appended to it, and an interrupted sweep continues from it.
+        Results file: finished points are appended to it, and an interrupted sweep continues from
+        it.
     progress : bool, optional
         Whether to show a progress bar; by default in a terminal and a notebook.
 
@@ -557,7 +644,8 @@ def sweep(
     Raises
     ------
     BdamperError
-        If a name or value cannot be varied (SettingError), or the results file belongs to another sweep.
+        If a name or value cannot be varied (SettingError), or the results file belongs to another
+        sweep.
     """
     names, points, shape = _points(over, combine)
     problem = problem_of(study)
@@ -565,28 +653,27 @@ def sweep(
     check_executor(executor)
     progress = shows_progress(progress)
     evaluate = _question(evaluate, names, preload, frequency, mode)
-    _check_plausible(
-        problem, evaluate, over, preload is None and "preload" not in over and called_by_user()
-    )
+    in_task = preload is None and "preload" not in over and called_by_user()
+    _check_plausible(problem, evaluate, over, in_task)
     _check_loads(problem, evaluate, points)
     job = _Job(study, evaluate)
     job.check(points)
     if executor is not None:
-        _ = problem.stiffness  # computed once, before the job is sent to the workers
-    opened = (
-        nullcontext()
-        if resume is None
-        else closing(ResultsFile(resume, _header(job, over, combine)))
-    )
-    with opened as store:
-        point = partial(row_of, points)
-        found = run_stored(
-            job, point, range(len(points)), executor, store, progress, "sweep", "point"
+        # computed once, before the job is sent to the workers
+        _ = problem.stiffness
+    results_file: Any = nullcontext()
+    if resume is not None:
+        results_file = closing(ResultsFile(resume, _header(job, over, combine)))
+    with results_file as store:
+        settings_at = partial(row_of, points)
+        every_point = range(len(points))
+        records = run_stored(
+            job, settings_at, every_point, executor, store, progress, "sweep", "point"
         )
     if type(evaluate) is PeakTask and "preload" in names:
         with LongWork():
-            found = _with_followed_peaks(job, evaluate, points, found)
-    return SweepResult(names, points, shape=shape, **vars(found), **problem.recorded())
+            records = _with_followed_peaks(job, evaluate, points, records)
+    return SweepResult(names, points, shape=shape, **vars(records), **problem.recorded())
 
 
 # ---- Comparison of studies ----
@@ -619,11 +706,9 @@ class Comparison(Plottable, Tabular, Storable, kind="bdamper-comparison"):
     @property
     def results(self) -> dict[str, ResponseCurve] | dict[str, OptimalCurve]:
         """Results by the name of the study."""
-        return (
-            dict(zip(self.names, self.curves))
-            if self.curves
-            else dict(zip(self.names, self.optimal))
-        )
+        if self.curves:
+            return dict(zip(self.names, self.curves))
+        return dict(zip(self.names, self.optimal))
 
     @property
     def differences(self) -> dict[str, Differences]:
@@ -634,75 +719,120 @@ class Comparison(Plottable, Tabular, Storable, kind="bdamper-comparison"):
     def columns(self) -> dict[str, Column]:
         """Return the points of all curves with the name of their study."""
         results: tuple[ResponseCurve, ...] | tuple[OptimalCurve, ...] = self.curves or self.optimal
-        return {
-            "name": Column(np.repeat(np.array(self.names), [len(r) for r in results])),
-            **concatenate(results),
-        }
+        lengths = [len(result) for result in results]
+        name = Column(np.repeat(np.array(self.names), lengths))
+        return {"name": name, **concatenate(results)}
 
     def change(self, name: str) -> float:
-        """Return the relative change of the amplitude from the first study; NaN if an amplitude is unknown."""
-        of, first = (_outcome(self.results[key])[0] for key in (name, self.names[0]))
-        return of / first - 1.0
+        """Return the relative change of the amplitude from the first study.
+
+        NaN if an amplitude is unknown.
+        """
+        amplitude = _outcome(self.results[name]).amplitude
+        reference = _outcome(self.results[self.names[0]]).amplitude
+        return amplitude / reference - 1.0
+
+    def _known_changes(self) -> dict[str, float]:
+        """Return the changes of the other studies, as far as their amplitudes are known."""
+        changes = {name: self.change(name) for name in self.names[1:]}
+        return {name: change for name, change in changes.items() if np.isfinite(change)}
 
     def _rows(self) -> list[tuple[str, ...]]:
         rows: list[tuple[str, ...]] = [
             ("", "amplitude", "frequency", "preload", "change", "time", "status")
         ]
+        changes = self._known_changes()
         for name, result in self.results.items():
-            a, f, p, status = _outcome(result)
-            change = (
-                percent(self.change(name), True)
-                if name != self.names[0] and np.isfinite(self.change(name))
-                else ""
+            outcome = _outcome(result)
+            row = (
+                name,
+                amount(outcome.amplitude, "m"),
+                amount(outcome.frequency, "Hz", 6),
+                amount(outcome.preload, "N"),
+                percent(changes[name], True) if name in changes else "",
+                amount(result.cost.seconds, "s"),
+                outcome.status,
             )
-            numbers = amount(a, "m"), amount(f, "Hz", 6), amount(p, "N")
-            rows.append((name, *numbers, change, amount(result.cost.seconds, "s"), status))
+            rows.append(row)
         return rows
 
     def _headline(self) -> str:
-        a, f, p, why = _outcome(self.results[self.names[0]])
-        if not np.isfinite(a):
-            return f"No peak of '{self.names[0]}' to compare with: {why}."
-        known = [
-            (name, change) for name in self.names[1:] if np.isfinite(change := self.change(name))
+        reference_name = self.names[0]
+        reference = _outcome(self.results[reference_name])
+        if not np.isfinite(reference.amplitude):
+            return f"No peak of '{reference_name}' to compare with: {reference.status}."
+        changes = [
+            f"'{name}' {percent(change, True)}" for name, change in self._known_changes().items()
         ]
-        parts = (
-            ", ".join(f"'{name}' {percent(change, True)}" for name, change in known)
-            or "none is known"
-        )
         doubts = [
-            f"'{name}': {_outcome(result)[3]}"
+            f"'{name}': {_outcome(result).status}"
             for name, result in self.results.items()
             if _failed(result)
         ]
-        doubt = f" Not for design: {'; '.join(doubts)}." if doubts else ""
-        return f"Changes from '{self.names[0]}' with {peak_text(a, f)}, preload {amount(p, 'N')}: {parts}.{doubt}"
+        peak = peak_text(reference.amplitude, reference.frequency)
+        preload = amount(reference.preload, "N")
+        text = f"Changes from '{reference_name}' with {peak}, preload {preload}: "
+        text += f"{', '.join(changes) or 'none is known'}."
+        if doubts:
+            text += f" Not for design: {'; '.join(doubts)}."
+        return text
 
 
 def _failed(result: ResponseCurve | OptimalCurve) -> list[str]:
     """Return the failures of the checks of an optimal curve."""
-    return (
-        [check.failure for check in checks(result) if check.colour == "red"]
-        if isinstance(result, OptimalCurve)
-        else []
-    )
+    if not isinstance(result, OptimalCurve):
+        return []
+    return [check.failure for check in checks(result) if check.colour == "red"]
 
 
-def _outcome(result: ResponseCurve | OptimalCurve) -> tuple[float, float, float, str]:
-    """Return amplitude (m), frequency (Hz), preload (N) and status of a result."""
+@dataclass(frozen=True)
+class _Outcome:
+    """Amplitude (m), frequency (Hz) and preload (N) of a result, NaN if unknown, with its
+    status."""
+
+    amplitude: float
+    frequency: float
+    preload: float
+    status: str
+
+
+def _outcome(result: ResponseCurve | OptimalCurve) -> _Outcome:
+    """Return the optimum of an optimal curve, or the highest peak of a response curve."""
     if isinstance(result, OptimalCurve):
-        o = result.optimum
-        return o.amplitude, o.frequency, o.preload, "; ".join(_failed(result)) or o.status
+        optimum = result.optimum
+        status = "; ".join(_failed(result)) or optimum.status
+        return _Outcome(optimum.amplitude, optimum.frequency, optimum.preload, status)
     if not len(result):
-        return np.nan, np.nan, result.preload, f"{result.status}: {result.reason}"
+        return _Outcome(np.nan, np.nan, result.preload, f"{result.status}: {result.reason}")
     top = result.peak
     if result.peak_at_end:
         status = f"{result.status}, no peak: highest {peak_text(top.amplitude, top.frequency)}"
-        return np.nan, np.nan, result.preload, status
-    if why := result.may_be_higher:
-        bound = f"lower bound {peak_text(top.amplitude, top.frequency)}: {why}"
-        return np.nan, np.nan, result.preload, with_reason(INCOMPLETE, bound)
-    return top.amplitude, top.frequency, result.preload, result.status
+        return _Outcome(np.nan, np.nan, result.preload, status)
+    reason = result.may_be_higher
+    if reason:
+        bound = f"lower bound {peak_text(top.amplitude, top.frequency)}: {reason}"
+        return _Outcome(np.nan, np.nan, result.preload, with_reason(INCOMPLETE, bound))
+    return _Outcome(top.amplitude, top.frequency, result.preload, result.status)
+
+
+def _variants(studies: Mapping[str, Any]) -> list[Any]:
+    """Return the studies of a comparison; mappings are settings that differ from the first."""
+    expected = "a mapping of one or more names to studies or settings"
+    is_mapping = isinstance(studies, Mapping) and len(studies) > 0
+    has_names = is_mapping and all(isinstance(key, str) for key in studies)
+    validation.check_value(has_names, "studies", expected, studies)
+    first = next(iter(studies.values()))
+    problem = problem_of(first)
+    variants = []
+    for name, entry in studies.items():
+        settings: Any = validation.instance(
+            f"study '{name}'", getattr(entry, "problem", entry), (Problem, Mapping), expected
+        )
+        if isinstance(settings, Problem):
+            variants.append(entry)
+        else:
+            variants.append(like(first, vary(problem, settings)))
+    return variants
 
 
 @validation.check_arguments
@@ -718,11 +848,12 @@ def compare(
     Parameters
     ----------
     studies : mapping of name to study or settings
-        The first is a study, the reference. Others may be mappings of settings that differ from it, with the names of
-        :func:`bdamper.sweep`: ``{"now": study, "smooth": {"friction_coefficient": 0.2}}``.
+        The first is a study, the reference. Others may be mappings of settings that differ from it,
+        with the names of :func:`bdamper.sweep`: ``{"now": study, "smooth": {"friction_coefficient":
+        0.2}}``.
     question : callable
-        Returns the response curve or optimal curve of a study, for example ``lambda study: study.frequency_response(500.0,
-        (280.0, 380.0))``.
+        Returns the response curve or optimal curve of a study, for example ``lambda study:
+        study.frequency_response(500.0, (280.0, 380.0))``.
     progress : bool, optional
         Whether to show a progress bar; by default in a terminal and a notebook.
 
@@ -736,34 +867,19 @@ def compare(
     SettingError
         If a study or a setting does not fit; raised before any computation.
     """
-    words = "a mapping of one or more names to studies or settings"
-    named = (
-        isinstance(studies, Mapping) and studies and all(isinstance(key, str) for key in studies)
-    )
-    validation.check_value(bool(named), "studies", words, studies)
-    first = next(iter(studies.values()))
-    problem, variants = problem_of(first), []  # type: ignore[arg-type]
-    for name, entry in studies.items():
-        settings: Any = validation.instance(
-            f"study '{name}'", getattr(entry, "problem", entry), (Problem, Mapping), words
-        )
-        if isinstance(settings, Problem):
-            variants.append(entry)
-        else:
-            variants.append(like(first, vary(problem, settings)))  # type: ignore[type-var]
+    variants = _variants(studies)
     validation.check_value(callable(question), "question", "a function of a study", question)
     results: list[ResponseCurve | OptimalCurve] = []
     for study in with_progress(variants, shows_progress(progress), "studies", "study"):
         with inside_user_code():
             answered = question(study)
-        answer = validation.instance(
+        result = validation.instance(
             "answer", answered, (ResponseCurve, OptimalCurve), "a ResponseCurve or an OptimalCurve"
         )
-        kind = type(results[0]) if results else type(answer)
-        results.append(
-            validation.instance("answer", answer, kind, "the same kind of result from every study")
-        )
-        if answer.interrupted:
+        kind = type(results[0]) if results else type(result)
+        validation.instance("answer", result, kind, "the same kind of result from every study")
+        results.append(result)
+        if result.interrupted:
             break
     curves = tuple(result for result in results if isinstance(result, ResponseCurve))
     optimal = tuple(result for result in results if isinstance(result, OptimalCurve))
