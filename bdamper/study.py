@@ -1,7 +1,8 @@
 """Study: a model with settings, and the analyses as methods.
 
-The analyses are functions of other modules that take a :class:`bdamper.harmonic_balance.problem.Problem` first.
-:class:`Study` has a method for each of them, with checks of the arguments and the explanation of the parameters.
+The analyses are functions of other modules that take a
+:class:`bdamper.harmonic_balance.problem.Problem` first. :class:`Study` has a method for each of
+them, with checks of the arguments and the explanation of the parameters.
 """
 
 from __future__ import annotations
@@ -80,16 +81,30 @@ from bdamper.util.progress import one_thread, shows_progress
 from bdamper.util.records import new_group, read_attribute
 from bdamper.util.storage import INSTALLED, FilePath, read_hdf5, register_reader, write_hdf5
 
+ALWAYS_SHOWN = (
+    "model",
+    "excitation",
+    "engine_order",
+    "response",
+    "friction_coefficient",
+    "harmonics",
+    "blade_modes",
+    "damping_ratio",
+    "contact_stiffness",
+)
+"""Settings that have a line in the summary of a study even with their default."""
+
 
 @short_repr
 @dataclass(frozen=True, eq=False, init=False)
 class Study(Comparable):
     """Model with one set of settings.
 
-    Two studies are equal only if they are the same object; the settings of their results can be compared.  The attribute
-    ``settings`` (:class:`bdamper.harmonic_balance.settings.Settings`) contains the parameters below.  The attribute
-    ``problem`` (:class:`bdamper.harmonic_balance.problem.Problem`) contains bases, contact stiffness and the equations at
-    a preload.
+    Two studies are equal only if they are the same object; the settings of their results can be
+    compared.  The attribute ``settings`` (:class:`bdamper.harmonic_balance.settings.Settings`)
+    contains the parameters below.  The attribute ``problem``
+    (:class:`bdamper.harmonic_balance.problem.Problem`) contains bases, contact stiffness and the
+    equations at a preload.
     """
 
     settings: Settings
@@ -196,7 +211,8 @@ class Study(Comparable):
     def stiffness_report(self) -> str:
         """Range of the contact stiffness, and use of fallback rules, for each interface."""
         lines = [report(name, contact) for name, contact in self.problem.stiffness.items()]
-        return "\n".join(filter(None, [*lines, self.problem.contact.note]))
+        lines.append(self.problem.contact.note)
+        return "\n".join(line for line in lines if line)
 
     def replace(self, /, **settings: Any) -> Study:
         """Return the same study under other settings, given by name.
@@ -213,7 +229,9 @@ class Study(Comparable):
             If there is no setting of that name, or its value is not valid.
         """
         problem = parameters.replace_settings(self.problem, **settings)
-        return self if problem is self.problem else self._with_problem(problem)
+        if problem is self.problem:
+            return self
+        return self._with_problem(problem)
 
     @partial(validation.check_arguments, name="static")
     @needs_contacts
@@ -255,7 +273,8 @@ class Study(Comparable):
         location : str
         direction : {"tangential", "radial", "axial"} or three floats
         absolute : bool
-            Motion in space instead of the motion relative to the base, if the response of the study is absolute.
+            Motion in space instead of the motion relative to the base, if the response of the study
+            is absolute.
 
         Returns
         -------
@@ -281,63 +300,77 @@ class Study(Comparable):
         return self.problem.wedge_friction(preload)
 
     def __str__(self) -> str:
-        return "\n".join(
-            [
-                "study",
-                *aligned([(fact.name, fact.text) for fact in self._facts() if fact.known], "  "),
-            ]
-        )
+        rows = [(fact.name, fact.text) for fact in self._facts() if fact.known]
+        return "\n".join(["study", *aligned(rows, "  ")])
 
     def _facts(self) -> tuple[Fact, ...]:
-        """Return excitation, contact, size of the reduced model, and the settings that differ from the defaults."""
-        s, coupling = self.settings, self.problem.coupling
-        own = {f.name: f.default for f in fields(s)}
-        named = ("model", "excitation", "engine_order", "response", "friction_coefficient", "harmonics", "blade_modes",
-                 "damping_ratio")  # fmt: skip
-        other = [
-            name
-            for name in own
-            if name not in (*named, "contact_stiffness") and getattr(s, name) != own[name]
-        ]
-        at, seen = s.excitation, s.response_location
-        sectors = f"{s.model.n_blades} sectors, " if s.model.n_blades > 1 else ""
-        friction = s.friction_values()
-
-        bases = {name: next(iter(s.model.bodies[name].bases.values())) for name in coupling.modes}
-        stored = [
-            f"{name} {len(modes)} of {bases[name].n_modes}"
-            for name, modes in coupling.modes.items()
-        ]
-
-        def shown(value: Any) -> str:
-            return f"{value:.6g}" if isinstance(value, float) else text_of(value)
-
-        def force(e: Excitation) -> str:
-            return f"{e.amplitude:g} {s.unit_of(e)} {e.shown}, order {e.engine_order or s.engine_order}"
+        """Return excitation, contact, size of the reduced model, and the settings that differ from
+        the defaults."""
+        settings = self.settings
+        coupling = self.problem.coupling
+        excitation = settings.excitation
+        friction = ", ".join(f"{mu:g}" for mu in settings.friction_values())
+        n_modes = sum(len(retained) for retained in coupling.modes.values())
+        neglected = ""
+        if settings.speed:
+            effects = settings.model.neglected_over_speed(settings.needed_diameters)
+            neglected = "; ".join(effects)
 
         return (
-            Fact("model", f"{sectors}{', '.join(s.model.bodies)} ({s.model.hash})"),
-            Fact("excitation", float(at.amplitude), f"{s.unit_of(at)} {at.shown}"),
-            Fact("beside it", "; ".join(map(force, at.beside))),
-            Fact("engine order", int(s.engine_order)),
-            Fact("response", seen.shown),
-            Fact("harmonics", " ".join(map(str, s.harmonic_numbers))),
-            Fact("friction coefficient", ", ".join(f"{mu:g}" for mu in friction) or "none"),
+            Fact("model", self._model_text()),
+            Fact(
+                "excitation",
+                float(excitation.amplitude),
+                f"{settings.unit_of(excitation)} {excitation.shown}",
+            ),
+            Fact("beside it", "; ".join(self._force_text(force) for force in excitation.beside)),
+            Fact("engine order", int(settings.engine_order)),
+            Fact("response", settings.response_location.shown),
+            Fact("harmonics", " ".join(str(number) for number in settings.harmonic_numbers)),
+            Fact("friction coefficient", friction or "none"),
             Fact("contact stiffness", text_of(self.problem.stiffness_method)),
             Fact("contact points", coupling.n_points),
-            Fact("modes", sum(map(len, coupling.modes.values())), f"({', '.join(stored)})"),
+            Fact("modes", n_modes, f"({', '.join(self._retained_modes())})"),
             Fact("modal damping ratio", self.problem.damping_text),
-            Fact("damper mass", s.model.masses_text),
+            Fact("damper mass", settings.model.masses_text),
             Fact("unknowns", self.problem.n_unknowns),
-            *(
-                Fact(spaced(name), f"{shown(getattr(s, name))} {UNITS.get(name, '')}".strip())
-                for name in other
-            ),
-            Fact(
-                "neglected",
-                "; ".join(s.model.neglected_over_speed(s.needed_diameters)) if s.speed else "",
-            ),
+            *self._changed_settings(),
+            Fact("neglected", neglected),
         )
+
+    def _model_text(self) -> str:
+        model = self.settings.model
+        text = f"{', '.join(model.bodies)} ({model.hash})"
+        if model.n_blades > 1:
+            text = f"{model.n_blades} sectors, {text}"
+        return text
+
+    def _force_text(self, force: Excitation) -> str:
+        """Return amplitude, place and engine order of a further force."""
+        order = force.engine_order or self.settings.engine_order
+        unit = self.settings.unit_of(force)
+        return f"{force.amplitude:g} {unit} {force.shown}, order {order}"
+
+    def _retained_modes(self) -> list[str]:
+        """Return the number of retained modes of each body, and how many the model contains."""
+        texts = []
+        for name, retained in self.problem.coupling.modes.items():
+            # as many modes at every nodal diameter
+            basis = next(iter(self.model.bodies[name].bases.values()))
+            texts.append(f"{name} {len(retained)} of {basis.n_modes}")
+        return texts
+
+    def _changed_settings(self) -> list[Fact]:
+        """Return the settings that differ from their defaults and have no line otherwise."""
+        facts = []
+        for field in fields(self.settings):
+            value = getattr(self.settings, field.name)
+            if field.name in ALWAYS_SHOWN or value == field.default:
+                continue
+            shown = f"{value:.6g}" if isinstance(value, float) else text_of(value)
+            unit = UNITS.get(field.name, "")
+            facts.append(Fact(spaced(field.name), f"{shown} {unit}".strip()))
+        return facts
 
     def _shown(self) -> Any:
         return self.model
@@ -407,13 +440,14 @@ class Study(Comparable):
         progress : bool, optional
             Show a progress bar; by default in a terminal and a notebook.
         stability : bool
-            Determine the stability of each point (:meth:`with_stability`), even if the study's ``stability`` is off.
+            Determine the stability of each point (:meth:`with_stability`), even if the study's
+            ``stability`` is off.
 
         Returns
         -------
         ResponseCurve
-            ``status`` is "complete" if the branches span the interval.  Otherwise ``reason`` contains the explanation,
-            and the curve contains the points found.
+            ``status`` is "complete" if the branches span the interval.  Otherwise ``reason``
+            contains the explanation, and the curve contains the points found.
         """
         problem = self.problem
         validation.flag("stability", stability)
@@ -422,10 +456,11 @@ class Study(Comparable):
             problem, preload, frequency, options=options, progress=shows_progress(progress)
         )
         problem.sizes.check_faces(preload)
-        compute = (
-            len(curve) and curve.status != "interrupted" and (stability or self.settings.stability)
-        )
-        return floquet.with_stability(problem, curve) if compute else curve
+        wants_stability = stability or self.settings.stability
+        # after Ctrl-C no further computation starts
+        if not wants_stability or not len(curve) or curve.status == "interrupted":
+            return curve
+        return floquet.with_stability(problem, curve)
 
     # stability and time integration
 
@@ -661,10 +696,11 @@ class Study(Comparable):
         Returns
         -------
         Peak
-            The highest point, or a peak with a status and NaN if none was found.  It is "incomplete" if a
-            peak that was followed from a lower preload is higher.
+            The highest point, or a peak with a status and NaN if none was found.  It is
+            "incomplete" if a peak that was followed from a lower preload is higher.
         """
-        problem, progress = self.problem, shows_progress(progress)
+        problem = self.problem
+        progress = shows_progress(progress)
         frequency = peak_interval(problem.at(preload), frequency, mode)
         check_question(problem, [preload], frequency)
         problem.sizes.check_faces(preload)
@@ -703,13 +739,14 @@ class Study(Comparable):
         executor : concurrent.futures.Executor, optional
             Executor of the curves; threads by default.
         check : {"time", "neighbours", "range", False}
-            "time": compute the peak at the optimum with up to 16 harmonics (``curve.convergence``) and the amplitude by
-            time integration there and at 1.35 times its preload (``curve.time_response``).  At the better of both preloads
-            compute the peaks with 0.7 and 1.3 times the friction (``curve.other_friction``).  Then find the factors on the
-            friction coefficients at which the amplitude doubles (``curve.friction_range``, 6 to 13 peaks).  With
-            "neighbours" the time integration also includes the preload of the optimum divided by 1.35.  With "range" it
-            includes both ends of ``curve.near_best``: the preloads with at most 1.2 times the lowest amplitude by harmonic
-            balance.
+            "time": compute the peak at the optimum with up to 16 harmonics (``curve.convergence``)
+            and the amplitude by time integration there and at 1.35 times its preload
+            (``curve.time_response``).  At the better of both preloads compute the peaks with 0.7
+            and 1.3 times the friction (``curve.other_friction``).  Then find the factors on the
+            friction coefficients at which the amplitude doubles (``curve.friction_range``, 6 to 13
+            peaks).  With "neighbours" the time integration also includes the preload of the optimum
+            divided by 1.35.  With "range" it includes both ends of ``curve.near_best``: the
+            preloads with at most 1.2 times the lowest amplitude by harmonic balance.
         progress : bool, optional
             Show the current step and the remaining time; by default in a terminal and a notebook.
         resume : path, optional
@@ -722,36 +759,42 @@ class Study(Comparable):
         Returns
         -------
         OptimalCurve
-            Curve with the harmonics of the study.  After Ctrl-C it contains the results computed until then.
+            Curve with the harmonics of the study.  After Ctrl-C it contains the results computed
+            until then.
         """
         problem = self.problem
-        check = (
-            check
-            if check is False
-            else validation.choice("check", check, ("time", "neighbours", "range"))
-        )
+        # all arguments are checked before the first curve is computed
+        if check is not False:
+            check = validation.choice("check", check, ("time", "neighbours", "range"))
         check_executor(executor)
-        progress, values = shows_progress(progress), optimal.preload_values(preload, n)
-        frequency = (
-            optimal.curve_interval(problem, values, frequency, mode)
-            if problem.carries_load
-            else frequency
-        )
+        progress = shows_progress(progress)
+        values = optimal.preload_values(preload, n)
+        if problem.carries_load:
+            frequency = optimal.curve_interval(problem, values, frequency, mode)
         check_unloaded(problem)
         check_question(problem, values, frequency)
-        ways: dict[str, Any] = {"frequency": frequency, "mode": mode, "options": options}
-        margin = validation.choice("quantity", quantity, ("amplitude", "margin")) == "margin"
-        if margin:
-            validation.instance(
+        validation.choice("quantity", quantity, ("amplitude", "margin"))
+        margin_material = None
+        if quantity == "margin":
+            margin_material = validation.instance(
                 "material", material, Material, "a Material, since quantity is the margin"
             )
             stresses.chosen_sets(problem)
+
         curve = optimal.optimal_curve(
-            problem, preload, n, executor=executor, **ways, progress=progress, resume=resume
+            problem,
+            preload,
+            n,
+            frequency=frequency,
+            mode=mode,
+            options=options,
+            executor=executor,
+            progress=progress,
+            resume=resume,
         )
         problem.sizes.check_optimum(curve.optimum.preload, values)
         problem.sizes.check_faces(curve.optimum.preload)
-        return check_optimum(problem, curve, check, material if margin else None, progress)
+        return check_optimum(problem, curve, check, margin_material, progress)
 
     @partial(validation.check_arguments, name="peak_sensitivities")
     @needs_contacts
@@ -1153,8 +1196,8 @@ class Study(Comparable):
             Search interval of the highest peak.
         against : Effects, optional
             Reference; by default all effects that the model allows
-            (``fullest`` in ``bdamper/analyses/effect_significance.py``). The friction law of the study
-            does not change.
+            (``fullest`` in ``bdamper/analyses/effect_significance.py``). The friction law of the
+            study does not change.
         tolerance : float
             Allowed relative change of amplitude or frequency by all omitted effects together.
         progress : bool, optional
@@ -1351,7 +1394,8 @@ class Study(Comparable):
 
         Parameters
         ----------
-        speeds, rpm : (low, high) or sequence of more than two values, rad/s or revolutions per minute
+        speeds, rpm : (low, high) or sequence of more than two values, rad/s or revolutions per
+        minute
             Search range; give one of the two.
         engine_orders : sequence of int
         damper_mass_factor : sequence of float
@@ -1526,21 +1570,22 @@ class Study(Comparable):
         path : path-like
             File to write.
         include_model : bool
-            If False, the file contains the hash of the model only, and :func:`bdamper.load_study` needs the model.
+            If False, the file contains the hash of the model only, and :func:`bdamper.load_study`
+            needs the model.
         """
         check_model_once(self.model)
-        settings = self.problem.record() | (
-            {"contact_stiffness": None} if self.settings.contact_stiffness is None else {}
-        )
+        settings = self.problem.record()
+        # the record names the method in use; None lets a study of the file choose it again
+        if self.settings.contact_stiffness is None:
+            settings = settings | {"contact_stiffness": None}
+        attributes = {
+            "format": FORMAT,
+            "version": 1,
+            "model_hash": self.model.hash,
+            **INSTALLED.attributes(),
+        }
         with write_hdf5(path) as file:
-            file.attrs.update(
-                {
-                    "format": FORMAT,
-                    "version": 1,
-                    "model_hash": self.model.hash,
-                    **INSTALLED.attributes(),
-                }
-            )
+            file.attrs.update(attributes)
             file["settings"] = json.dumps(settings)
             if include_model:
                 write_model(new_group(file, "model"), self.model)
@@ -1556,9 +1601,11 @@ def load_study(path: FilePath, model: Model | None = None) -> Study:
     Parameters
     ----------
     path : path-like
-        File of :meth:`Study.save`, or of a result, which contains the settings of its study and the hash of its model.
+        File of :meth:`Study.save`, or of a result, which contains the settings of its study and the
+        hash of its model.
     model : Model, optional
-        Required if the file contains only the hash.  A model of another rotor speed is converted to the speed of the study.
+        Required if the file contains only the hash.  A model of another rotor speed is converted to
+        the speed of the study.
 
     Returns
     -------
@@ -1571,20 +1618,29 @@ def load_study(path: FilePath, model: Model | None = None) -> Study:
     BdamperError
         If the file contains no study, or the model is missing or different.
     """
+    digest = ""
+    settings: dict[str, Any] = {}
+    stored_model = None
     with read_hdf5(path, "a study or a result") as file:
-        digest = read_attribute(file, "model_hash") if "model_hash" in file.attrs else ""
-        settings = json.loads(file["settings"][()]) if digest else {}
-        own = read_model(file["model"]) if digest and "model" in file else None
+        if "model_hash" in file.attrs:
+            digest = read_attribute(file, "model_hash")
+        if digest:
+            settings = json.loads(file["settings"][()])
+        if digest and "model" in file:
+            stored_model = read_model(file["model"])
     if "excitation" not in settings:
         raise BdamperError(f"{path}: expected a study or its result, found a file without settings")
-    if own is not None:
-        check_model(own, where=f"{path}: /model")
-    model = own if model is None else model
-    if model is not None and model.hash != digest and settings.get("speed"):
+    if stored_model is not None:
+        check_model(stored_model, where=f"{path}: /model")
+    if model is None:
+        model = stored_model
+    if model is None:
+        raise BdamperError(f"{path}: expected the model with hash {digest}, found none")
+    # the hash belongs to the model at the speed of the study
+    if model.hash != digest and settings.get("speed"):
         model = model.at_speed(settings["speed"])
-    if model is None or model.hash != digest:
-        found = "none" if model is None else model.hash
-        raise BdamperError(f"{path}: expected the model with hash {digest}, found {found}")
+    if model.hash != digest:
+        raise BdamperError(f"{path}: expected the model with hash {digest}, found {model.hash}")
     return Study(model, **settings_of(settings))
 
 
@@ -1593,19 +1649,21 @@ register_reader(FORMAT, load_study)
 
 def _settings_explained() -> str:
     """Return the parameters of the settings in numpydoc form, each with its default."""
-    named = {
-        f.name: "required" if f.default is MISSING else f"default {f.default!r}"
-        for f in fields(Settings)
-        if f.init
-    }
-    lines = getdoc(Settings).splitlines() if getdoc(Settings) else []  # type: ignore[union-attr]
-    heads = (
-        (line, [named[n] for n in line.partition(" : ")[0].split(", ") if n in named])
-        for line in lines[1:]
-    )
-    return "\n".join(
-        f"{line}, {', '.join(dict.fromkeys(found))}" if found else line for line, found in heads
-    )
+    defaults = {}
+    for field in fields(Settings):
+        if field.init:
+            is_required = field.default is MISSING
+            defaults[field.name] = "required" if is_required else f"default {field.default!r}"
+    # without docstrings (python -OO) there is nothing to explain
+    lines = (getdoc(Settings) or "").splitlines()
+    explained = []
+    for line in lines[1:]:
+        # "name : type", or several names with a common explanation
+        names = line.partition(" : ")[0].split(", ")
+        of_names = [defaults[name] for name in names if name in defaults]
+        # equal defaults are written once
+        explained.append(", ".join([line, *dict.fromkeys(of_names)]))
+    return "\n".join(explained)
 
 
 EXAMPLE = """

@@ -331,7 +331,7 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
     def _counts(self, values: NDArray) -> str:
         """Return the number of points as text, and how many of them lack a result or are in doubt.
 
-        ``values`` (n,) are those of the main quantity, empty without one.
+        ``values`` (n,) is the main quantity, empty without one.
         """
         words = [status_word(status) for status in self.status]
         n_failed = words.count(FAILED)
@@ -389,7 +389,7 @@ def _named(task: Any) -> str:
     if is_dataclass(task) and not isinstance(task, type):
         return repr(task)
     module = getattr(task, "__module__", "")
-    # an object with a call method has no name of its own
+    # an object with a call method has only the name of its class
     name = getattr(task, "__qualname__", type(task).__qualname__)
     return f"{module}.{name}"
 
