@@ -7,7 +7,7 @@ import re
 import sys
 import warnings
 import webbrowser
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -28,46 +28,65 @@ def import_decks(given: argparse.Namespace) -> None:
     from bdamper.util.storage import file_errors
 
     def body(text: str) -> importers.FEBody:
-        deck, _, instance = (
-            text.rpartition(":")
-            if Path(text).suffix.lower() not in (".inp", ".cdb")
-            else (text, "", "")
-        )
+        """Read DECK or DECK:INSTANCE; a colon before the ending belongs to the path."""
+        deck, instance = text, ""
+        if Path(text).suffix.lower() not in (".inp", ".cdb"):
+            deck, _, instance = text.rpartition(":")
         return importers.read_job(deck or text, instance or None)
 
     points = given.points[0] if len(given.points) == 1 else tuple(given.points)
 
     def contact(text: str) -> importers.ContactFaces:
+        """Read NAME=SET,SET, each set as SET or BODY/SET."""
         name, _, faces = text.partition("=")
-        sides = [side.rpartition("/")[::2] for side in faces.split(",")]
+        sides = faces.split(",")
         if not name or len(sides) != 2:
             raise bd.SettingError(f"--contact: expected NAME=SET,SET, found {text!r}")
-        (body_a, a), (body_b, b) = sides
-        body_a = body_a or ("damper" if given.damper else "blade")
-        other = (None, "ground") if b == "ground" else (b, body_b or "blade")
-        return importers.ContactFaces(name, a, other[0], body_a, other[1], points=points)
+        body_a, _, set_a = sides[0].rpartition("/")
+        if not body_a:
+            body_a = "damper" if given.damper else "blade"
+        body_b, _, set_b = sides[1].rpartition("/")
+        if set_b == "ground":
+            # the ground has no mesh
+            return importers.ContactFaces(name, set_a, None, body_a, "ground", points=points)
+        return importers.ContactFaces(name, set_a, set_b, body_a, body_b or "blade", points=points)
 
     def stop(text: str) -> importers.ContactFaces:
+        """Read NAME=SET,GAP, the set as SET or BODY/SET."""
         try:
             name, side, gap = re.split("[=,]", text)
             distance = float(gap)
         except ValueError:
             raise bd.SettingError(f"--stop: expected NAME=SET,GAP, found {text!r}") from None
-        body_a, _, a = side.rpartition("/")
+        body_a, _, set_a = side.rpartition("/")
         return importers.ContactFaces(
-            name, a, None, body_a or "damper", "ground", (2, 2), "constraint", gap=distance
+            name, set_a, None, body_a or "damper", "ground", (2, 2), "constraint", gap=distance
         )
 
-    dampers = [text.rpartition("=")[::2] for text in given.damper]
+    blade = body(given.blade)
+    dampers = {}
+    for text in given.damper:
+        name, _, deck = text.rpartition("=")
+        dampers[name or "damper"] = body(deck)
+    contacts = [contact(text) for text in given.contact]
+    stops = [stop(text) for text in given.stop]
+    locations = None
+    if given.tip:
+        # one number is a node, three are a position
+        locations = {"tip": int(given.tip[0]) if len(given.tip) == 1 else given.tip}
+
     built = importers.build_model(
-        body(given.blade), {name or "damper": body(deck) for name, deck in dampers} or None,
-        contacts=[*map(contact, given.contact), *map(stop, given.stop)],
-        sector=importers.Sector(given.sectors, given.faces, given.fixed, given.blade_nodes, given.stress),
+        blade,
+        dampers or None,
+        contacts=contacts + stops,
+        sector=importers.Sector(
+            given.sectors, given.faces, given.fixed, given.blade_nodes, given.stress
+        ),
         placement=importers.Placement(given.units, given.axis, given.radial),
         reduction=importers.Reduction(given.engine_order, given.harmonics, n_modes=given.modes),
-        locations={"tip": int(given.tip[0]) if len(given.tip) == 1 else given.tip} if given.tip else None,
+        locations=locations,
         progress=False if given.quiet else None,
-    )  # fmt: skip
+    )
     print(built)
     stem = given.out or Path(given.blade.partition(":")[0]).stem
     built.save(f"{stem}.h5")
@@ -79,21 +98,21 @@ def import_decks(given: argparse.Namespace) -> None:
 
 def frequency_response(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
     """Return the response curve, and whether it spans the frequency interval."""
-    band = peak_interval(
-        study.problem.at(given.preload), given.band and tuple(given.band), given.mode
-    )
+    asked_band = tuple(given.band) if given.band else None
+    band = peak_interval(study.problem.at(given.preload), asked_band, given.mode)
     curve = study.frequency_response(given.preload, band, progress=not given.quiet)
     return curve, curve.complete
 
 
 def optimum(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
     """Return the optimal curve, and whether it has an optimum."""
-    settings = {
-        "mode": given.mode,
-        "check": "time" if given.check else False,
-        "progress": not given.quiet,
-    }
-    curve = study.optimal_curve(given.preloads, given.n, **settings)
+    curve = study.optimal_curve(
+        given.preloads,
+        given.n,
+        mode=given.mode,
+        check="time" if given.check else False,
+        progress=not given.quiet,
+    )
     answered = bool(np.isfinite(curve.optimum.amplitude)) and not curve.interrupted
     return curve, answered
 
@@ -101,25 +120,33 @@ def optimum(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
 def resonance_crossings(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
     """Return the crossings with engine orders, and whether there is any."""
     orders = given.orders or [study.settings.engine_order]
-    found = study.resonance_crossings(
+    crossings = study.resonance_crossings(
         rpm=given.speeds, engine_orders=orders, mode=given.mode, progress=not given.quiet
     )
-    return found, "speed" in found.quantities and bool(np.isfinite(found.array("speed")).any())
+    # without the quantity all computations failed
+    if "speed" not in crossings.quantities:
+        return crossings, False
+    return crossings, bool(np.isfinite(crossings.array("speed")).any())
 
 
 def margin(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
     """Return the fatigue margins at the highest peak of a preload, and whether there is a peak."""
-    peak, response = study.peak(given.preload, given.band, mode=given.mode), None
+    peak = study.peak(given.preload, given.band, mode=given.mode)
     if not peak.converged:
         return peak, False
-    try:
-        response = study.time_response(peak, progress=not given.quiet) if given.check else None
-    except bd.BdamperError as error:
-        print(f"bdamper: no amplitude in time: {error}", file=sys.stderr)
+    response = None
+    if given.check:
+        # the harmonic balance alone also gives a margin
+        try:
+            response = study.time_response(peak, progress=not given.quiet)
+        except bd.BdamperError as error:
+            print(f"bdamper: no amplitude in time: {error}", file=sys.stderr)
     print(response or peak)
-    strength = [1e6 * getattr(given, name) for name in ("endurance", "ultimate", "yield")]
-    known = response if response is not None and known_in_time(response) else None
-    return study.margin(peak, Material(*strength), time_response=known), True
+    if response is not None and not known_in_time(response):
+        response = None
+    # MPa to Pa; "yield" is a keyword of Python
+    material = Material(1e6 * given.endurance, 1e6 * given.ultimate, 1e6 * vars(given)["yield"])
+    return study.margin(peak, material, time_response=response), True
 
 
 QUESTIONS = {
@@ -141,30 +168,80 @@ class Parser(argparse.ArgumentParser):
 
 
 def file_to_write(endings: Sequence[str], name: str) -> str:
-    """Return the name of an output file; reject it before the computation if it cannot be written."""
-    if Path(name).suffix.lower() not in endings or not Path(name).absolute().parent.is_dir():
+    """Return the name of an output file.
+
+    It is rejected before the computation if the file cannot be written.
+    """
+    path = Path(name)
+    if path.suffix.lower() not in endings or not path.absolute().parent.is_dir():
         raise argparse.ArgumentTypeError(
             f"expected {' or '.join(endings)} in a folder that exists, found {name!r}"
         )
     return name
 
 
+TWO_NUMBERS: dict[str, Any] = {"nargs": 2, "type": float, "metavar": ("LOW", "HIGH")}
+SOME: dict[str, Any] = {"nargs": "+", "metavar": "N"}
+
+
 def parser() -> argparse.ArgumentParser:
     """Return the parser of all commands, with units and defaults in the help."""
+    model = _model_options()
+    picture = Parser(add_help=False)
+    _add_file(picture, "--png", (".png", ".pdf", ".svg"), "write the figure")
+    asked = _study_options()
+    out = _result_options()
+
+    main = Parser("bdamper", description="Forced response of bladed disks with friction dampers.")
+    main.add_argument("--version", action="version", version=bd.__version__)
+    commands = main.add_subparsers(dest="command", required=True)
+    commands.add_parser("info", parents=[model, picture], help="content of a model file")
+    commands.add_parser(
+        "explore", parents=[model, asked], help="interactive page in the browser of this machine"
+    )
+    questions = {}
+    for name, (_, text) in QUESTIONS.items():
+        questions[name] = commands.add_parser(name, parents=[model, asked, picture, out], help=text)
+    _add_question_options(questions)
+    decks = commands.add_parser(
+        "decks", help="write the files of an example of an import to this folder"
+    )
+    decks.add_argument("name", help="abaqus, ansys, calculix or shroud")
+    _add_import_options(
+        commands.add_parser(
+            "import", help="model, report and picture from decks and their matrices"
+        )
+    )
+    return main
+
+
+def _add_file(
+    command: argparse.ArgumentParser, name: str, endings: Sequence[str], text: str
+) -> None:
+    command.add_argument(name, metavar="FILE", type=partial(file_to_write, endings), help=text)
+
+
+def _model_options() -> Parser:
     model = Parser(add_help=False)
-    which = model.add_mutually_exclusive_group(required=True)
-    which.add_argument("model", nargs="?", help="model file (HDF5)")
-    which.add_argument("--demo", action="store_true", help="reference model of a turbine blade")
-    picture, out = Parser(add_help=False), Parser(add_help=False)
-    for place, name, endings, text in (
-        (picture, "--png", (".png", ".pdf", ".svg"), "write the figure"),
-        (out, "--csv", (".csv",), "write the table"),
-        (out, "--h5", (".h5", ".hdf5"), "write the whole result, for bdamper.load"),
-    ):
-        place.add_argument(name, metavar="FILE", type=partial(file_to_write, endings), help=text)
+    file_or_demo = model.add_mutually_exclusive_group(required=True)
+    file_or_demo.add_argument("model", nargs="?", help="model file (HDF5)")
+    file_or_demo.add_argument(
+        "--demo", action="store_true", help="reference model of a turbine blade"
+    )
+    return model
+
+
+def _result_options() -> Parser:
+    out = Parser(add_help=False)
+    _add_file(out, "--csv", (".csv",), "write the table")
+    _add_file(out, "--h5", (".h5", ".hdf5"), "write the whole result, for bdamper.load")
     out.add_argument("--details", action="store_true", help="print all values of the result")
     out.add_argument("--quiet", action="store_true", help="do not show progress")
     out.add_argument("--mode", type=int, default=1, help="mode number, default %(default)s")
+    return out
+
+
+def _study_options() -> Parser:
     asked = Parser(add_help=False)
     add = asked.add_argument
     add("--engine-order", type=int, default=5, metavar="N", help="default %(default)s")
@@ -195,76 +272,77 @@ def parser() -> argparse.ArgumentParser:
         default="tangential",
         help="of the excitation: tangential, radial or axial, default %(default)s",
     )
+    return asked
 
-    some: dict[str, Any] = {"nargs": "+", "metavar": "N"}
-    main = Parser("bdamper", description="Forced response of bladed disks with friction dampers.")
-    main.add_argument("--version", action="version", version=bd.__version__)
-    commands = main.add_subparsers(dest="command", required=True)
-    commands.add_parser("info", parents=[model, picture], help="content of a model file")
-    commands.add_parser(
-        "explore", parents=[model, asked], help="interactive page in the browser of this machine"
-    )
-    kinds = [model, asked, picture, out]
-    own = {
-        name: commands.add_parser(name, parents=kinds, help=text)
-        for name, (_, text) in QUESTIONS.items()
-    }
-    two: dict[str, Any] = {"nargs": 2, "type": float, "metavar": ("LOW", "HIGH")}
+
+def _add_question_options(questions: Mapping[str, argparse.ArgumentParser]) -> None:
+    """Add the options that only some of the questions have."""
     for name in ("response", "margin"):
-        own[name].add_argument(
+        questions[name].add_argument(
             "--preload", type=float, default=100.0, metavar="N", help="in N, default %(default)s"
         )
-        own[name].add_argument(
+        questions[name].add_argument(
             "--band",
             help="frequency interval in Hz, by default around the resonances of the mode",
-            **two,
+            **TWO_NUMBERS,
         )
     for name in ("margin", "optimum"):
         text = "check in time (an optimum: and more), at several times the cost; the default"
-        own[name].add_argument(
+        questions[name].add_argument(
             "--check", action=argparse.BooleanOptionalAction, default=True, help=text
         )
     for name in ("response", "margin", "optimum"):
         speed = "rotor speed in rpm of modes and stresses, default without rotation"
-        own[name].add_argument("--speed", type=float, metavar="RPM", help=speed)
-    add = own["optimum"].add_argument
-    add("--preloads", default=(20.0, 2000.0), help="range of preloads in N, default 20 2000", **two)
-    add("-n", type=int, default=20, help="number of preloads, default %(default)s")
+        questions[name].add_argument("--speed", type=float, metavar="RPM", help=speed)
+    add = questions["optimum"].add_argument
     add(
-        "--html",
-        metavar="FILE",
-        type=partial(file_to_write, (".html",)),
-        help="write a report for a review",
+        "--preloads",
+        default=(20.0, 2000.0),
+        help="range of preloads in N, default 20 2000",
+        **TWO_NUMBERS,
     )
-    own["crossings"].add_argument(
-        "--speeds", default=(5000.0, 10000.0), help="in rpm, default 5000 10000", **two
+    add("-n", type=int, default=20, help="number of preloads, default %(default)s")
+    _add_file(questions["optimum"], "--html", (".html",), "write a report for a review")
+    questions["crossings"].add_argument(
+        "--speeds", default=(5000.0, 10000.0), help="in rpm, default 5000 10000", **TWO_NUMBERS
     )
-    own["crossings"].add_argument(
-        "--orders", type=int, help="engine orders, default --engine-order", **some
+    questions["crossings"].add_argument(
+        "--orders", type=int, help="engine orders, default --engine-order", **SOME
     )
-    decks = commands.add_parser(
-        "decks", help="write the files of an example of an import to this folder"
-    )
-    decks.add_argument("name", help="abaqus, ansys, calculix or shroud")
-    add = commands.add_parser(
-        "import", help="model, report and picture from decks and their matrices"
-    ).add_argument
+    for name, text in (
+        ("endurance", "endurance limit"),
+        ("ultimate", "ultimate strength"),
+        ("yield", "yield strength"),
+    ):
+        questions["margin"].add_argument(
+            f"--{name}", type=float, required=True, metavar="MPA", help=f"{text} in MPa"
+        )
+
+
+def _add_import_options(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
     add(
         "blade",
         metavar="DECK",
         help="deck of the sector, .inp or .cdb, beside its matrices; DECK:INSTANCE for one",
     )
     add("--damper", nargs="+", default=(), metavar="[NAME=]DECK", help="decks of free bodies")
-    contact = "pairs of faces: sets of a damper and of the blade, BODY/SET for those of another body, or ground"
+    contact = (
+        "pairs of faces: sets of a damper and of the blade, "
+        "BODY/SET for those of another body, or ground"
+    )
     add("--contact", nargs="+", required=True, metavar="NAME=SET,SET", help=contact)
-    stop = "faces of a damper that the ground stops without friction at a distance, in the unit of the decks"
+    stop = (
+        "faces of a damper that the ground stops without friction at a distance, "
+        "in the unit of the decks"
+    )
     add("--stop", nargs="+", default=(), metavar="NAME=SET,GAP", help=stop)
     add(
         "--points",
         default=(24,),
         type=int,
         help="contact points of a pair, or along t1 and t2, default 24",
-        **some,
+        **SOME,
     )
     add(
         "--units",
@@ -292,7 +370,7 @@ def parser() -> argparse.ArgumentParser:
     add("--fixed", metavar="SET", help="held nodes")
     add("--blade-nodes", metavar="SET", help="nodes of the blade, for mistuned bladed disks")
     add("--stress", metavar="SET", help="nodes with stress")
-    add("--engine-order", default=(5,), type=int, help="engine orders, default 5", **some)
+    add("--engine-order", default=(5,), type=int, help="engine orders, default 5", **SOME)
     add(
         "--harmonics",
         type=int,
@@ -314,25 +392,17 @@ def parser() -> argparse.ArgumentParser:
     )
     add("--out", metavar="NAME", help="name of the files, by default that of the deck")
     add("--quiet", action="store_true", help="do not show progress")
-    for name, text in (
-        ("endurance", "endurance limit"), ("ultimate", "ultimate strength"), ("yield", "yield strength"),
-    ):  # fmt: skip
-        own["margin"].add_argument(
-            f"--{name}", type=float, required=True, metavar="MPA", help=f"{text} in MPa"
-        )
-    return main
 
 
 def explore(study: bd.Study, given: argparse.Namespace) -> int:
     """Serve the explorer until Ctrl-C."""
-    model = (
-        'bd.reference_model("turbine_blade")' if given.demo else f"bd.load_model({given.model!r})"
-    )
+    model = f"bd.load_model({given.model!r})"
+    if given.demo:
+        model = 'bd.reference_model("turbine_blade")'
     numbers = f"{study.settings.engine_order}, {given.friction}, harmonics={given.harmonics}"
     driven = f"bd.Excitation({given.at!r}, {given.direction!r}, {given.force})"
-    page = bd.explore(
-        study, source=f"import bdamper as bd\nstudy = bd.Study({model}, {driven}, {numbers})"
-    )
+    source = f"import bdamper as bd\nstudy = bd.Study({model}, {driven}, {numbers})"
+    page = bd.explore(study, source=source)
     print(page.address, flush=True)
     webbrowser.open(page.address)
     with suppress(KeyboardInterrupt):
@@ -341,9 +411,25 @@ def explore(study: bd.Study, given: argparse.Namespace) -> int:
     return 0
 
 
+def study_of(given: argparse.Namespace, model: bd.Model) -> bd.Study:
+    """Return the study that the options describe."""
+    options = vars(given)  # each command has only some of them
+    orders = options.get("orders") or [given.engine_order]
+    study = bd.Study(
+        model,
+        bd.Excitation(given.at, given.direction, given.force),
+        orders[0] if model.n_blades > 1 else 0,
+        friction_coefficient=given.friction,
+        harmonics=given.harmonics,
+    )
+    rpm = options.get("speed")
+    if rpm:
+        study = study.at_speed(rpm * np.pi / 30.0)
+    return study
+
+
 def answer(given: argparse.Namespace) -> int:
     """Compute, print and write the result; return 1 if there is no result."""
-    result: Any
     if given.command == "decks":
         print(*bd.importers.example_decks(given.name), sep="\n")
         return 0
@@ -352,33 +438,45 @@ def answer(given: argparse.Namespace) -> int:
         return 0
     model = bd.reference_model("turbine_blade") if given.demo else bd.load_model(given.model)
     if given.command == "info":
-        result, answered = model, True
-    else:
-        driven = bd.Excitation(given.at, given.direction, given.force)
-        settings = {"friction_coefficient": given.friction, "harmonics": given.harmonics}
-        order = (vars(given).get("orders") or [given.engine_order])[0]
-        study = bd.Study(model, driven, order if model.n_blades > 1 else 0, **settings)
-        if rpm := vars(given).get("speed"):
-            study = study.at_speed(rpm * np.pi / 30.0)
-        if given.command == "explore":
-            return explore(study, given)
-        result, answered = QUESTIONS[given.command][0](study, given)
-    more = given.command != "info" and given.details
-    print(result.summary() if more else str(result).replace("summary() has", "--details has"))
-    files = vars(given)  # files are written last, because the disk can be full
-    if path := files.get("csv"):
-        result.to_csv(path)
-    if path := files.get("h5"):
-        result.save(path)
-    if answered and (path := files.get("html")):
-        result.report(path, study, model_file=given.model or "")
-        print(f"wrote {path}", file=sys.stderr)
-    if given.png:
-        from bdamper.plot import save_figure
+        print(str(model).replace("summary() has", "--details has"))
+        _write_picture(model, given.png)
+        return 0
 
-        save_figure(result.plot(), given.png)
-        print(f"wrote {given.png}", file=sys.stderr)
-    return int(not answered)
+    study = study_of(given, model)
+    if given.command == "explore":
+        return explore(study, given)
+    compute, _ = QUESTIONS[given.command]
+    result, answered = compute(study, given)
+    if given.details:
+        print(result.summary())
+    else:
+        print(str(result).replace("summary() has", "--details has"))
+    # files are written last, because the disk can be full
+    if given.csv:
+        result.to_csv(given.csv)
+    if given.h5:
+        result.save(given.h5)
+    report = vars(given).get("html")
+    if answered and report:
+        result.report(report, study, model_file=given.model or "")
+        print(f"wrote {report}", file=sys.stderr)
+    _write_picture(result, given.png)
+    return 0 if answered else 1
+
+
+def _write_picture(result: Any, path: str | None) -> None:
+    """Write the figure of a result, if a path is given."""
+    if not path:
+        return
+    from bdamper.plot import save_figure
+
+    save_figure(result.plot(), path)
+    print(f"wrote {path}", file=sys.stderr)
+
+
+def print_warning(message: Warning | str, *_: Any, **__: Any) -> None:
+    """Print a warning in one line, as ``warnings.showwarning``."""
+    print(f"bdamper: {message}", file=sys.stderr)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -386,9 +484,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser().parse_args(arguments)
     try:
         with warnings.catch_warnings():
-            warnings.showwarning = lambda message, *_, **__: print(
-                f"bdamper: {message}", file=sys.stderr
-            )
+            warnings.showwarning = print_warning
             return answer(given)
     except bd.SettingError as error:
         print(f"bdamper: {error}", file=sys.stderr)

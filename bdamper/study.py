@@ -355,7 +355,7 @@ class Study(Comparable):
         """Return the number of retained modes of each body, and how many the model contains."""
         texts = []
         for name, retained in self.problem.coupling.modes.items():
-            # as many modes at every nodal diameter
+            # taken from the first nodal diameter
             basis = next(iter(self.model.bodies[name].bases.values()))
             texts.append(f"{name} {len(retained)} of {basis.n_modes}")
         return texts
