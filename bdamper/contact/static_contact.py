@@ -166,6 +166,7 @@ class _Solver:
     def iterate(self, F: NDArray, eta: NDArray, rest: NDArray) -> _Iterate:
         """Evaluate contact law and equilibrium at forces and coordinates, with sliders ``rest``."""
         p = self.problem
+        # the elastic contact element behind each point is compressed by F/k
         z = self.motion(F, eta) + F / self.k
         level = self.k[:, 2] * z[:, 2]
         trial = self.k[:, :2] * (z[:, :2] - rest)
@@ -220,6 +221,7 @@ class _Solver:
         p = self.problem
         S = 1.0 / self.k
         D = p.rigid.T @ (self.k.ravel()[:, None] * p.rigid)
+        # a small part for rigid-body motions without motion at the contacts
         D = D + 1e-9 * np.trace(D) / max(self.m, 1) * np.eye(self.m)
         rest = np.zeros((self.n, 2))
         now = self.iterate(np.zeros((self.n, 3)), np.zeros(self.m), rest)
@@ -301,8 +303,10 @@ def _solution(A: NDArray, b: NDArray) -> NDArray:
         x = np.linalg.solve(A, b)
     except np.linalg.LinAlgError:
         x = np.full_like(b, np.nan)
-    if np.isfinite(x).all() and np.abs(A @ x - b).max() <= 1e-8 * np.abs(b).max():
-        return x
+    if np.isfinite(x).all():
+        residual = np.abs(A @ x - b).max()
+        if residual <= 1e-8 * np.abs(b).max():
+            return x
     return np.linalg.lstsq(A, b, rcond=1e-12)[0]
 
 

@@ -42,8 +42,9 @@ def _seven_points() -> tuple[NDArray, NDArray]:
     middle = np.full((1, 3), 1.0 / 3.0)
     near_corners = np.full((3, 3), near) + (1.0 - 3.0 * near) * np.eye(3)
     far_corners = np.full((3, 3), far) + (1.0 - 3.0 * far) * np.eye(3)
+    coordinates = np.concatenate([middle, near_corners, far_corners])
     weights = [0.225, (155.0 - root) / 1200.0, (155.0 + root) / 1200.0]
-    return np.concatenate([middle, near_corners, far_corners]), np.repeat(weights, (1, 3, 3))
+    return coordinates, np.repeat(weights, (1, 3, 3))
 
 
 _BARYCENTRIC, _WEIGHTS = _seven_points()
@@ -138,8 +139,9 @@ def patch_grid(points: int | tuple[int, int], length: float, width: float) -> tu
 
     def penalty(n_along: int) -> tuple[bool, float, int]:
         n_across = points // n_along
+        has_few = min(n_along, n_across) < 3
         slenderness = abs(np.log(length / n_along / (width / n_across)))
-        return min(n_along, n_across) < 3, slenderness, n_along
+        return has_few, slenderness, n_along
 
     factors = [n for n in range(1, points + 1) if points % n == 0]
     n_along = min(factors, key=penalty)
@@ -172,6 +174,7 @@ def mean_frame(facets: Facets, nodes: NDArray) -> NDArray:
     if np.linalg.norm(t2) > 0.1:
         t2 /= np.linalg.norm(t2)
         return np.array([np.cross(t2, n), t2, n])
+    # the normal is along the axis of rotation
     centre = nodes[facets.nodes].mean(axis=0)
     angle = np.arctan2(centre[0], centre[1])
     t1 = np.array([np.cos(angle), -np.sin(angle), 0.0])
@@ -189,8 +192,10 @@ def serendipity(xi: NDArray) -> NDArray:
 
     The corners are in the order of ``SQUARE``.
     """
-    a, b = xi[:, :1], xi[:, 1:]
-    corner_a, corner_b = SQUARE[:, 0], SQUARE[:, 1]
+    a = xi[:, :1]
+    b = xi[:, 1:]
+    corner_a = SQUARE[:, 0]
+    corner_b = SQUARE[:, 1]
     corners = 0.25 * (1 + a * corner_a) * (1 + b * corner_b) * (a * corner_a + b * corner_b - 1)
     bottom = 0.5 * (1 - a**2) * (1 - b)
     right = 0.5 * (1 + a) * (1 - b**2)
@@ -201,7 +206,9 @@ def serendipity(xi: NDArray) -> NDArray:
 
 def _bilinear(xi: NDArray) -> NDArray:
     """Return the shape functions (m, 4) of the corners of the quadrilateral."""
-    return 0.25 * (1 + xi[:, :1] * SQUARE[:, 0]) * (1 + xi[:, 1:] * SQUARE[:, 1])
+    a = xi[:, :1]
+    b = xi[:, 1:]
+    return 0.25 * (1 + a * SQUARE[:, 0]) * (1 + b * SQUARE[:, 1])
 
 
 def shape_functions(xi: NDArray, n_nodes: int) -> NDArray:
@@ -258,8 +265,11 @@ def _cut(polygon: NDArray, inside: NDArray) -> NDArray:
         return polygon
     corners = []
     for k in range(len(polygon)):
-        before, corner = polygon[k - 1], polygon[k]
-        distance_before, distance = inside[k - 1], inside[k]
+        before = polygon[k - 1]
+        corner = polygon[k]
+        distance_before = inside[k - 1]
+        distance = inside[k]
+        # the line cuts the edge between both corners
         if distance_before * distance < 0.0:
             edge = corner - before
             corners.append(before + edge * distance_before / (distance_before - distance))
@@ -285,8 +295,10 @@ def clip_to_polygon(polygon: NDArray, window: NDArray, sides: NDArray | None = N
     for corner, side in zip(window, sides):
         if len(polygon) == 0:
             return polygon
-        from_corner = side[0] * (polygon[:, 1] - corner[1]) - side[1] * (polygon[:, 0] - corner[0])
-        polygon = _cut(polygon, from_corner)
+        x = polygon[:, 0] - corner[0]
+        y = polygon[:, 1] - corner[1]
+        # positive on the left of the side
+        polygon = _cut(polygon, side[0] * y - side[1] * x)
     return polygon
 
 
@@ -301,7 +313,10 @@ def overlaps(
     low = np.array([np.min(window, axis=0) for window in windows]).reshape(-1, 2)
     high = np.array([np.max(window, axis=0) for window in windows]).reshape(-1, 2)
     for k, polygon in enumerate(polygons):
-        near = np.all((low < polygon.max(axis=0)) & (high > polygon.min(axis=0)), axis=1)
+        # windows whose bounding boxes overlap that of the polygon
+        begins_before_end = low < polygon.max(axis=0)
+        ends_after_begin = high > polygon.min(axis=0)
+        near = np.all(begins_before_end & ends_after_begin, axis=1)
         for m in np.flatnonzero(near).tolist():
             part = clip_to_polygon(polygon, windows[m], sides)
             if len(part) >= 3:
@@ -310,7 +325,8 @@ def overlaps(
 
 def polygon_area(polygon: NDArray) -> float:
     """Return the signed area of a polygon (m, 2)."""
-    x, y = polygon[:, 0], polygon[:, 1]
+    x = polygon[:, 0]
+    y = polygon[:, 1]
     return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
 
@@ -356,7 +372,8 @@ def _flatten(facets: Facets, nodes: NDArray, origin: NDArray, frame: NDArray, wh
         ahead = np.roll(corners, -1, axis=0) - corners
         behind = corners - np.roll(corners, 1, axis=0)
         bend = behind[:, 0] * ahead[:, 1] - behind[:, 1] * ahead[:, 0]
-        if not polygon_area(corners) > 0.0 or bend.min() < -1e-6 * bend.max():
+        is_convex = bend.min() >= -1e-6 * bend.max()
+        if not (polygon_area(corners) > 0.0 and is_convex):
             middle = nodes[row[:n]].mean(axis=0)
             raise ValueError(f"a facet of {what} at {middle} m is folded or seen edge-on")
         flat.nodes.append(row)
@@ -443,7 +460,8 @@ def _means(
         return mean @ nodes, matrix
 
     points_a, matrix_a = on_body(of_body[0], bodies[0])
-    points_b, matrix_b = None, None
+    points_b = None
+    matrix_b = None
     if bodies[1] is not None:
         points_b, matrix_b = on_body(of_body[1], bodies[1])
     return PatchMeans(area, frames, points_a, points_b, matrix_a, matrix_b)
@@ -473,7 +491,8 @@ def patches_on_rectangles(
     ValueError
         If the surface does not cover a patch.
     """
-    origin, frame = patches.centre[0], patches.frame[0]
+    origin = patches.centre[0]
+    frame = patches.frame[0]
     height = np.abs((nodes - origin) @ frame[2])
     in_plane = height < 1e-7 * float(np.ptp(nodes, axis=0).max())
     groups = []

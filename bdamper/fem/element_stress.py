@@ -111,15 +111,22 @@ def _wedge(points: NDArray) -> tuple[NDArray, NDArray]:
 
     The nodes are the corners, the edges of the triangles, then the other edges.
     """
-    across, along = points[:2], points[2:]
+    across = points[:2]
+    along = points[2:]
     quadratic, d_quadratic = _values(ElementTriP2(), across)
     linear, d_linear = _values(ElementTriP1(), across)
     ends, d_ends = _values(ElementLineP1(), along)
     line, d_line = _values(ElementLineP2(), along)
-    middle, d_middle = line[2], d_line[2]
+    # the third function of the line is its bubble
+    middle = line[2]
+    d_middle = d_line[2]
 
     def product(f: NDArray, df: NDArray, g: NDArray, dg: NDArray) -> NDArray:
-        return np.concatenate([(f * g)[:, None], df * g, (f * dg[0])[:, None]], axis=1)
+        """Return f g with its three derivatives, for f of the triangle and g of the line."""
+        value = (f * g)[:, None]
+        d_across = df * g
+        d_along = (f * dg[0])[:, None]
+        return np.concatenate([value, d_across, d_along], axis=1)
 
     upright = product(linear, d_linear, middle, d_middle)
     lower = product(quadratic, d_quadratic, ends[0], d_ends[0])
@@ -149,9 +156,12 @@ def _places(n_nodes: int) -> NDArray:
     """Return the nodes (n_nodes, 3) of a reference element."""
     if n_nodes != 15:
         return np.asarray({**_FIRST, **_SECOND}[n_nodes].doflocs)
-    corner, edge = _FIRST[6].doflocs, ElementTriP2().doflocs[3:]
-    between = [np.column_stack([edge, np.full(3, z)]) for z in (0.0, 1.0)]
-    return np.concatenate([corner, *between, np.column_stack([_TRIANGLE, np.full(3, 0.5)])])
+    corners = _FIRST[6].doflocs
+    edge = ElementTriP2().doflocs[3:]
+    bottom_edges = np.column_stack([edge, np.full(3, 0.0)])
+    top_edges = np.column_stack([edge, np.full(3, 1.0)])
+    upright_edges = np.column_stack([_TRIANGLE, np.full(3, 0.5)])
+    return np.concatenate([corners, bottom_edges, top_edges, upright_edges])
 
 
 @cache
@@ -179,7 +189,10 @@ def _samples(kind: str, n_nodes: int) -> tuple[NDArray, NDArray]:
         element = _SECOND[20]
         points = get_quadrature(first, 5)[0]
     else:
-        points = get_quadrature(first, 3 if n_nodes > 10 or n_nodes == 8 else 2)[0]
+        # hexahedra have 2 x 2 x 2 points, tetrahedra of second order four
+        order = 3 if n_nodes > 10 or n_nodes == 8 else 2
+        points = get_quadrature(first, order)[0]
+    # a tetrahedron of first order has constant stress
     if n_nodes == 4:
         points = points.mean(axis=1, keepdims=True)
     at_nodes = _values(element, _places(n_nodes).T)[0].T
@@ -229,18 +242,22 @@ def _gradients(group: Solids, x: NDArray) -> tuple[NDArray, NDArray | None]:
     bubbles : (n_elements, 9, 24), only for C3D8I
         Bubble amplitudes for nodal displacements.
     """
-    n, bubbles = x.shape[1], None
-    points, spread = _samples(group.kind, n)
-    local = _shape_functions(n, points)[1]
+    n = x.shape[1]
+    bubbles = None
+    points, extrapolation = _samples(group.kind, n)
+    _, local = _shape_functions(n, points)
     jacobian = np.einsum("eai,ajp->epij", x, local, optimize=True)
     gradient = np.einsum("ajp,epji->epai", local, np.linalg.inv(jacobian), optimize=True)
     volume = np.abs(np.linalg.det(jacobian))
-    if group.kind == "C3D8R":  # one point, with the mean gradient over the volume
-        mean = np.einsum("ep,epai->eai", volume / volume.sum(axis=1, keepdims=True), gradient)
+    if group.kind == "C3D8R":
+        # one point, with the mean gradient over the volume
+        share = volume / volume.sum(axis=1, keepdims=True)
+        mean = np.einsum("ep,epai->eai", share, gradient)
         gradient = np.repeat(mean[:, None], len(points.T), axis=1)
     elif group.kind == "C3D8I":
         gradient, bubbles = _with_bubbles(group, x, points, gradient, volume)
-    return np.einsum("Lp,epai->eLai", spread, gradient, optimize=True), bubbles
+    at_nodes = np.einsum("Lp,epai->eLai", extrapolation, gradient, optimize=True)
+    return at_nodes, bubbles
 
 
 def nodal_integrals(elements: NDArray, nodes: NDArray) -> tuple[NDArray, NDArray, NDArray]:
@@ -266,7 +283,8 @@ def nodal_integrals(elements: NDArray, nodes: NDArray) -> tuple[NDArray, NDArray
     """
     ordered = in_reference_order(elements, nodes)
     n = elements.shape[1]
-    if N_CORNER[n] == 6:  # scikit-fem has no rule for wedges
+    if N_CORNER[n] == 6:
+        # scikit-fem has no rule for wedges
         across, across_weight = get_quadrature(ElementTriP1(), 4)
         along, along_weight = get_quadrature(ElementLineP1(), 4)
         n_across, n_along = len(across_weight), len(along_weight)
@@ -276,13 +294,19 @@ def nodal_integrals(elements: NDArray, nodes: NDArray) -> tuple[NDArray, NDArray
         points, weight = get_quadrature(_FIRST[N_CORNER[n]], 4)
     values, local_gradient = _shape_functions(n, points)
     jacobian = np.einsum("eai,ajp->epij", nodes[ordered], local_gradient, optimize=True)
-    columns = [np.cross(jacobian[..., (k + 1) % 3], jacobian[..., (k + 2) % 3]) for k in range(3)]
+    # the cofactors are finite where a collapsed element has no inverse
+    columns = []
+    for k in range(3):
+        next_column = jacobian[..., (k + 1) % 3]
+        last_column = jacobian[..., (k + 2) % 3]
+        columns.append(np.cross(next_column, last_column))
     cofactor = np.stack(columns, axis=-1)
     determinant = np.einsum("epi,epi->ep", jacobian[..., 0], cofactor[..., 0])
     # the sign is negative for corners in the opposite turn
     signed = weight * np.sign(determinant)
     gradient = np.einsum("ep,ajp,epij->eai", signed, local_gradient, cofactor, optimize=True)
-    return ordered, (signed * determinant) @ values.T, gradient
+    volume = (signed * determinant) @ values.T
+    return ordered, volume, gradient
 
 
 def _with_bubbles(
@@ -293,8 +317,10 @@ def _with_bubbles(
     As in CalculiX 2.20 their gradients use the map at the centre.  Other programs scale them by its
     volume, which changes the stress of a distorted block by 5 %.
     """
-    centre = np.einsum("eai,ajp->eij", x, _values(_FIRST[8], np.full((3, 1), 0.5))[1])
-    local = 4.0 * (1.0 - 2.0 * points.T)[:, :, None] * np.eye(3)  # of 4 s (1 - s) along each axis
+    _, centre_gradient = _values(_FIRST[8], np.full((3, 1), 0.5))
+    centre = np.einsum("eai,ajp->eij", x, centre_gradient)
+    # the derivative of the bubble 4 s (1 - s) along each axis
+    local = 4.0 * (1.0 - 2.0 * points.T)[:, :, None] * np.eye(3)
     bubble_gradient = np.einsum("pkj,eji->epki", local, np.linalg.inv(centre), optimize=True)
     gradient = np.concatenate([gradient, bubble_gradient], axis=2)
     lame, shear = lame_constants(group.youngs_modulus, group.poisson_ratio)
@@ -302,12 +328,16 @@ def _with_bubbles(
     stiffness = lame * h + shear * h.transpose(0, 1, 4, 3, 2)
     stiffness[:, :, range(3), :, range(3)] += shear * np.einsum("ekibi->ekb", h)
     stiffness = stiffness.reshape(len(x), 9, 33)
-    return gradient, -np.linalg.solve(stiffness[:, :, 24:], stiffness[:, :, :24])
+    of_nodes = stiffness[:, :, :24]
+    of_bubbles = stiffness[:, :, 24:]
+    return gradient, -np.linalg.solve(of_bubbles, of_nodes)
 
 
 def lame_constants(young: float, nu: float) -> tuple[float, float]:
     """Return Lame's constants, Pa, for Young's modulus and Poisson's ratio."""
-    return young * nu / ((1 + nu) * (1 - 2 * nu)), young / (2 * (1 + nu))
+    lame = young * nu / ((1 + nu) * (1 - 2 * nu))
+    shear = young / (2 * (1 + nu))
+    return lame, shear
 
 
 def element_rows(
@@ -348,16 +378,20 @@ def element_rows(
             raise ValueError(
                 f"elements {group.kind} without volume at one of their points"
             ) from None
-        e, L = np.nonzero(position[ordered] >= 0)
-        blocks = _stress(group, gradient[e, L])
+        # element and local number of each wanted node
+        e, local = np.nonzero(position[ordered] >= 0)
+        blocks = _stress(group, gradient[e, local])
         if bubbles is not None:
+            # the nodal displacements determine the bubbles
             blocks = blocks[..., :24] + blocks[..., 24:] @ bubbles[e]
         dof = (3 * ordered[e][:, :, None] + np.arange(3)).reshape(len(e), 1, -1)
         columns = np.broadcast_to(dof, blocks.shape)
         lines = np.repeat(np.arange(6 * len(e)), dof.shape[2])
         shape = (6 * len(e), 3 * len(nodes))
         rows = sp.csr_matrix((blocks.ravel(), (lines, columns.ravel())), shape=shape)
-        pairs, pair = np.unique(e * len(nodes) + position[ordered[e, L]], return_inverse=True)
+        # one number for each pair of element and node; a collapsed element has a node repeatedly
+        pair_number = e * len(nodes) + position[ordered[e, local]]
+        pairs, pair = np.unique(pair_number, return_inverse=True)
         parts.append(node_average(pair, len(pairs)) @ rows)
         owners.append(pairs % len(nodes))
     return sp.vstack(parts, format="csr"), np.concatenate(owners)
@@ -365,7 +399,8 @@ def element_rows(
 
 def _stress(group: Solids, g: NDArray) -> NDArray:
     """Return the stress (m, 6, 3 n) for shape functions with the gradients ``g`` (m, n, 3)."""
-    (m, n, _), (lame, shear) = g.shape, lame_constants(group.youngs_modulus, group.poisson_ratio)
+    m, n, _ = g.shape
+    lame, shear = lame_constants(group.youngs_modulus, group.poisson_ratio)
     blocks = np.zeros((m, 6, n, 3))
     for i in range(3):
         blocks[:, :3, :, i] += lame * g[:, None, :, i]
@@ -378,9 +413,11 @@ def _stress(group: Solids, g: NDArray) -> NDArray:
 
 def von_mises_size(stress: NDArray) -> NDArray:
     """Return the von Mises norm (...) of complex or real stress amplitudes (..., 6)."""
-    normal, tangential = stress[..., :3], stress[..., 3:]
-    square = 0.5 * (np.abs(normal - np.roll(normal, -1, axis=-1)) ** 2).sum(axis=-1)
-    return np.sqrt(square + 3.0 * (np.abs(tangential) ** 2).sum(axis=-1))
+    normal = stress[..., :3]
+    shear = stress[..., 3:]
+    difference = normal - np.roll(normal, -1, axis=-1)
+    square = 0.5 * (np.abs(difference) ** 2).sum(axis=-1)
+    return np.sqrt(square + 3.0 * (np.abs(shear) ** 2).sum(axis=-1))
 
 
 def node_average(owner: NDArray, n: int) -> sp.csr_matrix:
@@ -398,6 +435,7 @@ def near_patches(points: NDArray, *faces: Patches) -> NDArray:
     edges."""
     near = np.zeros(len(points), bool)
     for face in faces:
+        # along t1, t2 and n of each patch
         local = np.einsum("pij,npj->npi", face.frame, points[:, None] - face.centre)
         beyond = np.maximum(np.abs(local[..., :2]) - 0.5 * face.size, 0.0)
         distance = np.sqrt((beyond**2).sum(axis=-1) + local[..., 2] ** 2)
@@ -432,7 +470,9 @@ class StressRows:
         nodes: NDArray,
         near_contact: NDArray | None = None,
     ) -> None:
-        self.name, self.nodes, self.points = name, nodes, positions[nodes]
+        self.name = name
+        self.nodes = nodes
+        self.points = positions[nodes]
         self._near = near_contact
         self._pairs, self._owner = element_rows(solids, positions, nodes)
         self._rows = node_average(self._owner, len(nodes)) @ self._pairs
@@ -464,8 +504,10 @@ class StressRows:
         self._contact[d] = self._kept(contact_stress)
         if d == 0:
             self._static = (self._rows @ spin_displacement(sector).real).reshape(-1, 6)
-        # in the lowest mode of the first nodal diameter other than 0, if there is one
-        if (d and len(self._modes) <= 2) or self._spread is None:
+        # in the lowest mode of the first nodal diameter other than 0, if there is one; diameter 0
+        # precedes it
+        is_first_other = d > 0 and len(self._modes) <= 2
+        if is_first_other or self._spread is None:
             self._spread = self._spread_of(shapes[:, 0])
 
     def _spread_of(self, shape: NDArray) -> NDArray:
@@ -480,7 +522,8 @@ class StressRows:
     def largest(self, nodal_diameter: int) -> int:
         """Return the node of the largest von Mises stress in the lowest mode of a nodal
         diameter."""
-        return int(self.nodes[von_mises_size(self._modes[nodal_diameter][..., 0]).argmax()])
+        lowest_mode = self._modes[nodal_diameter][..., 0]
+        return int(self.nodes[von_mises_size(lowest_mode).argmax()])
 
     @staticmethod
     def _kept(rows: NDArray) -> NDArray:
