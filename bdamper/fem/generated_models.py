@@ -114,6 +114,7 @@ def wedge_patches(g: Geometry, side: str, points: int | tuple[int, int]) -> Patc
     They are in the axes of blade 0.
     """
     n_s, n_z = patch_grid(points, g.face_length, g.face_width)
+    # centres of the patches, below the ridge and along the axis
     s = (np.arange(n_s) + 0.5) * g.face_length / n_s
     z = ((np.arange(n_z) + 0.5) / n_z - 0.5) * g.face_width
     # left and right face are mirror images
@@ -216,8 +217,8 @@ class SectorFE:
         left = np.flatnonzero(on_disk & (np.abs(angle + 0.5 * g.pitch) < 1e-9))
         right = np.flatnonzero(on_disk & (np.abs(angle - 0.5 * g.pitch) < 1e-9))
         self.faces = match_faces(nodes, left, right, g.n_blades)
-        # Midpoints of straight edges along the bore lie slightly inside its radius, all others
-        # outside.
+        # midpoints of straight edges along the bore lie slightly inside its radius, all others
+        # outside
         self.clamped: NDArray = np.flatnonzero(radius < g.bore_radius + 1e-8)
         self._cyclic: dict[int, CyclicSector] = {}
 
@@ -242,16 +243,16 @@ class SectorFE:
         check_at : float, rad/s, optional
             Speed for a comparison with the frequencies of the full matrices.
         """
-        return Rotation(
-            stiffness_per_squared_speed(self.blade, self.cyclic(0)), 0.0, check_at, "bdamper.fem"
-        )
+        per_squared_speed = stiffness_per_squared_speed(self.blade, self.cyclic(0))
+        return Rotation(per_squared_speed, 0.0, check_at, "bdamper.fem")
 
     def blade_part(self) -> BladePart:
         """Return shank, platform and airfoil as the blade of a mistuned bladed disk; its root is at
         the rim."""
-        blocks = sector_blocks(self.geometry, self.density)[1:]  # without the disk
-        part = discretise(join_blocks(blocks), self.material)
-        nodes = cKDTree(self.blade.nodes).query(part.nodes)[1]
+        _disk, *blade_blocks = sector_blocks(self.geometry, self.density)
+        part = discretise(join_blocks(blade_blocks), self.material)
+        # the same nodes in the numbering of the sector
+        _, nodes = cKDTree(self.blade.nodes).query(part.nodes)
         dofs = self.blade.dofs(nodes)
         entries = part.stiffness.tocoo()
         shape = self.blade.stiffness.shape
@@ -287,8 +288,9 @@ class SectorFE:
 
 def solids_of(body: Discretisation) -> tuple[Solids, ...]:
     """Return the elements of a body with their material."""
-    m = body.material
-    return (Solids("C3D20", body.elements[:, local_order()], m.youngs_modulus, m.poisson_ratio),)
+    material = body.material
+    nodes = body.elements[:, local_order()]
+    return (Solids("C3D20", nodes, material.youngs_modulus, material.poisson_ratio),)
 
 
 def blade_stress(
@@ -309,11 +311,16 @@ def blade_stress(
     nodal_diameters : iterable of int
     n_modes : int
     """
-    at = blade_points(fe.blade, fe.geometry)
-    near = near_patches(fe.blade.nodes[at], faces[0], faces[1].turned(turn(-fe.geometry.pitch)))
-    rows = StressRows("blade", solids_of(fe.blade), fe.blade.nodes, at, near)
+    nodes = blade_points(fe.blade, fe.geometry)
+    left, right = faces
+    # the right face presses on blade 1; the same place of blade 0 is one pitch back
+    right_on_blade = right.turned(turn(-fe.geometry.pitch))
+    near = near_patches(fe.blade.nodes[nodes], left, right_on_blade)
+    rows = StressRows("blade", solids_of(fe.blade), fe.blade.nodes, nodes, near)
     for d in sorted({0, *nodal_diameters}):
-        rows.add(fe.cyclic(d), contact, *fe.cyclic(d).modes(n_modes))
+        sector = fe.cyclic(d)
+        omega2, shapes = sector.modes(n_modes)
+        rows.add(sector, contact, omega2, shapes)
     return {"blade": rows.set("blade", "bdamper.fem.generated_models, mean over elements at nodes")}
 
 
@@ -421,10 +428,11 @@ def bladed_disk(
     nodes = blade_nodes(fe.blade, g)
     if isinstance(rotation, int | float):
         rotation = fe.rotation(rotation)
-    turns = with_progress(diameters, progress, "finite element model", "nodal diameter")
+    reported = with_progress(diameters, progress, "finite element model", "nodal diameter")
     wanted = Wanted(BLADE_PORTS, contact, nodes, n_modes, damping_ratio)
-    blade = constrained_body("blade", wanted, fe.cyclic, turns, rotation)
-    local = None if wheel is None else fe.local_basis(wanted, interfaces, wheel)
+    blade = constrained_body("blade", wanted, fe.cyclic, reported, rotation)
+    if wheel is not None:
+        blade = replace(blade, local=fe.local_basis(wanted, interfaces, wheel))
     centre = {"damper": fe.damper.body.nearest_node(fe.damper.centre)}
     damper = damper_body(fe.damper, patches, centre, n_damper_modes, damping_ratio, g)
     pictured = {d: fe.cyclic(d).modes(n_modes)[1] for d in pictures}
@@ -433,7 +441,7 @@ def bladed_disk(
         stress_sets = blade_stress(fe, contact, (left, right), diameters, n_modes)
     return Model(
         n_blades=g.n_blades,
-        bodies={"blade": replace(blade, local=local), "damper": damper, "ground": GROUND},
+        bodies={"blade": blade, "damper": damper, "ground": GROUND},
         interfaces=interfaces,
         locations=locations("blade", fe.blade, nodes) | locations("damper", fe.damper.body, centre),
         meshes={
@@ -525,7 +533,8 @@ def blade_to_ground(
     # underside in the axes of the blade: t1 up the slope as on the damper, normal toward the ground
     face = wedge_patches(g, "left", points)
     patches = Patches(face.centre, face.frame * np.array([1.0, -1.0, -1.0])[:, None], face.size)
-    nodes, contact = blade_nodes(body, g), averaging_matrix(body, patches)
+    nodes = blade_nodes(body, g)
+    contact = averaging_matrix(body, patches)
     wanted = Wanted((("platform", "a"),), contact, nodes, n_modes, damping_ratio)
     blade = constrained_body("blade", wanted, lambda _: structure, (0,))
     return Model(
