@@ -55,7 +55,7 @@ def numbers(texts):
 
 
 def how_to(seen, page, folder):
-    assert len(seen) == 11 and max(len(block.splitlines()) for block in blocks(page)) <= 10
+    assert len(seen) == 12 and max(len(block.splitlines()) for block in blocks(page)) <= 10
     chosen, robust, _, compared, swept, resumed = seen[1:7]
     space = seen[-1]
     assert chosen["best"].verified and chosen["low"] < chosen["best"].preload < chosen["high"]
