@@ -136,6 +136,14 @@ class MeasuredResponse(Summarised, validation.Checked):
             validation.check(self._excitation_is_measured, name, expected, "none")
         one = self.force is None or self.base_acceleration is None
         validation.check(one, name, "force or base_acceleration", "both")
+        # a nominal amplitude replaces measured ones of its own kind alone
+        kinds = {
+            "force": (self.force, self.data.base_acceleration),
+            "base_acceleration": (self.base_acceleration, self.data.force),
+        }
+        for kind, (nominal, other_data) in kinds.items():
+            fits = nominal is None or other_data is None
+            validation.check(fits, name, f"data without the other excitation for {kind}", "both")
         least = min(self.data.frequency.min(), self.data.amplitude.min())
         validation.check(least > 0.0, name, "frequencies and amplitudes above 0", f"{least:g}")
 
@@ -356,11 +364,11 @@ def _without_model(varied: Variations, test: MeasuredResponse, reason: str) -> S
     )
 
 
-class _ForceControl:
-    """Residuals of a response under force control, on the branch that its sweep follows.
+class _Control:
+    """Measured response and the solutions of a study that it is compared with.
 
-    Near a jump the residual is the distance to the curve in scaled logarithms of frequency and
-    amplitude.  ``normal`` (n, 2) is the normal of the curve there, and NaN elsewhere.
+    ``model`` has the response of the study at each point, ``residual`` two residuals, and ``lost``
+    whether there is no solution.
     """
 
     def __init__(
@@ -374,12 +382,26 @@ class _ForceControl:
         self.measured = test.data.displacement
         self.factors = test.factors
         self.has_phase = bool(np.any(test.data.response.imag))
-        # unit of ln(frequency) in the distance to the curve
-        self.step = float(np.median(np.diff(np.unique(np.log(self.frequency)))))
         n = len(self.frequency)
         self.model = np.full(n, np.nan + 0j)
         self.residual = np.tile([LOST, 0.0], (n, 1))
         self.lost = np.ones(n, bool)
+
+
+class _ForceControl(_Control):
+    """Residuals of a response under force control, on the branch that its sweep follows.
+
+    Near a jump the residual is the distance to the curve in scaled logarithms of frequency and
+    amplitude.  ``normal`` (n, 2) is the normal of the curve there, and NaN elsewhere.
+    """
+
+    def __init__(
+        self, search: _Swept, varied: Variations, test: MeasuredResponse, noise: float
+    ) -> None:
+        super().__init__(search, varied, test, noise)
+        # unit of ln(frequency) in the distance to the curve
+        self.step = float(np.median(np.diff(np.unique(np.log(self.frequency)))))
+        n = len(self.frequency)
         self.normal = np.full((n, 2), np.nan)
         self.solutions: dict[int, Correction] = {}
         for i in range(n):
@@ -481,7 +503,7 @@ class _ControlledPoint:
     phase_slope: float
 
 
-class _OtherControl:
+class _OtherControl(_Control):
     """Residuals of a response under response or phase control.
 
     The residuals compare the force, and the phase or the frequency.
@@ -490,20 +512,10 @@ class _OtherControl:
     def __init__(
         self, search: _Swept, varied: Variations, test: MeasuredResponse, noise: float
     ) -> None:
-        self.search = search
-        self.varied = varied
-        self.test = test
-        self.noise = noise
-        self.frequency = test.data.frequency
-        self.measured = test.data.displacement
-        self.factors = test.factors
+        super().__init__(search, varied, test, noise)
         self.gain = varied.values.get(FORCE, 1.0)
-        self.has_phase = bool(np.any(test.data.response.imag))
         self.free_frequency = test.control == "phase"
         n = len(self.frequency)
-        self.model = np.full(n, np.nan + 0j)
-        self.residual = np.tile([LOST, 0.0], (n, 1))
-        self.lost = np.ones(n, bool)
         self.points: dict[int, _ControlledPoint] = {}
         target = self.measured
         if self.free_frequency and not self.has_phase:

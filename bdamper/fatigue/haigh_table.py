@@ -146,7 +146,10 @@ class HaighTable(validation.Checked):
 
     def _line(self, temperature: float, probability: float) -> tuple[NDArray, NDArray]:
         """Return mean stresses, ascending, and amplitudes of one test series; empty if absent."""
-        at = np.isclose(self.temperature, temperature) & np.isclose(self.probability, probability)
+        # equal, not close: near 1 the probabilities of two series may differ by 1e-5
+        at = (np.array(self.temperature) == temperature) & (
+            np.array(self.probability) == probability
+        )
         mean = np.array(self.mean)[at]
         order = np.argsort(mean)
         return mean[order], np.array(self.amplitude)[at][order]
@@ -167,7 +170,7 @@ class HaighTable(validation.Checked):
         wanted = validation.number("probability", probability, above=0.0, below=1.0)
         rows: list[tuple[float, float, float]] = []
         for temperature in self.temperatures:
-            of_temperature = np.isclose(self.temperature, temperature)
+            of_temperature = np.array(self.temperature) == temperature
             known = np.unique(np.array(self.probability)[of_temperature])
             lowest, highest = known[0], known[-1]
             within = lowest * (1.0 - 1e-12) <= wanted <= highest * (1.0 + 1e-12)
@@ -244,6 +247,10 @@ class HaighTable(validation.Checked):
             expected = f"that of the points, {span}"
             validation.check(len(known) == 1, "temperature", expected, "none")
             temperature = known[0]
+        shape, of_points = np.shape(temperature), np.shape(mean)
+        one_for_each = shape in ((), of_points) or of_points == ()
+        expected = f"one value or one for each point, shape {of_points}"
+        validation.check_value(one_for_each, "temperature", expected, f"shape {shape}")
         means, degrees = np.broadcast_arrays(
             np.asarray(mean, float), np.asarray(temperature, float)
         )

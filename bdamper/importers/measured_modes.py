@@ -36,6 +36,8 @@ WEAKEST, ABOVE_NOISE, VALLEY = 0.01, 8.0, 8.0
 """Height of a mode in the spectrum, relative to the largest one, the median and the valley beside it."""
 MOST_MODES = 6
 """Number of modes that a message names."""
+LEAST_SAMPLES = 4
+"""Samples of the shortest window: a line through fewer has no deviation to judge it by."""
 FAR = 3.0
 """Fall of the amplitude above which a decay that other modes end is returned, with a warning."""
 TIMES = {"s": 1.0, "ms": 1e-3}
@@ -334,6 +336,10 @@ def _lines(
     periods = validation.number("periods", periods, least=1.0)
     window = 2.0 * np.pi * periods
     edges = np.searchsorted(phase, np.arange(phase[0] + window, phase[-1] - window, window))
+    fewest = int(np.diff(edges).min(initial=LEAST_SAMPLES))
+    expected = f"windows of at least {LEAST_SAMPLES} samples, for a line through them"
+    found = f"{fewest} samples in {periods:g} periods"
+    validation.check(fewest >= LEAST_SAMPLES, "periods", expected, found)
     lines: list[tuple[float, float, float]] = []
     for start, end in zip(edges, edges[1:]):
         from_middle = time[start:end] - time[start:end].mean()

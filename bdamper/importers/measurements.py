@@ -433,6 +433,8 @@ def _cells(path: Any) -> _Cells:
     """Return the texts of a CSV file, or of a mapping of header to values."""
     if hasattr(path, "keys"):
         names = list(path.keys())
+        lengths = [len(path[name]) for name in names]
+        check(len(set(lengths)) <= 1, "table", "columns of equal length", f"{lengths} values")
         # the header is line 1
         numbered = enumerate(zip(*(path[name] for name in names)), 2)
         rows = [(line, [str(value) for value in values]) for line, values in numbered]

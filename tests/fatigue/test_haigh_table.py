@@ -128,6 +128,20 @@ def test_series_of_different_tests_are_not_interpolated():
     assert table.at_probability(0.9).allowed(0.0, 900e6) == pytest.approx(250e6)
 
 
+def test_neighbouring_probabilities_are_two_series():
+    """In the tail of the distribution 1e-5 of the probability is a series of its own."""
+    table = by_ratio([(300.0, 200.0, 120.0), (250.0, 170.0, 100.0)], (0.99998, 0.99999))
+    for p, amplitude in ((0.99998, 300.0), (0.99999, 250.0)):
+        assert table.at_probability(p).allowed(0.0, 900e6) == pytest.approx(MPA * amplitude)
+
+
+def test_temperatures_of_other_points_are_named(material):
+    with pytest.raises(
+        SettingError, match=r"temperature: expected one value or one for each point, shape \(3,\)"
+    ):
+        material.amplitude_at_ratio(np.array([-1.0, 0.0, 0.5]), "table", np.array([20.0, 30.0]))
+
+
 def test_interpolation_over_mean_stress_and_temperature(material):
     allowed = material.allowed(
         MPA * np.array([-500.0, 100.0, 700.0, 1000.0, 1200.0]), "table", 20.0

@@ -394,3 +394,19 @@ def test_digits_are_not_clipping(recwarn, digit, damping, frequency):
     x = np.round(digit * decaying(t, 1.0, damping, frequency, 0.3)) / digit
     read_ring_down({"time (s)": t, "displacement (mm)": x})
     assert not recwarn.list
+
+
+def test_windows_without_samples_for_a_line_are_refused():
+    """One period at 900 Hz has two samples at 2 kHz."""
+    t = np.arange(0.0, 1.0, 5e-4)
+    decay = np.exp(-9.0 * t) * np.cos(2.0 * np.pi * 900.0 * t)
+    with pytest.raises(BdamperError, match="periods: expected windows of at least 4 samples"):
+        read_ring_down({"time (s)": t, "displacement (m)": decay}, periods=1.0)
+
+
+def test_columns_of_unequal_length_are_refused():
+    table = {"frequency (Hz)": [1.0, 2.0, 3.0], "amplitude (mm)": [1.0, 2.0]}
+    with pytest.raises(
+        BdamperError, match=r"table: expected columns of equal length, found \[3, 2\]"
+    ):
+        read_response(table)

@@ -236,3 +236,13 @@ def test_another_excitation_than_that_of_the_study_is_named():
         bd.importers.Measurement(
             "rig", frequency, response, force=np.ones(5), base_acceleration=np.ones(5)
         )
+
+
+@pytest.mark.parametrize("measured", ["force", "base_acceleration"])
+def test_a_nominal_amplitude_of_the_other_kind_is_refused(measured):
+    nominal = "base_acceleration" if measured == "force" else "force"
+    frequency = np.array([1.0, 2.0, 3.0])
+    data = bd.importers.Measurement("rig", frequency, np.ones(3, complex), **{measured: np.ones(3)})
+    assert bd.MeasuredResponse(data, **{measured: 2.0}).data is data
+    with pytest.raises(bd.SettingError, match="data without the other excitation"):
+        bd.MeasuredResponse(data, **{nominal: 2.0})

@@ -85,18 +85,23 @@ def test_the_first_error_in_order_is_raised_after_all_parts(number):
     assert sorted(done) == ["first", "second", "third"]
 
 
+def note_the_stop(ended):
+    """Work until another thread stops this one, and note it in ``ended``."""
+    try:
+        while True:
+            raise_if_stopped()
+            time.sleep(0.001)
+    except KeyboardInterrupt:
+        ended.append(True)
+        raise
+
+
 def test_an_interrupt_of_the_calling_thread_ends_the_other_parts():
     begun, ended = threading.Event(), []
 
     def endless():
         begun.set()
-        try:
-            while True:
-                raise_if_stopped()
-                time.sleep(0.001)
-        except KeyboardInterrupt:
-            ended.append(True)
-            raise
+        note_the_stop(ended)
 
     def interrupted():
         begun.wait()
@@ -112,13 +117,7 @@ def test_a_stop_of_the_outer_call_reaches_parts_within_parts():
 
     def endless():
         begun.release()
-        try:
-            while True:
-                raise_if_stopped()
-                time.sleep(0.001)
-        except KeyboardInterrupt:
-            ended.append(True)
-            raise
+        note_the_stop(ended)
 
     def interrupted():
         begun.acquire()
