@@ -246,3 +246,15 @@ def test_a_nominal_amplitude_of_the_other_kind_is_refused(measured):
     assert bd.MeasuredResponse(data, **{measured: 2.0}).data is data
     with pytest.raises(bd.SettingError, match="data without the other excitation"):
         bd.MeasuredResponse(data, **{nominal: 2.0})
+
+
+def test_a_printed_optimum_names_the_acceleration():
+    """An acceleration of 1 m/s2 is no newton, so preloads do not scale with it."""
+    contact = bd.Contact(0, 1, kt=1.0, kn=1.0, mu=0.5)
+    study = bd.lumped([1.0, 1.0], [0.02, 0.02], [[2.0, -1.0], [-1.0, 2.0]], contacts=[contact],
+                      load_per_preload={1: 1.0}, base=1.0, response=0, harmonics=1)  # fmt: skip
+    curve = study.optimal_curve((0.2, 60.0), 5, frequency=(0.1, 0.4), check=False)
+    for text in (str(curve), curve._headline()):
+        words = " ".join(text.split())
+        assert "1 m/s² of base acceleration" in words
+        assert "newton of excitation" not in words and "1 N of excitation" not in words

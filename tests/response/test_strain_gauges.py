@@ -1,5 +1,8 @@
 """Strain gauges as response and as measurement, against bars, all stress rows, and exact data."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -166,3 +169,36 @@ def test_wrong_gauges_are_named():
         study.replace(response=bd.Response("tip", elastic=ELASTIC))
     with pytest.raises(BdamperError, match=r"the name of a location, or elastic="):
         bd.Response((0.0, 0.1, 0.2))
+
+
+def as_strain(result):
+    """The same result with the response of a gauge: its numbers are strains."""
+    response = {**result.settings["response"], "elastic": [2.1e11, 0.3]}
+    return replace(result, settings={**result.settings, "response": response})
+
+
+@pytest.fixture(scope="module")
+def two_masses():
+    contact = bd.Contact(0, 1, kt=1.0, kn=1.0, mu=0.5)
+    return bd.lumped([1.0, 1.0], [0.02, 0.02], [[2.0, -1.0], [-1.0, 2.0]], contacts=[contact],
+                     load_per_preload={1: 1.0}, forces={0: 1e-3}, response=0, harmonics=1)  # fmt: skip
+
+
+def test_a_printed_optimum_has_strains_in_its_columns(two_masses):
+    curve = two_masses.optimal_curve((2e-4, 6e-2), 5, frequency=(0.1, 0.4), check=False)
+    plain, strain = str(curve), str(as_strain(curve))
+    assert " mm/m" in strain and not re.search(r" [µm]?m\b(?!/)", strain)
+    assert " mm" in plain and "mm/m" not in plain
+    assert " mm/m" in as_strain(curve)._repr_html_()
+    rows = [line for line in strain.split("\n") if line.startswith(("Preload", "Harmonic"))]
+    columns = {re.match(r"\S.*?  +\S.*?  +(?=\S)", row).end() for row in rows[:2]}
+    assert len(columns) == 1, "the remarks begin below each other"
+
+
+def test_places_of_contact_points_remain_lengths(two_masses):
+    loops = two_masses.hysteresis(two_masses.peak(9e-3, (0.1, 0.4)))
+    plain, strain = loops.columns(), as_strain(loops).columns()
+    assert {name: column.unit for name, column in strain.items()} == {
+        name: column.unit for name, column in plain.items()
+    }
+    assert "m" in {column.unit for column in strain.values()}

@@ -33,6 +33,13 @@ def test_no_line_is_wider_than_a_page_and_no_number_loses_its_unit(statement):
     assert not any(re.search(r"\d$", line) for line in lines if "µm" in line)
 
 
+def test_no_number_loses_its_unit_wherever_a_line_ends():
+    for length in range(60, WIDTH + 5):
+        text = f"{'x' * length} 70.1 µm, 0.7 rad/s and 1.5 kN more words"
+        lines = Statement([text]).text.split("\n")
+        assert not any(re.search(r"\d$", line) for line in lines), lines
+
+
 def test_remarks_stay_in_their_column(statement):
     lines = statement.text.split("\n")
     first = next(i for i, line in enumerate(lines) if line.startswith("Preload"))

@@ -174,8 +174,8 @@ def test_one_worker_within_a_part_computes_on_its_thread():
             on_threads([partial(busy.work, k) for k in range(4)])
 
     with bd.set_workers(4):
-        on_threads([part])
-    assert busy.most == 1
+        on_threads([part, part])
+    assert busy.most == 2, "one thread for each part"
 
 
 @pytest.mark.parametrize("wrong", [0, -1, 1.5, "all", True])
