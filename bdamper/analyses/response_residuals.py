@@ -136,7 +136,7 @@ class MeasuredResponse(Summarised, validation.Checked):
             validation.check(self._excitation_is_measured, name, expected, "none")
         one = self.force is None or self.base_acceleration is None
         validation.check(one, name, "force or base_acceleration", "both")
-        # a nominal amplitude replaces measured ones of its own kind alone
+        # a nominal amplitude replaces the measured ones of one kind only
         kinds = {
             "force": (self.force, self.data.base_acceleration),
             "base_acceleration": (self.base_acceleration, self.data.force),
