@@ -40,7 +40,13 @@ from bdamper.harmonic_balance.checks import Asking, problem_of
 from bdamper.harmonic_balance.parameters import present_name, vary
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response import response_curve as tracking
-from bdamper.response.followed_peak import Followed, drops, followed_peaks
+from bdamper.response.followed_peak import (
+    Followed,
+    drops,
+    followed_peaks,
+    with_lower_preloads,
+)
+from bdamper.response.highest_peak import AtPreload
 from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimal_curve import Curves, at_preload, preload_values
 from bdamper.response.optimal_curve_result import OptimalCurve
@@ -474,18 +480,26 @@ def _check_samples(samples: Any) -> None:
     validation.check(len({*lengths}) == 1, "samples", "equal numbers of values", lengths)
 
 
+@dataclass(frozen=True)
 class SteadyPeak(PeakTask):
     """Evaluation of the highest peak at a preload, as the search for an optimum counts it.
 
     The amplitude is a lower bound if it is not known, zero if nothing was found, and infinite if
     the damper rattles.
+
+    Parameters
+    ----------
+    lowest : float, N
+        Lowest preload of the search.  It has no lower neighbour whose peak could be followed, so
+        that its own response is computed at lower preloads as well.
     """
+
+    lowest: float = 0.0
 
     def __call__(self, study: Asking | Problem, preload: float | None) -> Values:
         problem = problem_of(study)
         load = float(preload or 0.0)
-        interval = peak_interval(problem.at(load), self.frequency, self.mode)
-        search = at_preload(problem, load, interval)
+        search = self.response(problem, load)
         if search.rattles:
             height = np.inf
             status = with_reason(NOT_FOUND, f"{NO_STEADY}: {search.rattles}")
@@ -500,6 +514,14 @@ class SteadyPeak(PeakTask):
             "cost": search.cost,
             "height": search.height,
         }
+
+    def response(self, problem: Problem, preload: float) -> AtPreload:
+        """Return the response at a preload, with peaks of lower ones at the lowest."""
+        interval = peak_interval(problem.at(preload), self.frequency, self.mode)
+        response = at_preload(problem, preload, interval)
+        if preload == self.lowest:
+            return with_lower_preloads(problem, response, interval)
+        return response
 
 
 OTHER_FRICTION = (1.0, 0.7, 1.3)
@@ -645,21 +667,17 @@ class _Draws:
     ----------
     study : Study or Problem
     samples : mapping of setting to sequence of float
-    frequency, mode
         See :func:`robust_optimum`.
+    task : SteadyPeak
+        Evaluation of a draw at a preload.
     """
 
     def __init__(
-        self,
-        study: Asking | Problem,
-        samples: Mapping[str, Sequence[float]],
-        frequency: tuple[float, float] | None,
-        mode: int,
+        self, study: Asking | Problem, samples: Mapping[str, Sequence[float]], task: SteadyPeak
     ) -> None:
         self.problem = problem_of(study)
         self.samples = samples
-        self.frequency = frequency
-        self.mode = mode
+        self.task = task
         self.n = len(next(iter(samples.values())))
         # by preload, an entry per draw: amplitude as SteadyPeak counts it, amplitude of the highest
         # point, and 1 if the amplitude is known
@@ -701,8 +719,7 @@ class _Draws:
         problem = vary(self.problem, settings)
 
         def peak_at(preload: float) -> Peak | None:
-            interval = peak_interval(problem.at(preload), self.frequency, self.mode)
-            top = at_preload(problem, preload, interval).top
+            top = self.task.response(problem, preload).top
             if top is None or top.kind != "peak":
                 return None
             return top.peak
@@ -797,14 +814,14 @@ def robust_optimum(
     optimum: RobustOptimum | None = None
     # percentile of the amplitude and its lower bound at each preload
     bounds: dict[float, tuple[float, float]] = {}
-    draws = _Draws(study, valid, frequency, mode)
+    task = SteadyPeak(frequency=frequency, mode=mode, lowest=low)
+    draws = _Draws(study, valid, task)
     while optimum is None or optimum.uncertainty > tolerance:
         grid = [float(p) for p in preload_values((low, high), n) if float(p) not in bounds]
         points: dict[str, Any] = {
             name: [value for value in values for _ in grid] for name, values in valid.items()
         }
         points["preload"] = grid * n_draws
-        task = SteadyPeak(frequency=frequency, mode=mode)
         results = sweep(study, points, task, combine="zip", executor=executor, progress=progress)
         not_run = [s.removeprefix(NOT_RUN) for s in results.status if status_word(s) == NOT_RUN]
         if not_run:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.analyses.robust_optimum import SteadyPeak
 from bdamper.harmonic_balance.equations import Equations, Plane
 from bdamper.harmonic_balance.equations import Peak as PeakThere
 from bdamper.harmonic_balance.parameters import vary
@@ -480,6 +481,17 @@ def test_preloads_within_an_amplitude(result):
     assert curve.preloads_within(1e-4) == (100.0, 100.0)
     with pytest.raises(bd.BdamperError, match="amplitude: expected"):
         curve.preloads_within(0.9e-4)
+
+
+def test_a_robust_optimum_follows_peaks_to_its_lowest_preload(study):
+    """As the single peak there does, while a preload within the range takes its own curve."""
+    single = study.peak(25.0, INTERVAL)
+    assert "followed from" in single.status
+    lowest = SteadyPeak(frequency=INTERVAL, lowest=25.0)(study, 25.0)
+    assert not lowest["known"] and lowest["search"] == single.status
+    assert lowest["amplitude"] == pytest.approx(single.lower_bound, rel=1e-8)
+    within = SteadyPeak(frequency=INTERVAL, lowest=20.0)(study, 25.0)
+    assert within["known"] and within["amplitude"] < 0.5 * lowest["amplitude"]
 
 
 def test_one_table_has_all_preloads_that_were_computed(study, tmp_path):
