@@ -197,7 +197,7 @@ def test_doubts_and_details(capsys, tmp_path):
     ]
     assert main(["response", "--demo", *asked]) == 0
     out, err = capsys.readouterr()
-    assert "--details has the rest" in out and "summary()" not in out
+    assert "--details has all values" in out and "summary()" not in out
     assert (
         err.startswith("bdamper: frequency: plausible an interval in Hz")
         and "radians per second suspected\n" in err
@@ -251,6 +251,6 @@ def test_an_answer_is_printed_before_a_file_that_cannot_be_written(kind, tmp_pat
         == 1
     )
     out, err = capsys.readouterr()
-    assert out.startswith("Resonance of ") and err.splitlines()[-1].startswith(
+    assert out.startswith("Resonance peak ") and err.splitlines()[-1].startswith(
         f"bdamper: {path}: expected a file that"
     )

@@ -10,8 +10,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.util.formatting import amount, peak_text
-
 NAMED = 1.1
 """Half of the range over the amplitude of the first harmonic above which results name it."""
 SAMPLES = 64
@@ -55,16 +53,3 @@ def _highest(x: NDArray) -> NDArray:
 def exceeds(half: float, amplitude: float) -> bool:
     """Return whether half of the range (m) exceeds the amplitude (m) enough to be named."""
     return bool(half > NAMED * amplitude)
-
-
-def range_text(half: float) -> str:
-    """Return half of a range (m) as text."""
-    return f"half of the range of motion is {amount(half, 'm')}"
-
-
-def peak_and_range(amplitude: float, frequency: float, half: float) -> str:
-    """Return amplitude (m) and frequency (Hz) as text, with half of the range (m) if needed."""
-    text = peak_text(amplitude, frequency)
-    if exceeds(half, amplitude):
-        text += f" (first harmonic; {range_text(half)})"
-    return text

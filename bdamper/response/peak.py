@@ -36,15 +36,17 @@ from bdamper.harmonic_balance.equations import (
     norm2,
 )
 from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.subject import about, not_covered
 from bdamper.response.continuation import Follower
 from bdamper.response.events import AtLeastTwo, ContinuationOptions, Step
-from bdamper.response.motion_range import exceeds, peak_and_range
+from bdamper.response.motion_range import exceeds
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Fact, InContact
 from bdamper.util.errors import COMPLETE, NOT_FOUND, status_word, with_reason
-from bdamper.util.formatting import peak_text, preload_text, short_repr
+from bdamper.util.formatting import amount, peak_text, sentence, short_repr
 from bdamper.util.progress import Cost
 from bdamper.util.records import Data
+from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import Cycles, Metre, Quantity, Shares, Tabular
 
@@ -60,8 +62,8 @@ FAR = "a peak far from its prediction"
 ANOTHER = "a solution on another part of the curve, by the sign of det J"
 AT_END = "highest at an end of the interval"
 """Reason of a highest point that is no maximum."""
-NOT_IN_TIME = "Not checked in time."
-"""Text for a highest point without time integration."""
+IN_TIME = "Time integration"
+"""Name of the check of a highest point by time integration."""
 LOOSEST = ContinuationOptions().tolerance
 """Largest residual that counts as rounding, as along curves."""
 
@@ -196,24 +198,61 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
             return (*names, "parameter")
         return names
 
-    def _headline(self) -> str:
-        notes = "".join(f" {note[:1].upper()}{note[1:]}." for note in self.notes)
+    def _statement(self) -> Statement:
+        remarks = [sentence(note) for note in self.notes]
         if not self.converged:
-            if not np.isfinite(self.lower_bound):
-                return f"No peak: {self.status}.{notes}"
-            bound = peak_text(self.lower_bound, self.frequency)
-            return f"No peak: {self.status}. Lower bound of the amplitude: {bound}.{notes}"
+            rows = []
+            if np.isfinite(self.lower_bound):
+                rows.append(lower_bound_row(self.lower_bound, self.frequency))
+            verdict = f"No peak: {self.status}{about(self.settings, self.parameter)}"
+            return Statement([verdict], rows, remarks=remarks)
         limit = self.settings.get("limit", "")
-        kind = f"{limit} resonance".strip().capitalize()
-        text = f"{kind} of {peak_and_range(self.amplitude, self.frequency, self.half_range)}"
-        if np.isfinite(self.parameter) and not limit:
-            text += f" under {preload_text(self.parameter, self.settings)}"
-        text += "."
-        if not limit:
-            text += f" {NOT_IN_TIME}"
-        if self.search_status not in ("", "complete"):
-            text += f" There may be a higher one, the curve ended as: {self.search_status}."
-        return text + notes
+        preload = np.nan if limit else self.parameter
+        kind = f"{limit} resonance peak".strip().capitalize()
+        peak = peak_text(self.amplitude, self.frequency)
+        verdict = f"{kind} {peak}{about(self.settings, preload)}"
+        if self.search_status not in ("", COMPLETE):
+            remarks.insert(0, f"There may be a higher peak: {self.search_status}")
+        rows = half_range_rows(self.half_range, self.amplitude)
+        if limit:
+            return Statement([verdict], rows, remarks=remarks)
+        rows += contact_rows(self.shares)
+        remarks.append(not_covered(self.settings, ["more blade modes"]))
+        return Statement([verdict], rows, unchecked("peak"), remarks)
+
+
+def lower_bound_row(amplitude: float, frequency: float) -> Row:
+    """Return the row of a computed amplitude (m) below the unknown peak."""
+    return Row("Lower bound", amount(amplitude, "m"), f"{amount(frequency, 'Hz')}, no peak")
+
+
+def half_range_rows(half_range: float, amplitude: float) -> list[Row]:
+    """Return the row of half of the peak-to-peak motion (m) if it exceeds the amplitude (m)."""
+    return [half_range_row(half_range)] if exceeds(half_range, amplitude) else []
+
+
+def half_range_row(half_range: float) -> Row:
+    """Return the row of half of the peak-to-peak motion (m)."""
+    value = amount(half_range, "m")
+    return Row("Half peak to peak", value, "all harmonics; the amplitude is of the first")
+
+
+def contact_rows(shares: NDArray) -> list[Row]:
+    """Return the row of the fractions of the cycle in stick, slip and separation, if known."""
+    if not np.isfinite(shares).all():
+        return []
+    # a share that rounds to zero has no sign
+    per_cent = (100.0 * np.asarray(shares)).round(1) + 0.0
+    value = f"{', '.join(f'{share:.3g}' for share in per_cent)} %"
+    return [Row("Contact states", value, "stick, slip, open")]
+
+
+def unchecked(name: str) -> list[Row]:
+    """Return the checks that a peak or curve of the harmonic balance does not contain."""
+    return [
+        Row(IN_TIME, "not run", f"study.time_response({name})"),
+        Row("More harmonics", "not run", f"study.harmonic_convergence({name})"),
+    ]
 
 
 def vibration_width(y: NDArray, tangent: NDArray, scale: NDArray, n_mean: int) -> float:

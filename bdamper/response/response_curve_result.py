@@ -17,13 +17,16 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.harmonic_balance.rotor_speed import RPM
+from bdamper.harmonic_balance.subject import about, not_covered
 from bdamper.response.branches import NO_DIGITS, NO_SOLUTION, UNBOUNDED, LeftOut
-from bdamper.response.motion_range import exceeds, half_range, peak_and_range
-from bdamper.response.peak import AT_END, NOT_IN_TIME, Peak
+from bdamper.response.motion_range import exceeds, half_range
+from bdamper.response.peak import AT_END, IN_TIME, Peak, contact_rows, half_range_rows, unchecked
 from bdamper.util.display import Comparable, Fact, InContact
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, BdamperError, with_reason
-from bdamper.util.formatting import amount, peak_text, preload_text, short_repr
+from bdamper.util.formatting import amount, counted, peak_text, sentence, short_repr, span
 from bdamper.util.progress import Cost
+from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import (
     ROW,
@@ -42,7 +45,13 @@ from bdamper.util.tables import (
 
 NO_STEADY = "no steady periodic response"
 """Reason at preloads at which the damper rattles."""
-HIGHEST = "Highest response"
+HIGHEST_POINT = {
+    "response": "Resonance peak",
+    "free": "Free resonance peak",
+    "stuck": "Stuck resonance peak",
+    "run-up": "Highest response",
+}
+"""Name of the highest point by the kind of a curve."""
 LOCKED = "is self-locking: its static normal load is not unique"
 """Note on a body that friction alone can hold between its faces."""
 
@@ -434,66 +443,78 @@ class ResponseCurve(
         # the preload of a limit only closes contact points
         return (*names, "preload") if self.is_limit else names
 
-    def _headline(self) -> str:
+    def _statement(self) -> Statement:
         if not len(self):
-            return f"No point of this curve was found: {self.reason}."
+            return Statement([f"No point of this curve was found: {self.reason}"])
         if self.without_amplitude is not None:
             linear = f"{self.kind} " if self.is_limit else ""
-            return f"No amplitude of the {linear}resonance: {self.without_amplitude.at_middle}."
-        i = self.peak_index
-        sentences = [f"{self._kind_of_peak()} of {self._peak_text()}."]
-        if self.peak_at_end:
-            low = amount(float(self.frequency.min()), "Hz")
-            high = amount(float(self.frequency.max()), "Hz")
-            sentences.append(f"It lies at an end of the curve ({low} to {high}) and is not a peak.")
-        higher = self.higher(self.amplitude[i])
+            return Statement([f"No amplitude of the {linear}resonance: {self._without_reason}"])
+        remarks = []
+        higher = self.higher(float(self.amplitude[self.peak_index]))
         if higher:
-            sentences.append(f"The response is {higher}.")
-        if self.kind in ("response", "run-up"):
-            checked = self.in_time is not None and np.isfinite(self.in_time[i])
-            sentences.append(f"In time it is {self.labels[i]}." if checked else NOT_IN_TIME)
+            remarks.append(f"The response is {higher}")
+        remarks += [sentence(note) for note in self.self_locking]
+        if not self.complete:
+            remarks.append(f"The curve is {self.status}, there may be a higher peak: {self.reason}")
+        checks = []
+        if self.blades is not None:
+            effects = ["motion in time", "more blade modes"]
+            remarks.append(not_covered(self.settings, effects, equal_blades=False))
+        elif not self.is_limit and not self.peak_at_end:
+            checks = self._check_rows()
+            remarks.append(not_covered(self.settings, ["more blade modes"]))
+        return Statement([self._verdict()], self._quantity_rows(), checks, remarks)
+
+    @property
+    def _without_reason(self) -> str:
+        part = self.without_amplitude
+        return "" if part is None else part.at_middle
+
+    def _verdict(self) -> str:
+        """Return the highest point with preload or rotor speed, engine order and excitation."""
+        i = self.peak_index
+        peak = peak_text(self.amplitude[i], self.frequency[i])
+        if self.peak_at_end:
+            kind = "No peak: highest response"
+            peak += ", at an end of the curve"
+        elif self.may_be_higher:
+            kind = "Lower bound of the resonance peak"
+        else:
+            kind = HIGHEST_POINT[self.kind]
+        place = []
+        if self.speed is not None:
+            place.append(amount(float(self.speed[i]) * RPM, "rpm", 5))
+        if self.blades is not None:
+            place.append(f"blade {np.argmax(np.abs(self.blades[i, :, 1]))}")
+        preload = self.preload if self.kind == "response" else np.nan
+        return f"{kind} {peak}{about(self.settings, preload, *place)}"
+
+    def _quantity_rows(self) -> list[Row]:
+        """Return the computed range, the state at the highest point, and jumps of a slow sweep."""
+        i = self.peak_index
+        interval = span(float(self.frequency.min()), float(self.frequency.max()), "Hz")
+        rows = [Row("Frequency", interval, counted(len(self), "point"))]
+        rows += half_range_rows(self.half_range, float(self.amplitude[i]))
+        if not self.is_limit:
+            rows += contact_rows(self.shares[i])
         reached = ~self.out_of_reach
         jumps = [self._jump(fold, reached) for fold in self.folds if reached[fold]]
         size, frequency = max(jumps, default=(0.0, 0.0))
         # smaller jumps are invisible in a plot
         if size > 0.01 * self.amplitude[i]:
-            sentences.append(
-                f"A slow sweep of frequency jumps by up to {amount(size, 'm')}, at "
-                f"{amount(frequency, 'Hz')}."
-            )
-        sentences += [f"{note[:1].upper()}{note[1:]}." for note in self.self_locking]
-        if not self.complete:
-            sentences.append(
-                f"The curve is {self.status}, there may be a higher one: {self.reason}."
-            )
-        return " ".join(sentences)
+            place = f"largest jump of a slow sweep, at {amount(frequency, 'Hz')}"
+            rows.append(Row("Jump", amount(size, "m"), place))
+        return rows
 
-    def _kind_of_peak(self) -> str:
-        """Return the first words of the headline."""
-        if self.peak_at_end:
-            return HIGHEST
-        if self.may_be_higher:
-            return "Lower bound of the resonance"
-        resonances = {
-            "response": "Resonance",
-            "free": "Free resonance",
-            "stuck": "Stuck resonance",
-        }
-        return resonances.get(self.kind, HIGHEST)
-
-    def _peak_text(self) -> str:
-        """Return the largest response with its frequency, preload or rotor speed, and blade."""
+    def _check_rows(self) -> list[Row]:
+        """Return the checks of the highest point, with the result of a stability analysis."""
         i = self.peak_index
-        text = peak_and_range(self.amplitude[i], self.frequency[i], self.half_range)
-        if self.speed is not None:
-            speed = float(self.speed[i])
-            rotor_speed = f"{speed * 30.0 / np.pi:.5g} rpm ({speed:.5g} rad/s)"
-            text += f" along engine order {self.settings['engine_order']}, at {rotor_speed}"
-        elif self.kind == "response":
-            text += f" under {preload_text(self.preload, self.settings)}"
-        if self.blades is not None:
-            text += f", blade {np.argmax(np.abs(self.blades[i, :, 1]))}"
-        return text
+        if self.kind == "run-up":
+            return [Row(IN_TIME, "not run", "study.at_speed, then time_response")]
+        rows = unchecked("curve")
+        if self.in_time is not None and np.isfinite(self.in_time[i]):
+            rows[0] = Row(IN_TIME, str(self.labels[i]), "motion that starts at this point")
+        return rows
 
 
 def unstable_points(curve: ResponseCurve) -> NDArray:

@@ -9,13 +9,25 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.response.motion_range import exceeds, range_text
+from bdamper.harmonic_balance.subject import about, has_more_points
+from bdamper.response.motion_range import exceeds
+from bdamper.response.peak import half_range_row
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable, Summarised, draw
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, status_word
-from bdamper.util.formatting import amount, counted, peak_text, percent, short_repr, span
+from bdamper.util.formatting import (
+    amount,
+    counted,
+    extent,
+    peak_text,
+    percent,
+    sentence,
+    short_repr,
+    span,
+)
 from bdamper.util.progress import Cost
 from bdamper.util.records import Data, Record
+from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import FilePath, Recorded, Storable
 from bdamper.util.tables import (
     ROW,
@@ -103,11 +115,11 @@ class AllBlades(Summarised):
         _, (_, _, _, numerical) = energy_shares(self.energy)
         return float(numerical)
 
-    def _unlike(self) -> str:
-        """Return a sentence if equal blades vibrate differently, or ""."""
+    def _unlike_rows(self) -> list[Row]:
+        """Return the row of the lowest and highest blade if equal blades vibrate differently."""
         if not self.parted:
-            return ""
-        return f" Blades do not vibrate alike: {span(*self.spread, 'm')}."
+            return []
+        return [Row("Different blades", span(*self.spread, "m"), "lowest to highest, means")]
 
     def _facts(self) -> tuple[Fact, ...]:
         """Return facts of the time integration, with the energy of a period and the waves."""
@@ -275,31 +287,68 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         """
         return draw(self, "figure", "mark", path, ax)
 
-    def _headline(self) -> str:
-        at_preload = f"At {amount(self.preload, 'N')}"
+    def _statement(self) -> Statement:
+        subject = about(self.settings, self.preload)
+        balance = Row("Harmonic balance", amount(self.balance, "m"), "the highest peak")
         if np.isnan(self.mean):
             reason = self.status.partition(": ")[2] or self.status
-            return (
-                f"{at_preload} the amplitude in time is not known, so nothing confirms the peak of "
-                f"the harmonic balance: {reason}."
-            )
-        in_time = f"the highest blade has {self.text} at {amount(self.frequency, 'Hz', 6)}"
-        doubt = f" ({self.status})" if self.status != COMPLETE else ""
-        peak = f"the peak of the harmonic balance is {amount(self.balance, 'm')}"
-        text = f"{at_preload} in time {in_time}{doubt}; {peak}."
+            verdict = f"No amplitude by time integration, {reason}{subject}"
+            remedy = "Remedy: nothing confirms the peak; choose another preload"
+            return Statement([verdict], [balance], remarks=[remedy])
+        if self.settled:
+            largest = amount(self.largest, "m")
+            verdict = f"Highest amplitude by time integration {largest}{subject}"
+        else:
+            verdict = f"Not for design: the time integration is {self.status}{subject}"
+        change = percent(self.mean / self.balance - 1.0, True)
+        remark = f"{balance.remark}; time integration {change}"
+        rows = [*self._time_rows(), balance._replace(remark=remark), *self._motion_rows()]
+        remarks = [f"Not covered: {', '.join(self._open_effects())}"]
+        if not self.settled:
+            frequency = f"{self.frequency:.6g}"
+            remedy = f"examine study.motion_in_time(curve, frequency={frequency}, periods=400)"
+            remarks.insert(0, f"Remedy: {remedy}")
+        return Statement([verdict], rows, self._check_rows(), remarks)
+
+    def _time_rows(self) -> list[Row]:
+        """Return the range of the amplitude with its frequency and mean, and single periods."""
+        place = amount(self.frequency, "Hz", 6)
+        # answers that differ have no common mean
+        if "not settled" not in self.status:
+            place += f", mean {amount(self.mean, 'm')}"
+        value = span(self.lowest, self.highest, "m")
+        rows = [Row("Time integration", value, place)]
         if self.highest_period > (1.0 + BEATS) * self.mean:
-            text += f" Single periods reach {amount(self.highest_period, 'm')}."
+            rows.append(Row("", amount(self.highest_period, "m"), "highest single period"))
+        return rows
+
+    def _motion_rows(self) -> list[Row]:
+        """Return the blades if they differ, the peak-to-peak motion and a jump."""
+        rows = self._unlike_rows()
         if exceeds(self.half_range, self.mean):
-            half_range = range_text(self.half_range)
-            text += f" These are amplitudes of the first harmonic; {half_range}."
-        text += self._unlike()
-        if self.starts:
-            others = f"{self.elsewhere} of {len(self.starts)} other starts"
-            text += f" {others} came to another motion."
+            rows.append(half_range_row(self.half_range))
         if not np.isnan(self.fall):
-            frequency = amount(self.fall, "Hz", 6)
-            text += f" The motion jumps to a lower amplitude at {frequency}."
-        return text
+            rows.append(Row("Jump", amount(self.fall, "Hz", 6), "to a lower amplitude"))
+        return rows
+
+    def _check_rows(self) -> list[Row]:
+        """Return the outcome of the other time steps and structures, and of the other starts."""
+        rows = []
+        if self.answers:
+            outcome = "pass" if self.settled else "FAIL"
+            means = extent(min(self.answers.values()), max(self.answers.values()), "m")
+            rows.append(Row("Other integrations", outcome, f"{means}: {', '.join(self.answers)}"))
+        if self.starts:
+            outcome = "uncertain" if self.elsewhere else "pass"
+            finding = f"{self.elsewhere} of {len(self.starts)} came to another motion"
+            rows.append(Row("Other starts", outcome, finding))
+        return rows
+
+    def _open_effects(self) -> list[str]:
+        effects = ["mistuning", "wear"]
+        if has_more_points(self.settings):
+            effects.append("more contact points")
+        return effects
 
 
 @short_repr
@@ -382,28 +431,37 @@ class MotionInTime(
         columns = super().columns()
         return {name: columns[name] for name in ("period", "amplitude", "harmonics")}
 
-    def _headline(self) -> str:
-        if self.repeats_after is None:
-            kind = "irregular"
-        elif self.repeats_after == 1:
-            kind = "periodic"
-        else:
-            kind = f"{self.repeats_after}-periodic"
-        amplitude = f"{amount(self.mean, 'm')} ({_range_without_unit(self)})"
-        frequency = amount(self.frequency, "Hz", 6)
-        motion = f"the highest blade comes to {amplitude} in time at {frequency}, {kind}"
-        at_preload = f"At {amount(self.preload, 'N')}"
+    def _statement(self) -> Statement:
+        solution = f"the {amount(self.balance, 'm')} solution"
+        subject = about(self.settings, self.preload, amount(self.frequency, "Hz", 6))
         if not self.verdict:
-            return f"{at_preload} {motion}; {self.status}.{self._unlike()}"
-        solution = f"the solution of {amount(self.balance, 'm')}"
-        if self.verdict == "undecided":
-            verdict = f"it is undecided whether time integration agrees with {solution}"
+            verdict = f"Amplitude by time integration {amount(self.mean, 'm')}{subject}"
+        elif self.verdict == "undecided":
+            verdict = f"Undecided whether time integration stays at {solution}{subject}"
+        elif self.verdict == "agrees":
+            verdict = f"Confirmed: time integration stays at {solution}{subject}"
         else:
-            verdict = f"time integration {self.verdict} with {solution}"
-        doubt = ""
-        if self.status != COMPLETE and self.verdict not in self.status:
-            doubt = f" Status: {self.status}."
-        return f"{at_preload} {verdict}: {motion} ({self.reason}).{self._unlike()}{doubt}"
+            verdict = f"Not confirmed: time integration leaves {solution}{subject}"
+        extent = f"{self._kind}, {span(self.lowest, self.highest, 'm')}"
+        rows = [Row("Highest blade", amount(self.mean, "m"), extent), *self._unlike_rows()]
+        remarks = []
+        checks = []
+        if self.verdict:
+            outcome = {"agrees": "pass", "undecided": "uncertain"}.get(self.verdict, "FAIL")
+            checks.append(Row("Stays at the solution", outcome, self.reason))
+        # the verdict may be the reason of the status
+        if self.status != COMPLETE and (not self.verdict or self.verdict not in self.status):
+            remarks.append(f"The integration is {self.status}")
+        if any(check.value == "FAIL" for check in checks):
+            remarks.append("Remedy: study.time_response(curve) gives the highest steady amplitude")
+        return Statement([verdict], rows, checks, remarks)
+
+    @property
+    def _kind(self) -> str:
+        """Kind of the motion by the number of periods after which it repeats."""
+        if self.repeats_after is None:
+            return "irregular"
+        return "periodic" if self.repeats_after == 1 else f"{self.repeats_after}-periodic"
 
 
 def _range_without_unit(motion: TimeResponse | MotionInTime) -> str:
@@ -628,21 +686,21 @@ class Meeting(NamedTuple):
     distance: float
 
     def __str__(self) -> str:
+        return f"harmonic {self.harmonic} is within {self.mode_text}"
+
+    @property
+    def mode_text(self) -> str:
+        """Distance from the mode, for example "1.5 % of mode 4 of the stuck structure (398 Hz)"."""
         mode = f"mode {self.mode} of the stuck structure"
         if self.nodal_diameter >= 0:
             mode += f" at nodal diameter {self.nodal_diameter}"
-        distance = percent(abs(self.distance))
-        frequency = amount(self.frequency, "Hz")
-        return f"harmonic {self.harmonic} is within {distance} of {mode} ({frequency})"
+        return f"{percent(abs(self.distance))} of {mode} ({amount(self.frequency, 'Hz')})"
 
 
 def _heights(peaks: Sequence[HarmonicPeak]) -> str:
     """Return the range of the amplitudes, or one amplitude if both ends have the same digits."""
-    low = min(peak.amplitude for peak in peaks)
-    high = max(peak.amplitude for peak in peaks)
-    if amount(low, "m") == amount(high, "m"):
-        return amount(high, "m")
-    return span(low, high, "m")
+    amplitudes = [peak.amplitude for peak in peaks]
+    return extent(min(amplitudes), max(amplitudes), "m")
 
 
 @short_repr
@@ -743,8 +801,68 @@ class Convergence(Plottable, Tabular):
             text += f"; {self.status}"
         return text
 
-    def _headline(self) -> str:
-        return f"{self.note}."
+    def _statement(self) -> Statement:
+        own = self.peaks[0]
+        harmonics = counted(own.harmonics, "harmonic")
+        subject = f"{amount(own.amplitude, 'm')}{self._others_text()}"
+        if np.isfinite(self.preload):
+            subject += f", preload {amount(self.preload, 'N')}"
+        if self.converged:
+            verdict = f"Converged with {harmonics}: {subject}"
+        elif not self.peaks[1:]:
+            verdict = f"Not known with more than {harmonics}: {subject}"
+        elif self._all_agree:
+            verdict = f"Agrees so far with {harmonics}: {subject}"
+        else:
+            verdict = f"Not converged with {harmonics}: {subject}"
+        table = [
+            ("Harmonics", *(str(peak.harmonics) for peak in self.peaks)),
+            ("Peak", *(amount(peak.amplitude, "m") for peak in self.peaks)),
+            ("Frequency", *(amount(peak.frequency, "Hz", 4) for peak in self.peaks)),
+        ]
+        rows = [
+            Row("Internal resonance" if i == 0 else "", f"harmonic {item.harmonic}", item.mode_text)
+            for i, item in enumerate(self.internal_resonances)
+        ]
+        remarks = [
+            sentence(text)
+            for text in (self.highest_harmonic, self.status if self.status != COMPLETE else "")
+            if text
+        ]
+        settled = self.settled
+        if not self.converged and 1 < len(settled) < len(self.peaks):
+            remarks.append(f"Remedy: use harmonics={settled[0].harmonics}")
+        remarks.append("Not covered: motion in time, more blade modes, more contact points")
+        return Statement([verdict], rows, self._spread_checks(), remarks, table)
+
+    def _others_text(self) -> str:
+        """Return the amplitudes with more harmonics, "" without."""
+        others = self.peaks[1:]
+        if not others:
+            return ""
+        last = others[-1].harmonics
+        if len(others) == 1:
+            return f"; {last} harmonics give {_heights(others)}"
+        return f"; {others[0].harmonics} to {last} harmonics give {_heights(others)}"
+
+    def _spread_checks(self) -> list[Row]:
+        """Return the checks of the spread from the harmonics of the study and from more on."""
+        groups = [self.peaks]
+        if 1 < len(self.settled) < len(self.peaks):
+            groups.append(self.settled)
+        rows = []
+        for peaks in groups:
+            if len(peaks) < 2:
+                continue
+            amplitudes = [peak.amplitude for peak in peaks]
+            spread = (max(amplitudes) - min(amplitudes)) / peaks[-1].amplitude
+            outcome = "pass" if spread <= self.tolerance else "FAIL"
+            # a later peak may be missing
+            if outcome == "pass" and len(peaks) <= 2:
+                outcome = "uncertain"
+            finding = f"{percent(spread)} (limit {percent(self.tolerance)})"
+            rows.append(Row(f"Spread from {peaks[0].harmonics}", outcome, finding))
+        return rows
 
 
 # ---- error estimates ----
@@ -854,6 +972,24 @@ class ErrorEstimates(Summarised):
             text += f", not estimated: {', '.join(self.unknown)}"
         return text
 
-    def _headline(self) -> str:
+    def _statement(self) -> Statement:
         peak = f"{peak_text(self.amplitude, self.frequency)}, preload {amount(self.preload, 'N')}"
-        return f"{self.line[0].upper()}{self.line[1:]} of the peak of {peak}."
+        if all(not item.known for item in self.sources):
+            verdict = f"Error not estimated: peak {peak}"
+        elif self.total > 1e-5:
+            verdict = f"Estimated error {percent(self.total)}: peak {peak}"
+        else:
+            verdict = f"Estimated error below 0.001 %: peak {peak}"
+        table = [("Source", "Amplitude", "Frequency", "May miss", "Against")]
+        for item in sorted(self.sources, key=lambda item: -np.nan_to_num(item.size)):
+            if item.known:
+                missed = percent(item.uncertainty) if item.uncertainty else ""
+                changes = percent(item.amplitude, True), percent(item.frequency, True), missed
+                table.append((item.source, *changes, item.against))
+        unknown = [
+            Row(item.source, "not estimated", item.against)
+            for item in self.sources
+            if not item.known
+        ]
+        remark = "The errors add up if they do not interact"
+        return Statement([verdict], checks=unknown, remarks=[remark], table=table)

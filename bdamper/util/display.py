@@ -11,7 +11,7 @@ import html
 import re
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache, reduce, wraps
 from importlib import metadata
 from os import PathLike
@@ -133,8 +133,9 @@ class Summarised:
     _summary_fields: tuple[str, ...] = ()
 
     def _headline(self) -> str:
-        """Return the main result in one or two sentences."""
-        return ""
+        """Return the main result in one line: the verdict of the statement."""
+        statement = self._printed_statement()
+        return "" if statement is None else "; ".join(statement.verdict)
 
     def _statement(self) -> Statement | None:
         """Return the printed statement; None prints headline and values."""
@@ -203,10 +204,17 @@ class Summarised:
         table = table_lines(self._rows(), "  ", whole=True)
         if isinstance(cost, np.ndarray):  # one cost for each part
             cost = Cost(**{name: sum(cost[name].tolist()) for name in names_of(cost)})
-        texts += [str(cost or "").strip()]
         statement = self._printed_statement()
+        if statement is None:
+            first = self._headline()
+        else:
+            # the whole table of a tabular result follows below
+            shown = replace(statement, table=()) if table else statement
+            first = f"{shown.text}\n"
+            texts = [text for text in texts if not statement.contains(text)]
+        texts += [str(cost or "").strip()]
         lines = [
-            self._headline() if statement is None else f"{statement.text}\n\n",
+            first,
             *aligned([(fact.name, fact.to_digits(6)) for fact in facts], "  "),
             *table,
             *texts,

@@ -104,7 +104,15 @@ def span(low: float, high: float, unit: str, near: float | None = None) -> str:
     scale = 1.0
     if reference:
         scale = 10.0 ** round(np.log10(float(number) / reference))
-    return f"{scale * low:.3g} to {scale * high:.3g} {prefixed_unit}"
+    # numbers without a unit of their own have all digits before the decimal point
+    return f"{amount(scale * low)} to {amount(scale * high)} {prefixed_unit}"
+
+
+def extent(low: float, high: float, unit: str) -> str:
+    """Return a range, or one value if both ends have the same digits."""
+    if amount(low, unit) == amount(high, unit):
+        return amount(high, unit)
+    return span(low, high, unit)
 
 
 def unit_prefix(size: float, unit: str) -> str:
@@ -154,8 +162,10 @@ WIDEST = 118
 """Characters of a printed row; two more may be its indentation."""
 
 
-def table_lines(rows: Sequence[Sequence[str]], indent: str = "", whole: bool = False) -> list[str]:
-    """Return the lines of a table without empty columns, as wide as :data:`WIDEST` allows.
+def table_lines(
+    rows: Sequence[Sequence[str]], indent: str = "", whole: bool = False, width: int = WIDEST
+) -> list[str]:
+    """Return the lines of a table without empty columns, with at most ``width`` characters.
 
     The last line names the other columns.  If ``whole``, they follow in further tables, each with
     the first column.
@@ -169,15 +179,20 @@ def table_lines(rows: Sequence[Sequence[str]], indent: str = "", whole: bool = F
     lines: list[str] = []
     while not lines or (whole and remaining):
         widths = [max(map(len, column)) + 2 for column in (first, *remaining)]
-        n_fitting = int(np.count_nonzero(np.cumsum(widths) <= WIDEST + 2)) - 1
+        n_fitting = int(np.count_nonzero(np.cumsum(widths) <= width + 2)) - 1
         # at least one column after the first
         n_shown = max(n_fitting, min(len(remaining), 1))
         lines += aligned([*zip(first, *remaining[:n_shown])], indent)
         remaining = remaining[n_shown:]
     if remaining:
         others = ", ".join(column[0] for column in remaining)
-        lines.append(truncate(f"{indent}also: {others}", WIDEST))
+        lines.append(truncate(f"{indent}also: {others}", width))
     return lines
+
+
+def sentence(text: str) -> str:
+    """Return a text that begins with a capital letter."""
+    return f"{text[:1].upper()}{text[1:]}"
 
 
 def truncate(text: str, most: int) -> str:
@@ -193,13 +208,6 @@ def loads_text(load_per_preload: Mapping[str, float] | None) -> str:
     if load_per_preload is None:
         return ""
     return ", ".join(f"{name} {load:.6g}" for name, load in load_per_preload.items())
-
-
-def preload_text(preload: float, settings: Mapping[str, Any]) -> str:
-    """Return a preload (N) as text, with the loads per newton if the settings contain them."""
-    text = f"a preload of {amount(preload, 'N')}"
-    shares = loads_text(settings.get("load_per_preload"))
-    return f"{text} ({shares})" if shares else text
 
 
 # ---- Short texts of objects ----

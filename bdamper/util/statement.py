@@ -8,6 +8,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from bdamper.util.formatting import table_lines
+
 WIDTH = 88
 """Characters of a printed line, which a terminal, an e-mail, and a manual hold."""
 
@@ -33,12 +35,16 @@ class Statement:
         Name, outcome and finding of each check.
     remarks : sequence of str
         Sentences after the tables: doubts, a remedy, effects that are not covered.
+    table : sequence of sequence of str
+        Head and rows of values that belong together, for example one row for each study; printed
+        between rows and checks.
     """
 
     verdict: Sequence[str]
     rows: Sequence[Row] = ()
     checks: Sequence[Row] = ()
     remarks: Sequence[str] = ()
+    table: Sequence[Sequence[str]] = ()
 
     def with_texts(self, change: Callable[[str], str]) -> Statement:
         """Return the statement with each of its texts changed."""
@@ -47,13 +53,18 @@ class Statement:
             [Row(*map(change, row)) for row in self.rows],
             [Row(*map(change, row)) for row in self.checks],
             [change(text) for text in self.remarks],
+            [[change(cell) for cell in cells] for cells in self.table],
         )
+
+    def contains(self, text: str) -> bool:
+        """Return whether a remark is or begins with a text."""
+        return any(remark.lower().startswith(text.lower()) for remark in self.remarks)
 
     @property
     def text(self) -> str:
         """Lines of at most :data:`WIDTH` characters."""
         parts = [[line for text in self.verdict for line in _wrapped(text)]]
-        parts += [_table(self.rows), _table(self.checks)]
+        parts += [_table(self.rows), _columns(self.table), _table(self.checks)]
         parts.append([line for text in self.remarks for line in _wrapped(text)])
         return "\n\n".join("\n".join(part) for part in parts if part)
 
@@ -61,7 +72,9 @@ class Statement:
     def html(self) -> str:
         """The same as paragraphs and tables of a notebook."""
         first = "<br>".join(html.escape(text) for text in self.verdict)
-        tables = "".join(_html_table(table) for table in (self.rows, self.checks) if table)
+        tables = "".join(
+            _html_table(table) for table in (self.rows, self.table, self.checks) if table
+        )
         last = "".join(f"<p>{html.escape(text)}</p>" for text in self.remarks)
         return f"<p><b>{first}</b></p>{tables}{last}"
 
@@ -80,6 +93,23 @@ def _wrapped(text: str, width: int = WIDTH, indent: str = "  ") -> list[str]:
     return [line.replace(_NO_BREAK, " ") for line in lines]
 
 
+def _columns(table: Sequence[Sequence[str]]) -> list[str]:
+    """Return the lines of a table; long texts in its last column are wrapped there."""
+    # a column without texts below its head is empty
+    columns = [column for column in zip(*table) if any(column[1:])]
+    widths = [max(map(len, column)) + 2 for column in columns]
+    last = WIDTH - sum(widths[:-1])
+    # in a narrow column, texts would have many lines
+    if not widths or widths[-1] - 2 <= last or last < 25:
+        return table_lines(table, width=WIDTH)
+    lines = []
+    for *cells, text in zip(*columns):
+        start = "".join(f"{cell:<{width}}" for cell, width in zip(cells, widths))
+        first, *further = _wrapped(text, last, indent="") or [""]
+        lines += [start + first, *(" " * len(start) + line for line in further)]
+    return lines
+
+
 def _table(rows: Sequence[Row]) -> list[str]:
     widths = [max((len(row[column]) for row in rows), default=0) + 2 for column in (0, 1)]
     return [line for row in rows for line in _lines(row, widths)]
@@ -93,7 +123,7 @@ def _lines(row: Row, widths: Sequence[int]) -> list[str]:
     return [line.rstrip() for line in lines]
 
 
-def _html_table(rows: Sequence[Row]) -> str:
+def _html_table(rows: Sequence[Sequence[str]]) -> str:
     cell = '<td style="text-align:left">{}</td>'
     lines = [f"<tr>{''.join(cell.format(html.escape(text)) for text in row)}</tr>" for row in rows]
     return f"<table>{''.join(lines)}</table>"

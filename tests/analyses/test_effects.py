@@ -16,6 +16,7 @@ from bdamper.response.response_curve import notes, why_no_solution
 from tests import models
 from tests.each import each
 from tests.plain import plain_study
+from tests.printed import said
 
 PRELOAD = 300.0
 
@@ -428,8 +429,7 @@ def test_residual_modes_are_no_bodies_that_walk(full):
 def test_a_peak_says_how_its_curve_ended(full):
     peak = full.peak(1000.0, (820.0, 860.0))
     assert peak.search_status == "complete"
-    assert "higher one" not in peak.summary()
-    assert (
-        "There may be a higher one, the curve ended as: incomplete (why)"
-        in replace(peak, search_status="incomplete (why)")._headline()
+    assert "higher peak" not in peak.summary()
+    assert "There may be a higher peak: incomplete (why)" in said(
+        replace(peak, search_status="incomplete (why)")
     )

@@ -44,6 +44,7 @@ from tests.hard.random_studies import oracle_residuals, random_study
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.models import acyclic_model, wedge_model
 from tests.plain import plain_study
+from tests.printed import said
 
 
 def study(**settings):
@@ -462,12 +463,12 @@ def test_a_branch_that_turns_outside_the_interval_comes_back_into_it(bound):
     assert curve.complete
     assert curve.frequency.max() <= bound * (1.0 + 1e-12)
     assert curve.amplitude[curve.separate] == pytest.approx([whole.peak.amplitude], rel=1e-9)
-    assert curve.peak_at_end and "widen the interval" in curve._headline()
+    assert curve.peak_at_end and "widen the interval" in said(curve)
     peak = s.peak(3000.0, (282.6, bound))
     assert (
         not peak.converged
         and peak.status == peak.search_status
-        and "widen the interval" in peak._headline()
+        and "widen the interval" in said(peak)
     )
     assert peak.lower_bound == pytest.approx(curve.peak.amplitude, rel=1e-9)
 
@@ -498,7 +499,7 @@ def test_a_narrow_band_shows_the_resonance_that_passes_through_it(
     height = narrow.amplitude[separate]
     assert height == pytest.approx(whole.peak.amplitude, rel=1e-8)
     assert amplitude is None or height == pytest.approx(amplitude, rel=1e-2)
-    assert height > 2.0 * narrow.peak.amplitude and "widen the interval" in narrow._headline()
+    assert height > 2.0 * narrow.peak.amplitude and "widen the interval" in said(narrow)
     assert "; folds looked for from 274.6 to 367.4 Hz" in narrow.reason
     assert narrow.reason.endswith("closed branches not")
 

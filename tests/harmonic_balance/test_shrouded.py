@@ -83,6 +83,6 @@ def test_optimum_over_the_load_of_the_shroud(model):
     )
     peaks = [study.peak(load, (200.0, 3000.0)) for load in (1.0, 2.0, 8.0)]
     assert all(p.converged for p in peaks), [p.status for p in peaks]
-    assert "under a preload of 2 N (shroud 1)" in peaks[1]._headline()
+    assert "preload 2 N (shroud 1)" in peaks[1]._headline()
     best = study.optimal_curve([1.0, 2.0, 4.0, 8.0], frequency=(200.0, 3000.0), check=False)
     assert np.isfinite(best.amplitude).all() and "loads per newton: shroud 1" in str(best)

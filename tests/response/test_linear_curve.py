@@ -110,6 +110,6 @@ def test_a_limit_prints_no_preload():
             limit._repr_html_(),
             limit.peak._headline(),
         ):
-            assert "preload" not in text and f"{name} resonance of " in text
+            assert "preload" not in text and f"{name} resonance peak " in text
     peak = study.peak(200.0, band)
-    assert " under a preload of 200 N" in str(peak) and "\n  preload" in str(peak)
+    assert ": preload 200 N," in str(peak) and "\n  preload" in peak.summary()

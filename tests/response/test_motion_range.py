@@ -8,6 +8,7 @@ import pytest
 import bdamper as bd
 from bdamper.response.motion_range import half_range
 from bdamper.response.verification import TimeResponse
+from tests.printed import said
 
 DAMPING, STIFFNESS, SLIP = 0.01, 0.25, 0.2
 """Of an oscillator with mass, stiffness and excitation 1 and a Jenkins element."""
@@ -54,9 +55,8 @@ def test_results_name_it_beside_the_first_harmonic(oscillator, peak, name):
     curve = oscillator.frequency_response(0.0, INTERVAL)
     result = {"peak": peak, "curve": curve}.get(name) or oscillator.time_response(curve)
     assert result.half_range == pytest.approx(peak.half_range, rel=2e-2)
-    text = " ".join(str(result).split())
-    assert f"half of the range of motion is {result.half_range:.2f}" in text
-    assert "first harmonic" in text
+    text = said(result)
+    assert f"Half peak to peak {result.half_range:.2f} m all harmonics" in text
 
 
 def test_an_optimal_curve_names_it():
@@ -91,8 +91,8 @@ def test_one_harmonic_has_no_other_range():
 
 def test_a_time_response_near_the_first_harmonic_does_not_name_it():
     response = TimeResponse(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, half_range=1.05)
-    assert "range" not in response._headline()
-    assert "half of the range of motion is 1.2 m" in replace(response, half_range=1.2)._headline()
+    assert "peak to peak" not in said(response)
+    assert "Half peak to peak 1.2 m" in said(replace(response, half_range=1.2))
 
 
 @pytest.mark.parametrize("third", [0.02, 0.3, 2.0, -0.3, -2.0])

@@ -11,6 +11,7 @@ from bdamper.response.response_curve import sweep_of
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import amount
 from tests.plain import plain_study
+from tests.printed import said
 
 
 @pytest.fixture(scope="module")
@@ -44,8 +45,9 @@ def test_a_sweep_keeps_its_branch_until_the_fold(curve):
         up.amplitude[up.frequency < 300.0], down.amplitude[down.frequency < 300.0][::-1]
     )
     largest = max((*up.jumps, *down.jumps), key=lambda jump: abs(jump.after - jump.before))
-    said = f"jumps by up to {amount(abs(largest.after - largest.before), 'm')}, at {amount(largest.frequency, 'Hz')}."
-    assert said in curve._headline()
+    size = amount(abs(largest.after - largest.before), "m")
+    place = f"largest jump of a slow sweep, at {amount(largest.frequency, 'Hz')}"
+    assert f"Jump {size} {place}" in said(curve)
 
 
 def test_a_sweep_leaves_a_branch_where_stability_is_lost_and_ends_where_nothing_is_stable(curve):

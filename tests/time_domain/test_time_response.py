@@ -19,8 +19,10 @@ from bdamper.time_domain.time_response import (
     structure_in_time,
 )
 from bdamper.time_domain.transient import SteadyPoint
+from bdamper.util.formatting import amount
 from tests.each import each
 from tests.integrations import fails_after, interrupted_at
+from tests.printed import said
 from tests.time_domain import plain_transient
 from tests.time_domain.test_frequency_sweep import F0, W0, one_mass
 from tests.time_domain.test_steady_amplitude import Still
@@ -187,16 +189,18 @@ def test_one_mass_falls_at_the_fold_of_its_branch(bent, found):
         and found.diameters == (0,)
     )
     assert found.lowest < found.balance < found.highest
-    said = found._headline()
-    assert (
-        "The motion jumps to a lower amplitude at" in said
-        and f"in time the highest blade has {found.text}" in said
+    text = said(found)
+    assert f"Jump {amount(found.fall, 'Hz', 6)} to a lower amplitude" in text
+    assert text.startswith(
+        f"Highest amplitude by time integration {amount(found.largest, 'm')}: preload 0 N"
     )
-    assert said.split(";")[0] in str(found)
-    doubtful = replace(found, status="incomplete: some steps failed")._headline()
-    assert "(incomplete: some steps failed); the peak of the harmonic balance" in doubtful
-    assert "incomplete" not in said
-    assert found.summary().count("diameters") == found.summary().count("mean") == 1
+    place = f"{amount(found.frequency, 'Hz', 6)}, mean 11.1 mm"
+    assert f"Time integration 11 to 11.2 mm {place}" in text
+    doubtful = said(replace(found, status="incomplete: some steps failed"))
+    assert doubtful.startswith("Not for design: the time integration is incomplete: some steps")
+    assert "Other integrations FAIL" in doubtful and "Remedy: examine study.motion_in_" in doubtful
+    assert "incomplete" not in text and "FAIL" not in text
+    assert found.summary().count("diameters") == found.summary().count("mean  ") == 1
 
 
 def test_the_range_is_an_error(found):
@@ -210,10 +214,7 @@ def test_the_range_is_an_error(found):
     assert (found.lowest, found.highest) == (pytest.approx(0.99 * low), pytest.approx(1.01 * high))
     assert found.text == "11.1 mm (11 to 11.2)"
     beats = replace(found, highest_period=1.2 * found.mean)
-    assert (
-        "Single periods reach 13.3 mm." in beats._headline()
-        and "Single periods" not in found._headline()
-    )
+    assert "13.3 mm highest single period" in said(beats) and "single period" not in said(found)
     assert beats.largest == beats.highest_period and found.largest == found.highest
     assert (
         beats.factor == beats.highest_period / found.balance
@@ -245,7 +246,7 @@ def test_every_start_of_one_mass_comes_to_the_same_motion(bent, found):
     assert list(more.starts) == [
         "start 1, no traction", "start 2, limit of friction", "start 3, limit of friction backward"]  # fmt: skip
     assert more.elsewhere == 0 and more.answers == found.answers and not found.starts
-    assert "0 of 3 other starts came to another motion." in more._headline()
+    assert "Other starts pass 0 of 3 came to another motion" in said(more)
     assert (
         replace(more, starts=more.starts | {"start 1, no traction": 0.9 * more.mean}).elsewhere == 1
     )
@@ -373,8 +374,8 @@ def test_a_failing_integration_leaves_what_was_found_before(bent, monkeypatch):
     assert all(
         np.isnan(x) for x in (found.mean, found.lowest, found.highest, found.frequency, found.fall)
     )
-    said = "At 0 N the amplitude in time is not known, so nothing confirms the peak of the harmonic balance: the time int"
-    assert found._headline().startswith(said)
+    assert found._headline().startswith("No amplitude by time integration, the time integration f")
+    assert "nothing confirms the peak" in said(found)
     monkeypatch.undo()
     fails_after(monkeypatch, 80)
     found = study.time_response(curve)
@@ -496,9 +497,7 @@ def test_blades_that_part_are_said_and_drawn(found, tmp_path):
     blades = 1e-6 * np.array([150.0, 275.0, 275.0]) * (1.0 + 0.01 * rng.standard_normal((n, 3)))
     waves = np.array([[10.0, 188e-6], [-10.0, 131e-6], [30.0, 1e-6]])
     parted = replace(found, blades=blades, blade=1, waves=waves)
-    assert (
-        parted.parted and "Blades do not vibrate alike: 150 to 275 \u00b5m." in parted._headline()
-    )
+    assert parted.parted and "Different blades 150 to 275 \u00b5m" in said(parted)
     assert "10 forward 188 \u00b5m, 10 backward 131 \u00b5m" in parted.summary()
     beats = np.where(np.arange(n)[:, None] < 40, blades, blades[:, ::-1])
     assert not replace(parted, blades=beats).parted, "other blades are high in the second half"

@@ -1,6 +1,7 @@
 """Results as tables, what a notebook shows of them, and what differs between two."""
 
 import csv
+import html
 import sys
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -246,7 +247,7 @@ class TestNotebook:
                 and line in page
                 and page.count("data:image/png;base64,iVBOR") == 1
             )
-        first = f"<div><p><b>{curve._headline()}</b></p><table>"
+        first = f"<div><p><b>{html.escape(curve._headline())}</b></p><table>"
         assert (
             curve._repr_html_().startswith(first)
             and amount(curve.peak.amplitude, "m", 6) in curve._repr_html_()
@@ -289,7 +290,7 @@ class TestNotebook:
 
     def test_the_peak_of_a_curve_is_called_a_peak(self, study, curve):
         assert str(curve.peak).startswith(
-            f"Resonance of {peak_text(curve.peak.amplitude, curve.peak.frequency)}"
+            f"Resonance peak {peak_text(curve.peak.amplitude, curve.peak.frequency)}"
         )
         assert "No peak: incomplete: highest at an end" in str(
             study.frequency_response(2000.0, (360.0, 362.0)).peak
