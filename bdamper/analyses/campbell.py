@@ -26,8 +26,8 @@ from bdamper.analyses.engine_order_line import (
     SpeedFamily,
     follow_line,
     follow_mode,
-    interpolated_at_fixed_speed,
     interval,
+    peak_at_fixed_speed,
     refined,
 )
 from bdamper.analyses.sweep import SweepResult
@@ -340,7 +340,7 @@ def run_up(
             status=INCOMPLETE,
             reason=f"{curve.reason}; {doubt}; give a shorter range of speeds",
         )
-    fixed = interpolated_at_fixed_speed(equations, highest.peak, meter)
+    fixed = peak_at_fixed_speed(family, equations, (low, high), mode, highest.peak, meter)
     result = _with_maximum(curve, highest.index, top, responses(near, top.y[None])[0])
     # no interpolated point is higher than the refined one
     refined_is_highest = result.peak_index == highest.index

@@ -24,10 +24,10 @@ from bdamper.analyses.engine_order_line import (
     SpeedFamily,
     exact_at_fixed_speed,
     follow_mode,
-    interpolated_at_fixed_speed,
+    peak_at_fixed_speed,
     refined,
 )
-from bdamper.analyses.sweep import SweepResult, as_words, sweep
+from bdamper.analyses.sweep import SEPARATOR, SweepResult, as_words, sweep
 from bdamper.fatigue.margin import LeastMargin
 from bdamper.fatigue.stress_cycle import chosen_sets
 from bdamper.harmonic_balance.equations import Equations
@@ -133,7 +133,7 @@ class CrossingTask:
         results |= self._results(problem, meter)
         neglected = problem.model.neglected_over_speed(problem.settings.needed_diameters)
         warnings = results["warning"] + [f"neglected: {note}" for note in neglected]
-        results["warning"] = "; ".join(warnings)
+        results["warning"] = SEPARATOR.join(warnings)
         results["cost"] = meter.read()
         return results
 
@@ -187,7 +187,7 @@ class CrossingTask:
         }
         if exact_equations:
             results |= by_mass(family, equations, top)
-            fixed = interpolated_at_fixed_speed(equations, top, meter)
+            fixed = peak_at_fixed_speed(family, equations, self.speeds, self.mode, top, meter)
         else:
             fixed = solution
         if isinstance(fixed, str):

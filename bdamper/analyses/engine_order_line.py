@@ -447,6 +447,25 @@ def exact_at_fixed_speed(
     return at_fixed_speed(peak_at, order, np.array(speeds), top, AROUND[-1])
 
 
+def peak_at_fixed_speed(
+    family: SpeedFamily,
+    equations: Equations[Family],
+    speeds: tuple[float, float],
+    mode: int,
+    top: Peak,
+    meter: CostMeter,
+) -> Peak | str:
+    """Return the peak at fixed speed that lies on the line, or why there is none.
+
+    If Newton's method on the interpolated equations fails, as at a corner of the curve, the complete
+    search of the exact equations follows.
+    """
+    peak = interpolated_at_fixed_speed(equations, top, meter)
+    if isinstance(peak, str):
+        return exact_at_fixed_speed(family, speeds, mode, top, meter)
+    return peak
+
+
 def exact(family: SpeedFamily, top: Peak) -> tuple[Peak, float]:
     """Solve the highest point with the equations assembled at its speed.
 

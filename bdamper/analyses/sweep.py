@@ -43,6 +43,7 @@ from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import plausible_ranges, validation
 from bdamper.util.display import Differences, Plottable
 from bdamper.util.errors import (
+    COMPLETE,
     FAILED,
     INCOMPLETE,
     NOT_RUN,
@@ -71,6 +72,8 @@ from bdamper.util.storage import INSTALLED, Recorded, ResultsFile, Storable
 from bdamper.util.tables import Column, Tabular, concatenate
 
 Values = Mapping[str, Any]
+SEPARATOR = "; "
+"""Text between two warnings of a point."""
 Task = Callable[[Any, float | None], Values]
 """Function of a study (or problem) and a preload (None if the sweep has none) that returns named
 numbers, texts or lists of numbers.
@@ -170,7 +173,7 @@ class OptimalTask(validation.Checked):
             "free_amplitude": curve.free.amplitude,
             "stuck_frequency": curve.stuck.frequency,
             "stuck_amplitude": curve.stuck.amplitude,
-            "warning": "; ".join(curve.warnings),
+            "warning": SEPARATOR.join(curve.warnings),
             "cost": curve.cost,
         }
 
@@ -247,6 +250,38 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
             return ("",) * len(self)
         # None if the point has no result
         return tuple(str(warning or "") for warning in self.values["warning"].tolist())
+
+    def _common_parts(self) -> tuple[str, ...]:
+        """Return the parts of the warnings that all computed points have."""
+        of_points = [
+            warning.split(SEPARATOR)
+            for warning, status in zip(self.warnings, self.status)
+            if warning or status == COMPLETE
+        ]
+        if not of_points:
+            return ()
+        first, *others = of_points
+        return tuple(part for part in first if part and all(part in other for other in others))
+
+    def _own_warnings(self) -> list[str]:
+        """Return the warning of each point without the parts that all points have."""
+        common = self._common_parts()
+        own = []
+        for warning in self.warnings:
+            parts = [part for part in warning.split(SEPARATOR) if part not in common]
+            own.append(SEPARATOR.join(parts))
+        return own
+
+    def _rows(self) -> list[tuple[str, ...]]:
+        """Return the header and rows of the table, with the particular warning of each point."""
+        own = dict(zip(self.warnings, self._own_warnings()))
+        return [tuple(own.get(cell, cell) for cell in row) for row in self.as_rows()]
+
+    def _remarks(self) -> list[str]:
+        """Return the warnings of all and of single points that are not in the headline."""
+        headline = self._headline()
+        remarks = dict.fromkeys([SEPARATOR.join(self._common_parts()), *self._own_warnings()])
+        return [remark for remark in remarks if remark and remark not in headline]
 
     @property
     def quantities(self) -> tuple[str, ...]:

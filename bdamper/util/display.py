@@ -188,11 +188,7 @@ class Summarised:
         )
         single = [fact for name in field_names for fact in self._facts_of_field(name)]
         facts += [fact for fact in single if fact.known and fact.name not in names]
-        texts = list(
-            dict.fromkeys(
-                text for name in ("notes", "warnings") for text in getattr(self, name, ()) if text
-            )
-        )
+        texts = self._remarks()
         texts = texts[:FEW_ROWS] + [f"{counted(len(texts) - FEW_ROWS, 'further remark')}"] * (
             len(texts) > FEW_ROWS
         )
@@ -220,6 +216,11 @@ class Summarised:
             *texts,
         ]
         return self._in_unit_of_response("\n".join(line for line in lines if line))
+
+    def _remarks(self) -> list[str]:
+        """Return the different notes and warnings, which the complete summary prints."""
+        remarks = [*getattr(self, "notes", ()), *getattr(self, "warnings", ())]
+        return [remark for remark in dict.fromkeys(remarks) if remark]
 
     def _in_unit_of_response(self, text: str) -> str:
         """Return a text whose lengths are strains if the response of the result is one: m/m."""

@@ -261,14 +261,52 @@ def test_a_run_up_is_a_curve_over_speed(study, found, tmp_path):
         study.hysteresis(run)
 
 
-def test_a_missing_peak_at_fixed_speed_has_its_reason(study, monkeypatch):
-    """A crossing that is complete otherwise, and a run-up, state why."""
+def newton_fails(study, monkeypatch):
+    """No peak of the interpolated equations at fixed speed is found."""
     peak = replace(study.peak(5800.0), status="not found: tried")
     monkeypatch.setattr(engine_order_line, "find_peak", lambda *_, **__: peak)
+
+
+def test_where_newtons_method_fails_the_peak_at_fixed_speed_is_found_by_a_search(
+    study, found, monkeypatch
+):
+    newton_fails(study, monkeypatch)
+    row = study.resonance_crossings(SPEEDS, [5]).values[0]
+    assert (row["kind"], row["warning"]) == ("complete", "")
+    # the search ends within 0.3 % of the line
+    assert row["fixed_speed"] == pytest.approx(found.values[1]["fixed_speed"], rel=3e-3)
+    at = study.at_speed(row["fixed_speed"])
+    assert row["fixed_speed_amplitude"] == pytest.approx(at.peak(at.preload).amplitude, rel=1e-9)
+    assert "above the peak at fixed speed" in study.run_up((420.0, 465.0)).summary()
+
+
+def test_a_missing_peak_at_fixed_speed_has_its_reason(study, monkeypatch):
+    """A crossing that is complete otherwise, and a run-up, state why."""
+    newton_fails(study, monkeypatch)
+    lost = replace(study.peak(5800.0), status="not found: tried")
+    monkeypatch.setattr(engine_order_line, "highest_peak", lambda *_, **__: lost)
     row = study.resonance_crossings(SPEEDS, [5]).values[0]
     why = "no peak at fixed speed: from the highest point on the line, not found: tried"
     assert (row["kind"], row["warning"]) == ("complete", why) and np.isnan(row["fixed_speed"])
     assert study.run_up((420.0, 465.0)).summary().count(why) == 1
+
+
+def test_a_warning_of_all_crossings_is_said_once(found):
+    """Rows of the table have the warnings of their own."""
+    neglected = "neglected: modes of one rotor speed; frequencies do not change"
+    rows = [{**row_of(found.values, k), "warning": neglected} for k in range(3)]
+    by_name = {name: [row[name] for row in rows] for name in rows[0]}
+    same = replace(found, values=named_fields(by_name, 3))
+    assert same.summary().count("modes of one rotor speed") == 1
+    assert same.warnings == (neglected,) * 3
+    by_name["warning"] = [f"residual; {neglected}", neglected, f"no peak; {neglected}"]
+    mixed = replace(found, values=named_fields(by_name, 3))
+    text = mixed.summary()
+    # only the headline has the common part
+    assert text.count("modes of one rotor speed") == 1
+    table = text.split("\n")[1:]
+    assert sum("complete  residual " in line for line in table) == 1
+    assert sum("complete  no peak " in line for line in table) == 1
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.harmonic_balance.equations import Plane
+from bdamper.response import peak as peak_module
 from bdamper.response.peak import FAR, PeakOptions, find_peak, rounding, same_peak
 from tests.plain import plain_study
 
@@ -108,3 +109,18 @@ def test_a_residual_that_rounding_keeps_above_the_tolerance_is_accepted():
     strict, usual = bonded.peak(500.0, options=bd.PeakOptions(tolerance=1e-13)), bonded.peak(500.0)
     assert strict.amplitude == pytest.approx(usual.amplitude, rel=1e-9)
     assert 1e-13 < strict.residual <= rounding(bonded.problem.system(500.0), strict.y) < 1e-8
+
+
+def test_a_residual_above_the_estimate_of_rounding_is_accepted(monkeypatch):
+    """The estimate covers one evaluation, and contacts add rounding of their own."""
+    model = bd.reference_model("bladed_disk", 9)
+    study = plain_study(model, bd.Excitation("tip", amplitude=1.0), 5, friction_coefficient=0.3)
+    usual = study.peak(500.0)
+    system = study.problem.system(500.0)
+    # out of reach, and the estimate says that it is not
+    monkeypatch.setattr(peak_module, "rounding", lambda *_: 2e-15)
+    found = find_peak(system, usual.y, options=PeakOptions(tolerance=1e-15))
+    assert found.converged
+    assert found.amplitude == pytest.approx(usual.amplitude, rel=1e-9)
+    monkeypatch.setattr(peak_module, "rounding", lambda *_: 1e-17)
+    assert not find_peak(system, usual.y, options=PeakOptions(tolerance=1e-15)).converged
