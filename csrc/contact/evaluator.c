@@ -2,6 +2,7 @@
  * their points. */
 #include "contact/evaluator.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 bd_status bd_evaluator_create(bd_evaluator *evaluator, bd_evaluation evaluation, int n_harm,
@@ -9,10 +10,17 @@ bd_status bd_evaluator_create(bd_evaluator *evaluator, bd_evaluation evaluation,
     memset(evaluator, 0, sizeof *evaluator);
     evaluator->evaluation = evaluation;
     evaluator->n_harm = n_harm;
-    if (evaluation == BD_EXACT) return bd_event_create(&evaluator->event, n_harm);
-    bd_status status =
-        bd_sampled_create(&evaluator->sampled, n_harm, n_time, evaluation == BD_SAMPLED);
-    if (status == BD_OK) status = bd_coulomb_create(&evaluator->coulomb, &evaluator->sampled);
+    bd_status status;
+    if (evaluation == BD_EXACT) {
+        status = bd_event_create(&evaluator->event, n_harm);
+    } else {
+        status = bd_sampled_create(&evaluator->sampled, n_harm, n_time, evaluation == BD_SAMPLED);
+        if (status == BD_OK) status = bd_coulomb_create(&evaluator->coulomb, &evaluator->sampled);
+    }
+    if (status == BD_OK) {
+        evaluator->centred = malloc(sizeof(double) * BD_LANES * 3 * (size_t)bd_n_coef(n_harm));
+        if (!evaluator->centred) status = BD_NO_MEMORY;
+    }
     if (status != BD_OK) bd_evaluator_destroy(evaluator);
     return status;
 }
@@ -34,6 +42,8 @@ void bd_evaluator_destroy(bd_evaluator *evaluator) {
     bd_sampled_destroy(&evaluator->sampled);
     bd_coulomb_destroy(&evaluator->coulomb);
     bd_user_destroy(&evaluator->user);
+    free(evaluator->centred);
+    evaluator->centred = NULL;
 }
 
 /* Replace the result of the contact evaluations by cubic springs. */
@@ -47,24 +57,46 @@ static void cubic_springs(int n, const bd_element *element, const double *x, bd_
     }
 }
 
+/* Copy the motion of n points without their tangential means to evaluator->centred, and the
+ * elements with their sliders relative to these means.
+ *
+ * T = kt (u - w) depends on the difference alone. A body that nothing holds may move far along a
+ * face, and rounding of a large u would then exceed a small excitation force. */
+static void centre_tangential(int n, const bd_element *element, const double *x,
+                              bd_element *centred, const bd_evaluator *evaluator) {
+    const size_t n_coef = (size_t)bd_n_coef(evaluator->n_harm);
+    memcpy(centred, element, sizeof *element * (size_t)n);
+    memcpy(evaluator->centred, x, sizeof(double) * 3 * n_coef * (size_t)n);
+    for (int i = 0; i < n; ++i) {
+        for (int d = 0; d < 2; ++d) {
+            double *mean = evaluator->centred + (3 * (size_t)i + (size_t)d) * n_coef;
+            centred[i].w[d] -= *mean;
+            *mean = 0.0;
+        }
+    }
+}
+
 void bd_contact_evaluate_many(int n, const bd_element *element, const double *x, bd_response *out,
                               bd_status_share *share, bd_evaluator *evaluator) {
     const size_t size = 3 * (size_t)bd_n_coef(evaluator->n_harm);
     bd_status_share unused[BD_LANES];
+    bd_element centred[BD_LANES];
     if (!share) share = unused;
+    centre_tangential(n, element, x, centred, evaluator);
+    const double *motion = evaluator->centred;
     if (evaluator->evaluation == BD_EXACT) {
         for (int i = 0; i < n; ++i)
-            bd_event_evaluate(element + i, x + (size_t)i * size, out + i, share + i,
+            bd_event_evaluate(centred + i, motion + (size_t)i * size, out + i, share + i,
                               &evaluator->event);
         cubic_springs(n, element, x, out, share, evaluator);
         return;
     }
 
-    bd_sampled_evaluate(n, element, x, out, share, &evaluator->sampled);
+    bd_sampled_evaluate(n, centred, motion, out, share, &evaluator->sampled);
     int has_coupled = 0;
     for (int i = 0; i < n; ++i) has_coupled |= bd_law_is_coupled(element[i].law);
     evaluator->latest_is_coupled = has_coupled;
-    if (has_coupled) bd_coulomb_evaluate(n, element, x, out, share, &evaluator->coulomb);
+    if (has_coupled) bd_coulomb_evaluate(n, centred, motion, out, share, &evaluator->coulomb);
     cubic_springs(n, element, x, out, share, evaluator);
     for (int i = 0; i < n; ++i) {
         if (element[i].law != BD_LAW_USER) continue;

@@ -16,6 +16,7 @@ typedef struct {
     bd_sampled_work sampled; /* workspace of the sampled evaluations */
     bd_coulomb_work coulomb; /* workspace of the sampled evaluations */
     bd_user_work user;       /* workspace of user laws, if there are any */
+    double *centred;         /* (BD_LANES, 3, n_coef) motion without the tangential means */
     int latest_is_coupled;
 } bd_evaluator;
 

@@ -40,6 +40,24 @@ def random_state(rng, harmonics):
 
 
 @each(("law", "contact_forces"), SERVED)
+def test_forces_do_not_depend_on_where_a_body_has_moved(law, contact_forces):
+    """Surface and slider 1e8 amplitudes away, in steps that doubles hold exactly: the same forces to the last digits."""
+    rng = np.random.default_rng(40 + law)
+    far = 2.0**27
+    for _ in range(50):
+        x, p = random_state(rng, 3)
+        # sums with the distance are exact
+        x[:2, 0] = np.round(x[:2, 0] * 2.0**20) / 2.0**20
+        p["w"] = np.round(p["w"] * 2.0**20) / 2.0**20
+        near = evaluate(x, law=law, contact_forces=contact_forces, **p)
+        x[:2, 0] += far
+        p["w"] = p["w"] + far
+        away = evaluate(x, law=law, contact_forces=contact_forces, **p)
+        for part in range(3):
+            np.testing.assert_allclose(away[part], near[part], rtol=1e-12, atol=1e-13)
+
+
+@each(("law", "contact_forces"), SERVED)
 def test_tangent_is_the_derivative_on_random_states(law, contact_forces):
     """Five thousand states over all laws and evaluations: a random direction each; a state whose finite difference
     straddles an event is asked again with a smaller step."""
