@@ -1549,7 +1549,8 @@ class Study(Comparable):
         result : ResponseCurve or Peak
             For a response curve the highest peak is examined.
         sources : sequence of str
-            Subset of ``SOURCES`` in ``bdamper/analyses/error_estimates.py``.
+            Subset of ``SOURCES`` in ``bdamper/analyses/error_estimates.py``, which takes a few
+            seconds, and "time", a time integration near the peak, which takes longer.
 
         Returns
         -------

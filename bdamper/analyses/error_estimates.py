@@ -31,17 +31,23 @@ Adjoint estimate
     (five harmonics, without separation) the estimated change of amplitude is +5.6 %, its defect 3.7
     % and the true change +1.3 %.
 
-Error estimates by source compare the peak with a more detailed study in one respect. They draw no
-conclusions from less detailed settings. If the model has no more detail, or the curve cannot be
-computed, the source is not estimated and the reason is given.
+Error estimates by source compare the peak with a more detailed study in one respect. If the model
+has no more detail, or the curve cannot be computed, the source is not estimated and the reason is
+given.
 
 ``harmonics``
     Twice as many, at least four more; modes of the fundamental replace modes of a nodal diameter
-    that the model lacks.
+    that the model lacks. If the change is large, a peak with half of the new harmonics shows
+    whether successive peaks approach each other. If they do not, or have no solution, more
+    harmonics do not give a limit, and only time integration decides.
 ``contact_forces``
     Sampled contact forces against exact events.
 ``contact points``
-    Merged contact patches against the patches of the model.
+    Merged contact patches against the patches of the model. If the study has them all, it is
+    compared with a coarser set of at least half of them. The error of ``n`` points is then assumed
+    to fall as ``1/n``: between 48 and 24 points, and 24 and 12, the change of a peak of the
+    reference disk falls to a quarter, so that the assumption is cautious. The coarser set keeps
+    three rows along t1 if the face has them, since a wedge on two rows rolls too easily.
 ``modes``
     With residual modes twice as many modes, at least the default number of blade modes: the error
     decreases with the fourth power of the frequency of the first omitted mode. Otherwise all modes
@@ -51,6 +57,10 @@ computed, the source is not estimated and the reason is given.
     flexibility for stuck modes. For residual modes the reference has one for every force on the
     mesh, at most 72. Both studies have at least three harmonics: contact forces above the highest
     harmonic are felt by the diagonal alone, and more vectors make it smaller.
+``time``
+    Time integration near the peak (:mod:`bdamper.time_domain.time_response`), only on request,
+    because it takes longer than all other sources. The change is the one to the farther end of the
+    range of amplitudes.
 """
 
 from __future__ import annotations
@@ -69,6 +79,7 @@ from bdamper.contact.residual_flexibility import ResidualModes, ResidualSet
 from bdamper.harmonic_balance.effects import BLADE_MODES, MAX_HARMONIC, harmonic_numbers
 from bdamper.harmonic_balance.equations import OK, Equations
 from bdamper.harmonic_balance.problem import Problem
+from bdamper.model.contact_points import ROWS, rows_of_points, unite_face
 from bdamper.model.kinematics import RIGID_NAMES
 from bdamper.response.highest_peak import highest_of_curve, maxima
 from bdamper.response.peak import (
@@ -83,11 +94,12 @@ from bdamper.response.peak import (
 )
 from bdamper.response.response_curve import check_curve, frequency_response
 from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
-from bdamper.response.verification import ErrorEstimates, SourceError
+from bdamper.response.verification import ErrorEstimates, HarmonicPeak, SourceError
+from bdamper.time_domain import time_response
 from bdamper.util import validation
 from bdamper.util.errors import COMPLETE, BdamperError, SettingError, status_word
 from bdamper.util.formatting import short_text
-from bdamper.util.progress import one_thread
+from bdamper.util.progress import CostMeter, one_thread
 
 
 class Change(NamedTuple):
@@ -402,10 +414,31 @@ class Tops:
         return 0.85 * frequency, 1.2 * frequency
 
 
+class Solution(NamedTuple):
+    """Change of a peak to another study, with the peaks there.
+
+    Parameters
+    ----------
+    change : Change
+    tops : Tops or None
+        None if unknown, or at an end of the interval.
+    """
+
+    change: Change
+    tops: Tops | None = None
+
+
 def compare(
     problem: Problem, other: Problem, preload: float, tops: Tops, by_newton: bool = False
 ) -> Change:
-    """Compute the change of the highest peak from one problem to another.
+    """Compute the change of the highest peak from one problem to another (:func:`solve_other`)."""
+    return solve_other(problem, other, preload, tops, by_newton).change
+
+
+def solve_other(
+    problem: Problem, other: Problem, preload: float, tops: Tops, by_newton: bool = False
+) -> Solution:
+    """Compute the highest peak of another problem.
 
     Parameters
     ----------
@@ -418,36 +451,37 @@ def compare(
 
     Returns
     -------
-    Change
+    Solution
     """
     state = other.static(preload)
     if not state.converged:
-        return Change(how=f"no static state: {state.note}")
+        return Solution(Change(how=f"no static state: {state.note}"))
     peak = tops.peaks[0]
     if by_newton:
         system = other.system(preload)
         embedded = [embed(problem, other, preload, top.y) for top in tops.peaks]
         if tops.at_end:
             change = _at_frequency(system, embedded, peak)
+            if change is not None:
+                return Solution(change)
         else:
             signs = [sign_of_jacobian(problem.system(preload), top.y) for top in tops.peaks]
-            change = _solved(system, embedded, signs, tops)
-        if change is not None:
-            return change
+            solved = _solved(system, embedded, signs, tops)
+            if solved:
+                return Solution(Change.between(peak, solved[0], "solved"), Tops(tuple(solved)))
     outcome = evaluate_peak(other, lambda study: tops.curve_with(study, preload))
     if outcome.reason:
-        return Change(how=f"no complete response curve: {outcome.reason}")
+        return Solution(Change(how=f"no complete response curve: {outcome.reason}"))
     low, high = tops.search_interval
     outside = "" if low <= outcome.frequency <= high else ", outside the interval"
-    return Change.between(peak, outcome, f"computed by a complete response curve{outside}")
+    how = f"computed by a complete response curve{outside}"
+    return Solution(Change.between(peak, outcome, how), Tops.of(other, outcome.result))
 
 
-def _solved(
-    system: Equations, embedded: list[NDArray], signs: list[int], tops: Tops
-) -> Change | None:
-    """Return the change to the highest peak found by Newton's method.
+def _solved(system: Equations, embedded: list[NDArray], signs: list[int], tops: Tops) -> list[Peak]:
+    """Return the peaks found by Newton's method in descending order.
 
-    The result is None if it fails or finds another peak.
+    The list is empty if it fails or finds another peak.
     """
     low, high = tops.interval or (0.0, np.inf)
     most_fall = 0.1
@@ -458,13 +492,12 @@ def _solved(
             system, y, sign, options=PeakOptions(), parameter=peak.parameter, patient=False
         )
         if isinstance(solution, str) or not low <= solution.frequency <= high:
-            return None
+            return []
         change = solution.amplitude / peak.amplitude - 1.0
         if not -most_fall <= change <= most_rise:
-            return None
+            return []
         solved.append(solution)
-    highest = max(solved, key=lambda peak: peak.amplitude)
-    return Change.between(tops.peaks[0], highest, "solved")
+    return sorted(solved, key=lambda peak: -peak.amplitude)
 
 
 def _at_frequency(system: Equations, embedded: list[NDArray], peak: Peak) -> Change | None:
@@ -487,7 +520,33 @@ def _at_frequency(system: Equations, embedded: list[NDArray], peak: Peak) -> Cha
 
 
 SOURCES = ("harmonics", "contact_forces", "contact points", "modes", "residual flexibility")
-"""Sources of error."""
+"""Sources of error that a setting of the study reduces."""
+TIME = "time"
+"""Source of error that only time integration shows."""
+SMALL_CHANGE = 0.02
+"""Relative change with more harmonics up to which further harmonics are not examined."""
+
+
+class Richer(NamedTuple):
+    """Study that is more detailed in one respect, and a description."""
+
+    problem: Problem
+    text: str
+
+
+class Enriched(NamedTuple):
+    """Study that is more detailed in one respect, and its highest peaks; None if unknown."""
+
+    problem: Problem
+    text: str
+    tops: Tops | None
+
+
+class Examination(NamedTuple):
+    """Errors of a peak, and the more detailed study of each source that has one."""
+
+    estimates: ErrorEstimates
+    enriched: dict[str, Enriched]
 
 
 @one_thread
@@ -495,10 +554,22 @@ def estimate_errors(
     problem: Problem, result: ResponseCurve | Peak, *, sources: Sequence[str] = SOURCES
 ) -> ErrorEstimates:
     """See :meth:`bdamper.Study.estimate_errors`."""
-    sources = validation.names("sources", sources, SOURCES)
+    return examine(problem, result, sources).estimates
+
+
+def examine(problem: Problem, result: ResponseCurve | Peak, sources: Sequence[str]) -> Examination:
+    """Estimate the errors of a peak and keep the studies and peaks that show them.
+
+    Raises
+    ------
+    SettingError
+        If the result has not converged or belongs to another study.
+    """
+    sources = validation.names("sources", sources, (*SOURCES, TIME))
     validation.instance(
         "result", result, (ResponseCurve, Peak), "a ResponseCurve or a Peak of this study"
     )
+    meter = CostMeter()
     if isinstance(result, ResponseCurve):
         check_curve(problem, result)
         preload = result.preload
@@ -508,29 +579,155 @@ def estimate_errors(
         preload = result.parameter
         tops = Tops((result,))
     errors = []
+    enriched_by: dict[str, Enriched] = {}
+    harmonic_peaks: tuple[HarmonicPeak, ...] = ()
     for source in sources:
-        error = _of_source(problem, source, preload, tops)
+        if source == TIME:
+            errors.append(_of_time(problem, result, tops.peaks[0], meter))
+            continue
+        error, enriched = _of_source(problem, source, preload, tops, meter)
         if error is not None:
             errors.append(error)
+        if enriched is not None:
+            enriched_by[source] = enriched
+    if "harmonics" in enriched_by:
+        harmonic_peaks = _harmonic_peaks(problem, preload, tops, enriched_by["harmonics"], meter)
     highest = tops.peaks[0]
-    return ErrorEstimates(preload, highest.frequency, highest.amplitude, tuple(errors))
+    estimates = ErrorEstimates(
+        preload,
+        highest.frequency,
+        highest.amplitude,
+        tuple(errors),
+        harmonic_peaks,
+        meter.read(),
+    )
+    return Examination(estimates, enriched_by)
 
 
-def _of_source(problem: Problem, source: str, preload: float, tops: Tops) -> SourceError | None:
-    """Return the error of a peak from one source; None if the source does not apply."""
+def _of_source(
+    problem: Problem, source: str, preload: float, tops: Tops, meter: CostMeter
+) -> tuple[SourceError | None, Enriched | None]:
+    """Return the error of a peak from one source, and the study that shows it.
+
+    Both are None if the source does not apply.
+    """
+    enriched = None
     try:
         if source == "residual flexibility":
             problem, tops = _with_three_harmonics(problem, preload, tops)
         richer = richer_study(problem, source)
         if richer is None:
-            return None
-        richer_problem, text = richer
-        more_harmonics = richer_problem.harmonic_numbers != problem.harmonic_numbers
-        change = compare(problem, richer_problem, preload, tops, by_newton=more_harmonics)
+            return None, None
+        solution = _watched_solution(problem, richer.problem, preload, tops, meter)
+        change = solution.change
+        how = f"{richer.text}; {change.how}" if change.known else change.how
+        enriched = Enriched(*richer, solution.tops)
     except BdamperError as error:
         change = Change(how=str(error))
-    how = f"{text}; {change.how}" if change.known else change.how
-    return SourceError(source, change.amplitude, change.frequency, change.uncertainty, how)
+        how = change.how
+        if source == "contact points":
+            change, how = _of_fewer_points(problem, preload, tops, meter, how)
+    error_of_source = SourceError(
+        source, change.amplitude, change.frequency, change.uncertainty, how
+    )
+    return error_of_source, enriched
+
+
+def _watched_solution(
+    problem: Problem, other: Problem, preload: float, tops: Tops, meter: CostMeter
+) -> Solution:
+    """Compute the highest peak of another problem, and count its work."""
+    if other.static(preload).converged:
+        meter.watch(other.system(preload))
+    more_harmonics = other.harmonic_numbers != problem.harmonic_numbers
+    return solve_other(problem, other, preload, tops, by_newton=more_harmonics)
+
+
+def _of_fewer_points(
+    problem: Problem, preload: float, tops: Tops, meter: CostMeter, no_finer: str
+) -> tuple[Change, str]:
+    """Return the error of all contact points of the model from a coarser set, and its origin.
+
+    ``no_finer`` is the reason why there is no finer set.
+    """
+    n_present = problem.settings.most_points
+    n_coarse = _fewer_points(problem)
+    if n_coarse is None:
+        return Change(how=no_finer), no_finer
+    coarser = problem.replace(contact_points=n_coarse)
+    change = _watched_solution(problem, coarser, preload, tops, meter).change
+    if not change.known:
+        how = f"{no_finer}; with {n_coarse}: {change.how}"
+        return change, how
+    # from an error C/n to C/n_coarse
+    growth = n_present / n_coarse - 1.0
+    how = f"extrapolated from {n_coarse} and {n_present} contact points on a face"
+    return Change(-change.amplitude / growth, -change.frequency / growth, 0.0, how), how
+
+
+def _fewer_points(problem: Problem) -> int | None:
+    """Return a smaller number of contact points, at least half; None if there is none.
+
+    It keeps three rows along t1 if the face has them.
+    """
+    n_present = problem.settings.most_points
+    if n_present <= ROWS:
+        return None
+    face = max(problem.settings.friction_faces, key=lambda face: face.n_points)
+    needed_rows = min(ROWS, rows_of_points(face)[0])
+    for n_coarse in range((n_present + 1) // 2, n_present):
+        coarser = unite_face(face, n_coarse)
+        if coarser.n_points == n_coarse and rows_of_points(coarser)[0] >= needed_rows:
+            return n_coarse
+    return None
+
+
+def _harmonic_peaks(
+    problem: Problem, preload: float, tops: Tops, enriched: Enriched, meter: CostMeter
+) -> tuple[HarmonicPeak, ...]:
+    """Return the peaks with the harmonics of the study, with more, and with those between.
+
+    The amplitude is NaN if there is no peak. A small change needs no peak between.
+    """
+    # at an end of the interval there is no peak
+    if tops.at_end:
+        return ()
+    own = tops.peaks[0]
+    highest = problem.harmonic_numbers[-1]
+    peaks = [HarmonicPeak(highest, own.amplitude, own.frequency)]
+    most = enriched.problem.harmonic_numbers[-1]
+    last = _harmonic_peak(most, enriched.tops)
+    between = (highest + most) // 2
+    change = last.amplitude / own.amplitude - 1.0
+    if abs(change) > SMALL_CHANGE and between > highest:
+        other = with_stand_ins(problem, between)
+        solution = _watched_solution(problem, other, preload, tops, meter)
+        peaks.append(_harmonic_peak(between, solution.tops))
+    return (*peaks, last)
+
+
+def _harmonic_peak(harmonics: int, tops: Tops | None) -> HarmonicPeak:
+    """Return the highest peak with a number of harmonics; the amplitude is NaN if unknown."""
+    if tops is None:
+        return HarmonicPeak(harmonics, np.nan, np.nan)
+    return HarmonicPeak(harmonics, tops.peaks[0].amplitude, tops.peaks[0].frequency)
+
+
+def _of_time(
+    problem: Problem, result: ResponseCurve | Peak, highest: Peak, meter: CostMeter
+) -> SourceError:
+    """Return the difference of a peak from time integration."""
+    try:
+        response = time_response.time_response(problem, result, progress=False)
+    except BdamperError as error:
+        return SourceError(TIME, np.nan, np.nan, np.inf, str(error))
+    meter.add(response.cost)
+    if not response.settled:
+        return SourceError(TIME, np.nan, np.nan, np.inf, response.status)
+    changes = [end / highest.amplitude - 1.0 for end in (response.lowest, response.highest)]
+    amplitude = max(changes, key=abs)
+    frequency = response.frequency / highest.frequency - 1.0
+    return SourceError(TIME, amplitude, frequency, 0.0, f"time integration, {response.text}")
 
 
 def _with_three_harmonics(problem: Problem, preload: float, tops: Tops) -> tuple[Problem, Tops]:
@@ -540,10 +737,6 @@ def _with_three_harmonics(problem: Problem, preload: float, tops: Tops) -> tuple
     richer = with_stand_ins(problem, 3)
     curve = tops.curve_with(richer, preload)
     return richer, replace(Tops.of(richer, curve), follow=tops.follow)
-
-
-Richer = tuple[Problem, str]
-"""Study that is more detailed in one respect, and a description."""
 
 
 def richer_study(problem: Problem, source: str) -> Richer | None:
@@ -613,7 +806,7 @@ def _more_harmonics(problem: Problem) -> Richer:
     missing = missing_harmonics(problem, top)
     if missing:
         text += f", with the modes of the first for {missing[0]} and more"
-    return with_stand_ins(problem, top), text
+    return Richer(with_stand_ins(problem, top), text)
 
 
 def _exact_events(problem: Problem) -> Richer | None:
@@ -621,10 +814,10 @@ def _exact_events(problem: Problem) -> Richer | None:
     if not isinstance(sampling, AFT):
         return None
     try:
-        return problem.replace(contact_forces="event_driven"), "exact events"
+        return Richer(problem.replace(contact_forces="event_driven"), "exact events")
     except SettingError:  # coupled friction has no event-driven evaluation
         n_time = 4 * sampling.n_time
-        return problem.replace(contact_forces=AFT(n_time)), f"{n_time} samples"
+        return Richer(problem.replace(contact_forces=AFT(n_time)), f"{n_time} samples")
 
 
 def _more_points(problem: Problem) -> Richer:
@@ -632,7 +825,8 @@ def _more_points(problem: Problem) -> Richer:
     all_points = problem.settings.most_points
     if n_points is None or n_points >= all_points:
         raise BdamperError("the model has no more contact points")
-    return problem.replace(contact_points=None), f"{all_points} contact points on a face"
+    text = f"{all_points} contact points on a face"
+    return Richer(problem.replace(contact_points=None), text)
 
 
 def _more_modes(problem: Problem) -> Richer:
@@ -660,7 +854,7 @@ def _more_modes(problem: Problem) -> Richer:
         blade_modes=max(blade_modes, settings.blade_modes),
         damper_modes=damper_modes if several else max(damper_modes.values(), default=0),
     )
-    return replaced, text
+    return Richer(replaced, text)
 
 
 MOST_VECTORS = 72
@@ -670,7 +864,7 @@ MOST_VECTORS = 72
 def _residual_modes(problem: Problem) -> Richer | None:
     method = problem.stiffness_method
     if isinstance(method, str) and method in ("unit_traction", "cigeroglu2009"):
-        return problem.replace(contact_stiffness="residual_modes"), "residual modes"
+        return Richer(problem.replace(contact_stiffness="residual_modes"), "residual modes")
     if isinstance(method, str) and method == "residual_modes":
         method = ResidualModes()
     if not isinstance(method, ResidualModes):
@@ -685,4 +879,4 @@ def _residual_modes(problem: Problem) -> Richer | None:
     else:
         richer = replace(method, n_soft=MOST_VECTORS - method.n_vectors)
         text = f"{MOST_VECTORS} residual modes"
-    return problem.replace(contact_stiffness=richer), text
+    return Richer(problem.replace(contact_stiffness=richer), text)

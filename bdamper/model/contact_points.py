@@ -145,6 +145,11 @@ class _Groups:
         return (self.forces @ forces.ravel()).reshape(-1, 3)
 
 
+def unite_face(face: Interface, n_points: int) -> Interface:
+    """Return a face with at most ``n_points`` contact points."""
+    return _Groups(face, n_points).face
+
+
 def unite_contact_points(model: Model, n_points: int) -> Model:
     """Return the model with at most ``n_points`` contact points on each friction face.
 

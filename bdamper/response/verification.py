@@ -875,12 +875,12 @@ class SourceError:
     Parameters
     ----------
     source : str
-        "harmonics", "evaluation", "contact points", "modes", "residual flexibility" or "solver".
+        Name of the source, for example "harmonics", "contact points", "modes" or "time".
     amplitude, frequency : float
         Relative change of the peak with a more accurate setting; NaN without an estimate.
     uncertainty : float
-        Relative change that the estimate may have missed; 0 if the peak was computed with the more
-        accurate setting.
+        Relative change that the estimate may have missed; 0 if the peak was computed with another
+        setting.
     against : str
         The more accurate setting and the method, or the reason why there is no estimate.
     """
@@ -930,12 +930,19 @@ class ErrorEstimates(Summarised):
         Frequency and amplitude of the peak.
     sources : tuple of SourceError
         Changes by more accurate settings, one setting at a time.
+    harmonic_peaks : tuple of HarmonicPeak
+        Peak of the study, and with increasing numbers of harmonics; the amplitude is NaN if there
+        is no peak. Empty if harmonics were not examined.
+    cost : Cost
+        Work of the estimates.
     """
 
     preload: float
     frequency: float
     amplitude: float
     sources: tuple[SourceError, ...]
+    harmonic_peaks: tuple[HarmonicPeak, ...] = ()
+    cost: Cost = field(default_factory=Cost, compare=False)
     _summary_fields = ("sources",)
 
     def __getitem__(self, source: str) -> SourceError:
@@ -951,6 +958,20 @@ class ErrorEstimates(Summarised):
     def unknown(self) -> tuple[str, ...]:
         """Sources without an estimate."""
         return tuple(item.source for item in self.sources if not item.known)
+
+    @property
+    def undecided(self) -> bool:
+        """Whether the peaks with more harmonics do not approach each other, or one is missing.
+
+        More harmonics then give no limit, and only time integration decides.
+        """
+        if not self.harmonic_peaks:
+            return False
+        amplitudes = np.array([peak.amplitude for peak in self.harmonic_peaks])
+        if np.isnan(amplitudes).any():
+            return True
+        changes = np.abs(np.diff(amplitudes))
+        return len(changes) > 1 and bool(changes[-1] >= changes[-2])
 
     @property
     def line(self) -> str:
@@ -974,7 +995,14 @@ class ErrorEstimates(Summarised):
 
     def _statement(self) -> Statement:
         peak = f"{peak_text(self.amplitude, self.frequency)}, preload {amount(self.preload, 'N')}"
-        if all(not item.known for item in self.sources):
+        remarks = []
+        if self.undecided:
+            verdict = (
+                f"Harmonic balance does not decide this case, time integration does: peak {peak}"
+            )
+            if not any(item.source == "time" and item.known for item in self.sources):
+                remarks.append("Remedy: study.time_response(peak)")
+        elif all(not item.known for item in self.sources):
             verdict = f"Error not estimated: peak {peak}"
         elif self.total > 1e-5:
             verdict = f"Estimated error {percent(self.total)}: peak {peak}"
@@ -991,5 +1019,18 @@ class ErrorEstimates(Summarised):
             for item in self.sources
             if not item.known
         ]
-        remark = "The errors add up if they do not interact"
-        return Statement([verdict], checks=unknown, remarks=[remark], table=table)
+        remarks.append("The errors add up if they do not interact")
+        if not any(item.source == "time" for item in self.sources):
+            remarks.append('Not covered: motion in time, which the source "time" adds')
+        return Statement([verdict], self._harmonic_rows(), unknown, remarks, table)
+
+    def _harmonic_rows(self) -> list[Row]:
+        """Return the peaks with more harmonics if they do not decide."""
+        if not self.undecided:
+            return []
+        rows = []
+        for peak in self.harmonic_peaks:
+            found = np.isfinite(peak.amplitude)
+            text = amount(peak.amplitude, "m") if found else "no peak"
+            rows.append(Row(counted(peak.harmonics, "harmonic"), text))
+        return rows

@@ -17,11 +17,13 @@ from bdamper.analyses.error_estimates import (
     with_stand_ins,
 )
 from bdamper.contact.residual_flexibility import ResidualModes
-from bdamper.response.verification import ErrorEstimates, SourceError
+from bdamper.model.contact_points import unite_contact_points
+from bdamper.response.verification import ErrorEstimates, HarmonicPeak, SourceError
 from bdamper.util.errors import SettingError
 from tests import accuracy_cases, models
 from tests.analyses.test_mode import oscillator
 from tests.plain import plain_study
+from tests.util.test_disk import BAND, pressed
 
 
 @pytest.fixture(scope="module")
@@ -45,21 +47,23 @@ def test_all_sources_of_a_peak(study, place, peak):
     told_of = [source for source in SOURCES if source != "contact_forces"]  # exact already
     assert [s.source for s in errors.sources] == told_of
     assert peak.shares[1] + peak.shares[2] > 0.0  # there is something to estimate
-    assert errors.unknown == ("contact points",), str(errors)
-    assert errors["contact points"].against == "the model has no more contact points"
+    assert not errors.unknown, str(errors)
+    coarser = "extrapolated from 6 and 9 contact points on a face"
+    assert errors["contact points"].against == coarser
+    assert errors.cost.evaluations > 100
     assert errors.total >= max(s.size for s in errors.sources if s.known)
     text = errors.summary()
     told = [
         line.split(maxsplit=2)[2] for line in text.splitlines() if line.startswith("  sources ")
     ]
     assert [line.split(":")[0] for line in told] == told_of
-    assert errors.line.endswith("), not estimated: contact points") and "\n" not in errors.line
+    assert "not estimated" not in errors.line and "\n" not in errors.line
     with pytest.raises(SettingError, match=r"source: expected one of .* found 'friction'"):
         errors["friction"]
 
 
-def test_a_model_that_has_nothing_richer_gives_no_number(study, place, peak):
-    """Poorer settings say nothing: with all modes neither modes nor contact points have a number."""
+def test_a_model_that_has_no_more_modes_gives_no_number(study, place, peak):
+    """Fewer modes say nothing; the contact points have an estimate by a coarser set."""
     rich = richer_study(study.problem, "modes")[0]
     for source in ("modes", "contact points"):
         with pytest.raises(bd.BdamperError, match=f"the model has no more {source}"):
@@ -67,7 +71,78 @@ def test_a_model_that_has_nothing_richer_gives_no_number(study, place, peak):
     assert richer_study(rich.replace(damper_modes=2), "modes") is not None
     own = study._with_problem(rich)
     errors = own.estimate_errors(own.peak(*place), sources=["modes", "contact points"])
-    assert errors.unknown == ("modes", "contact points") and errors.line == "error not estimated"
+    assert errors.unknown == ("modes",) and errors["contact points"].known
+
+
+def test_coarser_set_bounds_the_change_by_finer_points(place):
+    """The finer points are those of the model from which the examined model was united."""
+    fine = plain_study(bd.reference_model("bladed_disk", 24), bd.Excitation("tip"), 5)
+    study = plain_study(unite_contact_points(fine.model, 12), bd.Excitation("tip"), 5)
+    peak = study.peak(*place)
+    estimated = study.estimate_errors(peak, sources=["contact points"])["contact points"]
+    true = fine.peak(*place)
+    amplitude = true.amplitude / peak.amplitude - 1.0
+    frequency = true.frequency / peak.frequency - 1.0
+    assert abs(amplitude) > 1e-5
+    assert 1.0 < estimated.amplitude / amplitude < 8.0
+    assert 1.0 < estimated.frequency / frequency < 8.0
+
+
+def test_two_rows_are_not_compared_with_three(study):
+    """Of nine points six are the fewest with three rows along t1; a single row has no coarser set."""
+    assert richer_module._fewer_points(study.problem) == 6
+    row = study._with_problem(study.problem.replace(model=unite_contact_points(study.model, 3)))
+    assert richer_module._fewer_points(row.problem) is None
+
+
+def harmonic_estimates(*amplitudes, sources=()):
+    peaks = tuple(HarmonicPeak(3 + 2 * i, a, 300.0) for i, a in enumerate(amplitudes))
+    return ErrorEstimates(2.0, 300.0, amplitudes[0], sources, peaks)
+
+
+def test_peaks_that_do_not_approach_each_other_are_not_decided():
+    known = SourceError("harmonics", 0.1, 0.0, 0.0, "")
+    undecided = harmonic_estimates(614e-6, 637e-6, 673e-6, sources=(known,))
+    assert undecided.undecided
+    text = str(undecided)
+    assert text.startswith("Harmonic balance does not decide this case, time integration does")
+    assert "5 harmonics  637 µm" in text and "Remedy: study.time_response(peak)" in text
+    missing = harmonic_estimates(692e-6, np.nan, sources=(known,))
+    assert missing.undecided and "5 harmonics  no peak" in str(missing)
+    in_time = SourceError("time", 0.15, 0.0, 0.0, "time integration, 707 µm")
+    assert "Remedy" not in str(harmonic_estimates(692e-6, np.nan, sources=(known, in_time)))
+    for decided in (harmonic_estimates(614e-6, 637e-6, 640e-6), harmonic_estimates(1.0, 1.01)):
+        assert not decided.undecided and "does not decide" not in str(decided)
+    assert not ErrorEstimates(1.0, 1.0, 1.0, (known,)).undecided
+
+
+def test_harmonics_between_are_computed_after_a_large_change(study, place):
+    one = study.replace(harmonics=1, friction_coefficient=0.4)
+    peak = one.peak(1000.0, place[1])
+    errors = one.estimate_errors(peak, sources=["harmonics"])
+    assert [item.harmonics for item in errors.harmonic_peaks] == [1, 3, 5]
+    for item in errors.harmonic_peaks:
+        true = one.replace(harmonics=item.harmonics).peak(1000.0, place[1])
+        assert item.amplitude == pytest.approx(true.amplitude, rel=1e-5)
+
+
+def test_more_harmonics_without_a_peak_are_not_decided(study, peak, monkeypatch):
+    nothing = richer_module.Solution(richer_module.Change(how="no complete response curve"))
+    monkeypatch.setattr(richer_module, "solve_other", lambda *args, **options: nothing)
+    errors = study.estimate_errors(peak, sources=["harmonics"])
+    assert errors.unknown == ("harmonics",) and errors.undecided
+
+
+def test_time_is_the_farther_end_of_the_range_of_time_integration():
+    study = pressed()
+    peak = study.peak(2.0, BAND)
+    errors = study.estimate_errors(peak, sources=["time"])
+    response = study.time_response(peak)
+    ends = np.array([response.lowest, response.highest]) / peak.amplitude - 1.0
+    assert response.settled
+    assert errors["time"].amplitude == pytest.approx(ends[np.abs(ends).argmax()], rel=1e-9)
+    assert errors.cost.time_integration > 0.0
+    assert "Not covered" in str(study.estimate_errors(peak)) and "Not covered" not in str(errors)
 
 
 @pytest.mark.parametrize("source", ["harmonics", "contact points", "modes", "contact_forces"])
