@@ -120,11 +120,11 @@ def highest_of_richer(
         return None
     if finer.peak_at_end and not curve.peak_at_end:
         return beyond(richer, finer)
-    at_end = AT_END in own.search_status
+    at_end = AT_END in own.search_reason
     tops = [
         top
         for top in (richer.peak(preload, interval),)
-        if at_end or AT_END not in top.search_status
+        if at_end or AT_END not in top.search_reason
     ]
     if not at_end and (apart := apart_from(study, richer, preload, own)) is not None:
         tops.append(apart)

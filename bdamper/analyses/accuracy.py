@@ -82,13 +82,12 @@ from bdamper.response.verification import Convergence, HarmonicPeak, Meeting
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable
 from bdamper.util.errors import (
-    COMPLETE,
     INCOMPLETE,
     INTERRUPTED,
     NOT_FOUND,
     BdamperError,
+    Ending,
     inside_user_code,
-    with_reason,
 )
 from bdamper.util.formatting import amount, peak_text, percent, short_repr, spaced
 from bdamper.util.progress import (
@@ -145,7 +144,7 @@ def harmonic_convergence(
     new_numbers = {min(n, highest_useful) for n in numbers if n > highest} - {highest}
     problems, limit = _richer_problems(problem, sorted(new_numbers), limit)
     peaks = [HarmonicPeak(highest, peak.amplitude, peak.frequency)]
-    status = COMPLETE
+    end = Ending()
     internal_resonances: tuple[Meeting, ...] = ()
     progress = shows_progress(progress)
     with LongWork() as work, progress_stages(progress, "harmonic convergence", "step") as report:
@@ -156,7 +155,7 @@ def harmonic_convergence(
             report(f"{n} harmonics", i, len(problems))
             outcome = evaluate_peak(richer, partial(_near_or_highest, problem, peak, meter))
             if outcome.reason:
-                status = with_reason(
+                end = Ending(
                     INCOMPLETE,
                     f"no peak was found near this one with {n} harmonics ({outcome.reason})",
                 )
@@ -170,9 +169,16 @@ def harmonic_convergence(
                 limit = "no later harmonic is near a mode"
                 break
     if work.interrupted:
-        status = INTERRUPTED
+        end = Ending(INTERRUPTED)
     return Convergence(
-        peak.parameter, tolerance, tuple(peaks), internal_resonances, limit, status, meter.read()
+        preload=peak.parameter,
+        tolerance=tolerance,
+        peaks=tuple(peaks),
+        internal_resonances=internal_resonances,
+        highest_harmonic=limit,
+        status=end.status,
+        reason=end.reason,
+        cost=meter.read(),
     )
 
 
@@ -184,7 +190,7 @@ def at_optimum(problem: Problem, curve: OptimalCurve, progress: bool = False) ->
     optimum = curve.optimum
     if not np.isfinite(optimum.preload):
         return None
-    status = INTERRUPTED
+    end = Ending(INTERRUPTED)
     with LongWork():
         try:
             peak = _peak_at_optimum(problem, curve)
@@ -195,10 +201,10 @@ def at_optimum(problem: Problem, curve: OptimalCurve, progress: bool = False) ->
                 cost = cost + peak.cost
             return replace(convergence, cost=cost)
         except BdamperError as error:
-            status = with_reason(NOT_FOUND, error)
+            end = Ending(NOT_FOUND, str(error))
     # without convergence, the peak of the optimal curve alone
     nominal = HarmonicPeak(problem.harmonic_numbers[-1], optimum.amplitude, optimum.frequency)
-    return Convergence(optimum.preload, TOLERANCE, (nominal,), status=status)
+    return Convergence(optimum.preload, TOLERANCE, (nominal,), status=end.status, reason=end.reason)
 
 
 def _peak_at_optimum(problem: Problem, curve: OptimalCurve) -> Peak:
@@ -212,7 +218,7 @@ def _peak_at_optimum(problem: Problem, curve: OptimalCurve) -> Peak:
     optimum = curve.optimum
     peak = highest_peak(problem, optimum.preload, tuple(curve.settings["frequency"]))
     if not peak.converged:
-        raise BdamperError(f"the highest peak is {peak.status}")
+        raise BdamperError(f"the highest peak is {peak.status_text}")
     difference = abs(peak.amplitude / optimum.amplitude - 1.0)
     if not difference <= NEAR_HIGHEST:
         raise BdamperError(f"the highest peak there is {peak_text(peak.amplitude, peak.frequency)}")
@@ -366,8 +372,10 @@ def _near_or_highest(previous: Problem, peak: Peak, meter: CostMeter, problem: P
             problem, peak.parameter, frequency, options=OPTIONS, budget=NEARBY_BUDGET
         )
         meter.count(highest.cost.iterations, highest.cost.failed_steps)
-        if highest.top is None or highest.status != COMPLETE:
-            raise BdamperError(f"{error}; near it the response curve is {highest.status}") from None
+        end = highest.ending
+        if highest.top is None or not end.ok:
+            found = f"near it the response curve is {end.status_text}"
+            raise BdamperError(f"{error}; {found}") from None
         return highest.top.peak
 
 

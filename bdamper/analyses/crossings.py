@@ -163,7 +163,7 @@ class CrossingTask:
                 reason = family.limits_text(*self.speeds, self.mode)
                 return {"kind": NOT_FOUND, "warning": [*warnings, residual, fixed, reason]}
             solution = fixed
-            doubt = "" if fixed.status == COMPLETE else f" ({fixed.status})"
+            doubt = "" if fixed.ok else f" ({fixed.status_text})"
             warnings.append(
                 f"{residual}; this is the peak at fixed speed, to {percent(AROUND[-1])} in "
                 f"speed{doubt}"

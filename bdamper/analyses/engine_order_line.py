@@ -58,7 +58,7 @@ from bdamper.response.peak import (
 )
 from bdamper.response.response_curve import as_curve
 from bdamper.response.response_curve_result import ResponseCurve
-from bdamper.util.errors import NOT_FOUND, BdamperError, SettingError, with_reason
+from bdamper.util.errors import NOT_FOUND, BdamperError, SettingError
 from bdamper.util.progress import Cost, CostMeter, progress_bar
 
 # ---- Equations over speed ----
@@ -380,7 +380,7 @@ def at_fixed_speed(
         peak = peak_at(omega / order, guess)
         if not peak.converged:
             if before is None:
-                return f"no peak at fixed speed: from the highest point on the line, {peak.status}"
+                return f"no peak at fixed speed: from the highest point on the line, {peak.status_text}"
             omega = 0.5 * (omega + before[0])
             continue
         distance = float(peak.y[-1]) - omega
@@ -440,7 +440,7 @@ def exact_at_fixed_speed(
             limit = min(beyond_line * order * speed, family.following(speed, mode)) / TWO_PI
             peak = highest_peak(problem, preload, (low, max(high, limit)), mode=mode)
         except BdamperError as error:
-            return replace(top, parameter=speed, status=with_reason(NOT_FOUND, error))
+            return replace(top, parameter=speed, status=NOT_FOUND, reason=str(error))
         meter.add(peak.cost or Cost())
         return replace(peak, parameter=speed)
 

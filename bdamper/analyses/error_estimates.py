@@ -97,7 +97,7 @@ from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
 from bdamper.response.verification import ErrorEstimates, HarmonicPeak, SourceError
 from bdamper.time_domain import time_response
 from bdamper.util import validation
-from bdamper.util.errors import COMPLETE, BdamperError, SettingError, status_word
+from bdamper.util.errors import COMPLETE, BdamperError, SettingError, with_reason
 from bdamper.util.formatting import short_text
 from bdamper.util.progress import CostMeter, one_thread
 
@@ -293,12 +293,13 @@ def evaluate_peak(problem: Problem, solve: Callable[[Problem], Any]) -> PeakOutc
 def _read(problem: Problem, result: Any) -> tuple[float, float, str]:
     """Return amplitude (m), frequency (Hz) and reason of a failure."""
     if isinstance(result, Peak):
-        if result.converged and status_word(result.search_status) in ("", COMPLETE):
+        if result.ok and result.search_status in ("", COMPLETE):
             return result.amplitude, result.frequency, ""
-        return np.nan, np.nan, f"status '{result.status}', search {result.search_status}"
+        search = with_reason(result.search_status, result.search_reason)
+        return np.nan, np.nan, f"status '{result.status_text}', search {search}"
     if isinstance(result, ResponseCurve):
         if not result.complete:
-            return np.nan, np.nan, f"{result.status}: {result.reason}"
+            return np.nan, np.nan, result.status_text
         if result.peak_at_end:
             # an end counts only if there is no maximum
             peak = highest_of_curve(problem.system(result.preload), result).peak

@@ -64,7 +64,6 @@ from bdamper.util.errors import (
     BdamperError,
     SettingError,
     inside_user_code,
-    with_reason,
 )
 from bdamper.util.formatting import spaced
 from bdamper.util.progress import one_thread
@@ -860,9 +859,8 @@ def _zero_distance(excess_at: Callable[[float], float], start: float, limit: flo
 
 def _with_status(result: Fitted, doubts: Sequence[str]) -> Fitted:
     reasons = [text for text in (result.wrong, *doubts) if text]
-    if not reasons:
-        return replace(result, status=COMPLETE)
-    return replace(result, status=with_reason(INCOMPLETE, "; ".join(reasons)))
+    status = INCOMPLETE if reasons else COMPLETE
+    return replace(result, status=status, reason="; ".join(reasons))
 
 
 def _joined(first: Fitted, last: Fitted) -> Fitted:

@@ -18,9 +18,10 @@ from bdamper.analyses.response_residuals import FORCE
 from bdamper.harmonic_balance.checks import A, check_result, problem_of
 from bdamper.harmonic_balance.parameters import present_name, vary
 from bdamper.util import validation
-from bdamper.util.display import Plottable
+from bdamper.util.display import Plottable, Result
 from bdamper.util.errors import COMPLETE
 from bdamper.util.formatting import percent, short_repr, spaced
+from bdamper.util.records import Reason
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import Column, Tabular
 
@@ -32,7 +33,7 @@ UNKNOWN = "not determined by these data"
 
 @short_repr
 @dataclass(frozen=True)
-class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="point"):
+class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="point"):
     """Parameters identified from measured responses.
 
     They are valid for the settings of the fit only.
@@ -94,6 +95,7 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
     test: NDArray
     prediction: NDArray = field(default_factory=lambda: np.empty((0, 2)))
     status: str = COMPLETE
+    reason: Reason = ""
     notes: tuple[str, ...] = ()
     _summary_fields = ("status", "notes")
 
@@ -250,7 +252,7 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
     @property
     def doubts(self) -> str:
         """Reasons why the fit is incomplete, without :attr:`wrong`; empty for a complete fit."""
-        return self.status.partition(": ")[2].removeprefix(self.wrong).removeprefix("; ")
+        return self.reason.removeprefix(self.wrong).removeprefix("; ")
 
     def _headline(self) -> str:
         model_is_wrong = self.misfit > 1.5

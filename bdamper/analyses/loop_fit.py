@@ -35,8 +35,8 @@ from numpy.typing import NDArray
 from bdamper.analyses.fit import left_out
 from bdamper.importers.measurements import FORCES, LENGTHS, read_columns
 from bdamper.util import validation
-from bdamper.util.display import Plottable
-from bdamper.util.errors import COMPLETE, INCOMPLETE, with_reason
+from bdamper.util.display import Plottable, Result
+from bdamper.util.errors import COMPLETE, INCOMPLETE
 from bdamper.util.formatting import amount, percent, short_repr
 
 REVERSAL = 10.0
@@ -70,7 +70,7 @@ POOR = 0.05
 
 @short_repr
 @dataclass(frozen=True)
-class FittedLoop(Plottable):
+class FittedLoop(Result, Plottable):
     """Contact stiffness and friction identified from a hysteresis loop.
 
     ``plot`` draws measured and fitted force over displacement (:func:`bdamper.plot.plot_loop`).
@@ -100,7 +100,9 @@ class FittedLoop(Plottable):
         half of a branch; stiffness after the left and right turning point: slope over the first
         quarter of the change of force.
     status : str
-        "complete", or "incomplete: ..." with the reason for doubt.
+        "complete" or "incomplete".
+    reason : str
+        Reason for doubt.
     notes : tuple of str
     """
 
@@ -119,6 +121,7 @@ class FittedLoop(Plottable):
     friction: NDArray
     stiffness: NDArray
     status: str = COMPLETE
+    reason: str = ""
     notes: tuple[str, ...] = ()
     _summary_fields = ("kt", "mu", "spread", "backlash", "misfit", "status", "notes")
 
@@ -133,9 +136,8 @@ class FittedLoop(Plottable):
             f"{self.spread:.2g} ({spread:.2g}){backlash}; misfit {percent(self.misfit)} beyond the "
             "noise."
         )
-        doubt = self.status.partition(": ")[2]
-        if doubt:
-            return f"{doubt[:1].upper()}{doubt[1:]}. {text}"
+        if self.reason:
+            return f"{self.reason[:1].upper()}{self.reason[1:]}. {text}"
         return text
 
 
@@ -209,12 +211,11 @@ def fit_loop(
     fitted = loop.fitted()
     p = fitted.parameters
     misfit = _misfit(fitted.residual, x, y, noise)
-    status = COMPLETE
+    reason = ""
     if misfit > POOR:
         reason = (
             f"the model does not describe this loop (misfit {percent(misfit)} beyond the noise)"
         )
-        status = with_reason(INCOMPLETE, reason)
     return FittedLoop(
         kt=float(np.exp(p[0])),
         mu=float(np.exp(p[1])),
@@ -230,7 +231,8 @@ def fit_loop(
         energy=energy,
         friction=cycles["friction"],
         stiffness=cycles["stiffness"],
-        status=status,
+        status=INCOMPLETE if reason else COMPLETE,
+        reason=reason,
         notes=notes,
     )
 

@@ -32,7 +32,7 @@ from bdamper.response.branches import Piece, evaluation_budget, in_order
 from bdamper.response.continuation import TWO_PI, follow
 from bdamper.response.events import ContinuationOptions, Path
 from bdamper.util import validation
-from bdamper.util.display import Comparable, InContact
+from bdamper.util.display import Comparable, InContact, Result
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, SettingError
 from bdamper.util.formatting import amount, peak_text, short_repr
 from bdamper.util.progress import Cost, CostMeter, one_thread, progress_bar, shows_progress
@@ -53,6 +53,7 @@ from bdamper.util.tables import (
 @short_repr
 @dataclass(frozen=True)
 class NonlinearMode(
+    Result,
     InContact,
     Comparable,
     FrequencySeries,

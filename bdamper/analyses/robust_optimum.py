@@ -55,7 +55,7 @@ from bdamper.response.response_curve_result import NO_STEADY
 from bdamper.response.scalar_search import Sample, find_minimum
 from bdamper.response.verification import FRICTION_SPREAD, MUCH, FrictionPeak, FrictionRange
 from bdamper.util import validation
-from bdamper.util.display import Plottable, Summarised
+from bdamper.util.display import Plottable, Result
 from bdamper.util.errors import (
     COMPLETE,
     FAILED,
@@ -67,6 +67,7 @@ from bdamper.util.errors import (
     SettingError,
     all_complete,
     one_line,
+    separated,
     status_word,
     with_reason,
 )
@@ -222,7 +223,7 @@ def _invalid_draws(
 
 @short_repr
 @dataclass(frozen=True)
-class RobustOptimum(Summarised):
+class RobustOptimum(Result):
     """Preload at which a percentile of the resonance amplitude over a sample is least.
 
     Parameters
@@ -240,7 +241,9 @@ class RobustOptimum(Summarised):
         Number of peaks in the last grid that are lower bounds.
     status : str
         "complete"; "incomplete" if a preload without a peak in every draw could have a lower
-        percentile; "interrupted", with the reason if the executor ended.
+        percentile; "interrupted".
+    reason : str
+        Reason for the status; of an interruption, why the executor ended.
     draws : int
         Number of draws, without those that failed.
     failed : mapping of int to str
@@ -254,6 +257,7 @@ class RobustOptimum(Summarised):
     kind: str
     warnings: int = 0
     status: str = COMPLETE
+    reason: str = ""
     draws: int = 0
     failed: Mapping[int, str] = field(default_factory=dict)
 
@@ -267,8 +271,8 @@ class RobustOptimum(Summarised):
             f"{amount(self.amplitude, 'm')}{too_few}: least of all preloads, known to "
             f"{percent(self.uncertainty)}."
         )
-        if self.status != COMPLETE:
-            text += f" The search is {self.status}."
+        if not self.ok:
+            text += f" The search is {self.status_text}."
         if self.warnings:
             text += f" {self.warnings} of the last peaks are lower bounds."
         return text
@@ -506,7 +510,7 @@ class SteadyPeak(PeakTask):
         else:
             # zero if nothing was found
             height = float(np.nan_to_num(search.height, posinf=np.inf))
-            status = search.status
+            status = search.ending.status_text
         return {
             "amplitude": height,
             "known": search.known,
@@ -625,7 +629,7 @@ class _FrictionPeaks:
         try:
             values = evaluate(vary(self.problem, {"friction_factor": factor}), preload)
         except BdamperError as error:
-            return FrictionPeak(factor, preload, np.nan, with_reason(NOT_FOUND, error))
+            return FrictionPeak(factor, preload, np.nan, NOT_FOUND, str(error))
         self.costs[preload, factor] = values["cost"]
         amplitude = values["amplitude"]
         lower_bound = np.nan
@@ -633,7 +637,8 @@ class _FrictionPeaks:
             # zero says that nothing was found
             lower_bound = amplitude if amplitude > 0.0 else np.nan
             amplitude = np.nan
-        return FrictionPeak(factor, preload, amplitude, values["search"], lower_bound)
+        status, reason = separated(values["search"])
+        return FrictionPeak(factor, preload, amplitude, status, reason, lower_bound)
 
 
 def _by_distance(curve: OptimalCurve, preload: float) -> list[float]:
@@ -823,13 +828,14 @@ def robust_optimum(
         }
         points["preload"] = grid * n_draws
         results = sweep(study, points, task, combine="zip", executor=executor, progress=progress)
-        not_run = [s.removeprefix(NOT_RUN) for s in results.status if status_word(s) == NOT_RUN]
+        endings = [separated(text) for text in results.status]
+        not_run = [reason for status, reason in endings if status == NOT_RUN]
         if not_run:
             reason = not_run[0]
             if optimum is not None:
-                return replace(optimum, status=f"{INTERRUPTED}{reason}")
+                return replace(optimum, status=INTERRUPTED, reason=reason)
             if reason:
-                raise BdamperError(f"robust optimum{reason}")
+                raise BdamperError(f"robust optimum: {reason}")
             raise KeyboardInterrupt
         draws.add(grid, results)
         draws.follow_drops()
@@ -849,12 +855,10 @@ def robust_optimum(
         high = preloads[min(i + 1, len(preloads) - 1)]
         # preloads whose percentile is not known and may be the least
         n_lower = sum(bound < min(amplitude, upper) for upper, bound in bounds.values())
-        status = COMPLETE
+        reason = ""
         if n_lower:
             preloads_text = counted(n_lower, "preload")
-            status = with_reason(
-                INCOMPLETE, f"{preloads_text} without a peak in every draw could be lower"
-            )
+            reason = f"{preloads_text} without a peak in every draw could be lower"
         optimum = RobustOptimum(
             preload=best,
             amplitude=amplitude,
@@ -862,7 +866,8 @@ def robust_optimum(
             uncertainty=float(np.log(high / low)) / 2.0,
             kind="end" if best in limits else "interior",
             warnings=sum(draws.unknown(p) for p in grid),
-            status=status,
+            status=INCOMPLETE if reason else COMPLETE,
+            reason=reason,
             draws=n_draws,
             failed=failed,
         )
@@ -946,13 +951,14 @@ def best_margin(
     margin = float(np.exp(-least.value))
     where = WHERE.get(best.kind, "refined between its neighbours")
     doubt = _doubt(problem, curve, judge, best_preload, margin)
-    if doubt:
-        status = with_reason(INCOMPLETE, f"{where}, {doubt}")
-    else:
-        status = with_reason(COMPLETE, where)
     in_time = tuple(judge.margins(problem, y, p, responses[p]) for y, p in confirmed)
     return replace(
-        result, best_value=best_preload, best_margin=margin, best_status=status, in_time=in_time
+        result,
+        best_value=best_preload,
+        best_margin=margin,
+        best_status=INCOMPLETE if doubt else COMPLETE,
+        best_reason=f"{where}, {doubt}" if doubt else where,
+        in_time=in_time,
     )
 
 

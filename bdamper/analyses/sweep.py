@@ -111,8 +111,9 @@ class PeakTask(validation.Checked):
             peak = highest_peak(problem_of(study), preload, self.frequency, mode=self.mode)
         stick, slip, separation = peak.shares
         warning = ""
-        if peak.search_status != "complete":
-            warning = f"scan {peak.search_status}"
+        search = with_reason(peak.search_status, peak.search_reason)
+        if search != COMPLETE:
+            warning = f"scan {search}"
         return {
             "amplitude": peak.amplitude if peak.converged else np.nan,
             "lower_bound": peak.lower_bound,
@@ -121,8 +122,8 @@ class PeakTask(validation.Checked):
             "stick": float(stick),
             "slip": float(slip),
             "open": float(separation),
-            "search_status": peak.search_status,
-            "status": peak.status,
+            "search_status": search,
+            "status": peak.status_text,
             "warning": warning,
             "cost": peak.cost,
         }
@@ -168,7 +169,7 @@ class OptimalTask(validation.Checked):
             "optimum_frequency": optimum.frequency,
             "optimum_kind": optimum.kind,
             "optimum_uncertainty": optimum.uncertainty,
-            "optimum_status": optimum.status,
+            "optimum_status": optimum.status_text,
             "free_frequency": curve.free.frequency,
             "free_amplitude": curve.free.amplitude,
             "stuck_frequency": curve.stuck.frequency,
@@ -835,10 +836,10 @@ def _outcome(result: ResponseCurve | OptimalCurve) -> _Outcome:
     """Return the optimum of an optimal curve, or the highest peak of a response curve."""
     if isinstance(result, OptimalCurve):
         optimum = result.optimum
-        status = "; ".join(_failed(result)) or optimum.status
+        status = "; ".join(_failed(result)) or optimum.status_text
         return _Outcome(optimum.amplitude, optimum.frequency, optimum.preload, status)
     if not len(result):
-        return _Outcome(np.nan, np.nan, result.preload, f"{result.status}: {result.reason}")
+        return _Outcome(np.nan, np.nan, result.preload, result.status_text)
     top = result.peak
     if result.peak_at_end:
         status = f"{result.status}, no peak: highest {peak_text(top.amplitude, top.frequency)}"

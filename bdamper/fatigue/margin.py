@@ -23,8 +23,9 @@ from bdamper.harmonic_balance.checks import Solutions, SomeResult, solutions_of
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Plottable, draw
-from bdamper.util.errors import COMPLETE, BdamperError, status_word
+from bdamper.util.errors import BdamperError
 from bdamper.util.formatting import UNITS, amount, counted, short_repr
+from bdamper.util.records import Reason
 from bdamper.util.storage import FilePath, Recorded, Storable
 from bdamper.util.tables import (
     ROW,
@@ -115,7 +116,9 @@ class SteadyAmplitude(Protocol):
     @property
     def largest(self) -> float: ...
     @property
-    def status(self) -> str: ...
+    def ok(self) -> bool: ...
+    @property
+    def status_text(self) -> str: ...
     @property
     def text(self) -> str: ...
 
@@ -240,8 +243,8 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
     best_value, best_margin : float
         Abscissa and value of the largest margin, refined between the values if possible; NaN if not
         computed.
-    best_status : str
-        Accuracy of the largest margin.
+    best_status, best_reason : str
+        Status of the search for the largest margin ("" without a search), and how exact it is.
     in_time : tuple of Margins
         Margins at the largest blade amplitude in time integration, at the preloads with a time
         integration.
@@ -268,6 +271,7 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
     best_value: float = float("nan")
     best_margin: float = float("nan")
     best_status: str = ""
+    best_reason: Reason = ""
     in_time: tuple[Margins, ...] = ()
     notes: tuple[str, ...] = ()
     _summary_fields = (
@@ -393,8 +397,8 @@ def _scaled_to_time(cycle: StressCycle, time_response: SteadyAmplitude | None) -
         f"{over_cycle.SCALED}{time_response.factor:.3g}: "
         f"the highest blade reaches {highest} in time",
     ]
-    if status_word(time_response.status) != COMPLETE:
-        notes.append(f"{over_cycle.UNSETTLED}{time_response.status}")
+    if not time_response.ok:
+        notes.append(f"{over_cycle.UNSETTLED}{time_response.status_text}")
     return replace(cycle, coefficients=coefficients, notes=tuple(notes))
 
 

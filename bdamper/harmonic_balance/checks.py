@@ -136,7 +136,9 @@ def unknowns_of(problem: Problem, result: SomeResult) -> NDArray:
     given: Any = result
     if hasattr(given, "y"):
         if not given.converged:
-            raise SettingError(f"result: expected a converged peak, found status {given.status!r}")
+            raise SettingError(
+                f"result: expected a converged peak, found status {given.status_text!r}"
+            )
         unknowns = np.asarray(given.y)[None, :-1]
     elif hasattr(given, "unknowns"):
         unknowns = np.asarray(given.unknowns)

@@ -48,7 +48,6 @@ from bdamper.util.errors import (
     NOT_FOUND,
     BdamperError,
     SettingError,
-    with_reason,
 )
 from bdamper.util.formatting import amount
 from bdamper.util.progress import CostMeter, one_thread
@@ -68,7 +67,7 @@ def answers(peak: DiskPeak) -> dict[str, Any]:
         If no peak was found, or only a lower bound.
     """
     if not peak.found:
-        raise BdamperError(f"{peak.status}: {peak.reason}")
+        raise BdamperError(peak.status_text)
     return {name: getattr(peak, name) for name in OF_PEAKS} | {"cost": peak.cost}
 
 
@@ -378,8 +377,13 @@ def time_response(
         if not failure:
             break
     if failure:
-        status = with_reason(NOT_FOUND, failure)
-        return replace(not_found, periods=periods, status=status, cost=meter.read(ring.cost))
+        return replace(
+            not_found,
+            periods=periods,
+            status=NOT_FOUND,
+            reason=failure,
+            cost=meter.read(ring.cost),
+        )
 
     blades = np.abs(steady.transient.blades[-window:])
     result = replace(
@@ -393,7 +397,7 @@ def time_response(
         in_time = amount(float(blades[:, result.blade].mean()), "m")
         balance = amount(peak.amplitude, "m")
         text = f"the highest blade reaches {in_time} in time, {balance} by harmonic balance"
-        return replace(result, status=with_reason(NOT_FOUND, text))
+        return replace(result, status=NOT_FOUND, reason=text)
     answers = {f"{n_steps} steps": coarse.mean, f"{2 * n_steps} steps": steady.mean}
     lowest, highest, doubt = error_range(answers, (coarse, steady))
     return replace(
@@ -403,7 +407,8 @@ def time_response(
         highest=highest,
         highest_period=float(steady.amplitude.max()),
         answers=answers,
-        status=with_reason(INCOMPLETE, doubt) if doubt else COMPLETE,
+        status=INCOMPLETE if doubt else COMPLETE,
+        reason=doubt,
     )
 
 

@@ -42,7 +42,7 @@ from bdamper.mistuning.peak_search import (
 from bdamper.model.structure import Model
 from bdamper.response.peak import Peak
 from bdamper.util import validation
-from bdamper.util.display import Plottable, draw
+from bdamper.util.display import Plottable, Result, draw
 from bdamper.util.errors import COMPLETE, HELD, INCOMPLETE, NOT_FOUND, warn
 from bdamper.util.formatting import amount, peak_text, short_repr
 from bdamper.util.progress import Cost, CostMeter, one_thread, shows_progress, with_progress
@@ -51,7 +51,7 @@ from bdamper.util.storage import FilePath, Recorded, Storable
 
 @short_repr
 @dataclass(frozen=True)
-class DiskPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
+class DiskPeak(Result, Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
     """Highest amplitude of any blade of a mistuned bladed disk at one preload.
 
     ``plot`` draws bars over the blades (:func:`bdamper.plot.plot_wheel_peak`).

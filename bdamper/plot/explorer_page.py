@@ -644,11 +644,11 @@ class Page:
     def _in_time(self, found: TimeResponse) -> None:
         """Show the steady-state amplitude in time next to the peak."""
         if not np.isfinite(found.mean):
-            self.texts["time"] = f"In time: {html.escape(found.status)}."
+            self.texts["time"] = f"In time: {html.escape(found.status_text)}."
             return
         self._put("time", [found.frequency], [1e6 * found.mean])
         self._put("range", [found.frequency] * 2, [1e6 * found.lowest, 1e6 * found.largest])
-        warning = "" if found.status.startswith("complete") else f", {html.escape(found.status)}"
+        warning = "" if found.ok else f", {html.escape(found.status_text)}"
         self.texts["time"] = f"◇ In time {found.text}{warning}."
 
     def _curve(self, answer: Answer, curve: ResponseCurve) -> None:

@@ -28,7 +28,7 @@ from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import TimeResponse
 from bdamper.study import Study
-from bdamper.util.errors import INTERRUPTED, NOT_FOUND, BdamperError, SettingError, with_reason
+from bdamper.util.errors import INTERRUPTED, NOT_FOUND, BdamperError, SettingError
 from bdamper.util.progress import LongWork, stopped_by
 
 MOVING = ContinuationOptions(
@@ -302,7 +302,7 @@ class Answers:
                 return _whole(answer.study.time_response(curve))
             except BdamperError as error:
                 unknown = TimeResponse(*(np.nan,) * 4, question.preload, np.nan)
-                return replace(unknown, status=with_reason(NOT_FOUND, error))
+                return replace(unknown, status=NOT_FOUND, reason=str(error))
 
         found = self.once(self._key(self.time_response, question, None), compute)
         return replace(answer, time_response=found)

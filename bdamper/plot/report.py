@@ -77,7 +77,7 @@ def write_report(
     best = curve.optimum
     has_optimum = np.isfinite(best.amplitude) and np.isfinite(best.preload)
     expected = "an optimal curve with an optimum"
-    validation.check(has_optimum, "report", expected, f"none: {best.status}")
+    validation.check(has_optimum, "report", expected, f"none: {best.status_text}")
     problem = None if study is None else problem_of(study)
     if disk is not None:
         validation.instance("disk", disk, (DiskPeak, MistunedSample))
@@ -267,7 +267,7 @@ def _contact_constants(curve: OptimalCurve, fit: Fitted | None) -> Check:
         f"green below {green:g} times the noise, amber below {amber:g}, red above, "
         "or if incomplete or not used"
     )
-    result = f"misfit {fit.misfit:.2g} times the noise, {fit.status}"
+    result = f"misfit {fit.misfit:.2g} times the noise, {fit.status_text}"
     if others:
         result += f"; the curve has other values of {', '.join(others)}"
     is_usable = fit.status == COMPLETE and not others

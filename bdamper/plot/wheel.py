@@ -164,7 +164,9 @@ def plot_blades(found: TimeResponse, ax: Axes = NEW) -> None:
     A line is the peak of the harmonic balance.
     """
     if not found.blades.size:
-        raise BdamperError(f"plot: this result has no motion of blades in time ({found.status})")
+        raise BdamperError(
+            f"plot: this result has no motion of blades in time ({found.status_text})"
+        )
     mean = found.blades.mean(axis=0)
     below = mean - found.blades.min(axis=0)
     above = found.blades.max(axis=0) - mean

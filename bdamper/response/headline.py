@@ -101,15 +101,15 @@ def _verified(curve: OptimalCurve) -> Check:
         colour = "amber"
     else:
         colour = "green"
-    found = f"{best.status}, {best.known_to}" if best.known_to else best.status
-    interrupted = INTERRUPTED in best.status
+    found = f"{best.status_text}, {best.known_to}" if best.known_to else best.status_text
+    interrupted = INTERRUPTED in best.status_text
     return Check(
         colour=colour,
         name="Optimum verified",
         found=found,
         rule="red if a lower value may exist at another preload, amber above "
         f"{percent(GOOD)} of uncertainty",
-        failure=f"the search for the optimum is {best.status}",
+        failure=f"the search for the optimum is {best.status_text}",
         remedy="run it to its end" if interrupted else "compute other preloads near it",
     )
 
@@ -197,10 +197,10 @@ def _in_time(curve: OptimalCurve) -> Check:
     nearest = curve.recommended_response
     if nearest is None:
         return Check("white", name, "not run", rule)
-    if not known_in_time(nearest) or status_word(nearest.status) != COMPLETE:
-        failure = f"time integration at {amount(nearest.preload, 'N')} is {nearest.status}"
+    if not known_in_time(nearest) or not nearest.ok:
+        failure = f"time integration at {amount(nearest.preload, 'N')} is {nearest.status_text}"
         remedy = "integrate at other preloads, study.with_time_response(curve, preloads)"
-        return Check("red", name, nearest.status, rule, failure, remedy)
+        return Check("red", name, nearest.status_text, rule, failure, remedy)
     remedy = "add harmonics and blade modes until both agree, or choose another preload"
     found = f"{nearest.text} in time, {amount(nearest.balance, 'm')} by harmonic balance"
     change = nearest.mean / nearest.balance - 1.0
@@ -243,7 +243,7 @@ def _other_friction(curve: OptimalCurve) -> Check:
         return Check("white", name, f"not run at {amount(curve.recommended_preload, 'N')}", rule)
     nominal, *changed = curve.other_friction
     ratio = np.array([peak.amplitude for peak in changed]) / nominal.amplitude
-    all_complete = all(peak.status == COMPLETE for peak in curve.other_friction)
+    all_complete = all(peak.ok for peak in curve.other_friction)
     if any(peak.compared_with(nominal) == "high" for peak in changed):
         colour = "red"
     elif all_complete and np.all(ratio <= NEAR_BEST):
@@ -313,7 +313,7 @@ def checked_amplitudes(curve: OptimalCurve) -> dict[str, float]:
         amplitudes["with more harmonics"] = highest
     if _friction_tried(curve):
         for peak in curve.other_friction[1:]:
-            size = peak.amplitude if peak.status == COMPLETE else np.nan
+            size = peak.amplitude if peak.ok else np.nan
             amplitudes[f"with {peak.factor:g} times the friction"] = size
     return amplitudes
 
@@ -332,7 +332,7 @@ def headline(curve: OptimalCurve, further: Sequence[Check] = ()) -> str:
     if best.kind == "flat" and not np.isfinite(best.preload):
         return f"The preload does not matter: {peak_text(best.amplitude, best.frequency)}."
     if not np.isfinite(best.preload):
-        return f"No optimum: {best.status}{_first_incomplete(curve)}."
+        return f"No optimum: {best.status_text}{_first_incomplete(curve)}."
     sentences = []
     red = [*failed(curve), *(check for check in further if check.colour == "red")]
     if red:
@@ -720,7 +720,7 @@ def _not_covered(curve: OptimalCurve) -> str:
     coefficients = _friction_coefficients(curve)
     if coefficients.size:
         values = _listed(coefficients)
-        factors = [peak.factor for peak in curve.other_friction if peak.status == COMPLETE]
+        factors = [peak.factor for peak in curve.other_friction if peak.ok]
         if len(factors) > 1 and _friction_tried(curve):
             beyond = f"beyond {min(factors):g} to {max(factors):g} times"
         else:

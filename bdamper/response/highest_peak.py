@@ -43,14 +43,7 @@ from bdamper.response.peak import (
 from bdamper.response.response_curve import frequency_response
 from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
 from bdamper.util import validation
-from bdamper.util.errors import (
-    COMPLETE,
-    INCOMPLETE,
-    NOT_FOUND,
-    BdamperError,
-    status_word,
-    with_reason,
-)
+from bdamper.util.errors import INCOMPLETE, NOT_FOUND, BdamperError, Ending
 from bdamper.util.formatting import peak_text
 from bdamper.util.progress import Cost, CostMeter, one_thread
 from bdamper.util.records import from_json
@@ -97,17 +90,17 @@ class Highest:
     note: str = ""
 
     @property
-    def status(self) -> str:
+    def ending(self) -> Ending:
         """Status: "incomplete" at an end of the interval, or if a higher amplitude is known."""
         if self.kind == "end":
             reason = f"{AT_END}, without a maximum in it"
             if self.note:
                 reason = f"{reason}; {self.note}"
-            return with_reason(INCOMPLETE, reason)
+            return Ending(INCOMPLETE, reason)
         # a branch or an end that is higher than the highest maximum: the maximum is no answer
         if self.note:
-            return with_reason(INCOMPLETE, self.note)
-        return self.peak.status
+            return Ending(INCOMPLETE, self.note)
+        return Ending(self.peak.status, self.peak.reason)
 
 
 def highest_of_curve(
@@ -394,19 +387,20 @@ class AtPreload:
         return float(np.log(self.height)) if self.known else np.inf
 
     @property
-    def status(self) -> str:
+    def ending(self) -> Ending:
         """Status "complete", "incomplete" or "not found", with the reason."""
         if self.top is None or not self.curve.complete:
             status = NOT_FOUND if self.top is None else INCOMPLETE
             # the reason does not repeat a status that the curve has as well
             reason = f"{self.curve.status}: {self.curve.reason}".removeprefix(f"{status}: ")
-            return with_reason(status, reason)
-        if status_word(self.top.status) == INCOMPLETE:
-            return self.top.status
+            return Ending(status, reason)
+        of_top = self.top.ending
+        if of_top.status == INCOMPLETE:
+            return of_top
         tangle = given_up(self.curve)
         if tangle:
-            return with_reason(INCOMPLETE, f"{tangle}, where the response could be higher")
-        return COMPLETE
+            return Ending(INCOMPLETE, f"{tangle}, where the response could be higher")
+        return Ending()
 
     def record(self) -> dict[str, Any]:
         """Return all data as numbers, texts, lists and arrays."""
@@ -545,17 +539,20 @@ def as_peak(problem: Problem, response: AtPreload, frequency: tuple[float, float
     settings = problem.record() | {"frequency": list(frequency)}
     if response.top is None:
         return _nothing_found(response, settings, problem.model.hash)
-    status = response.top.status if status_word(response.status) == COMPLETE else response.status
+    of_search = response.ending
+    end = response.top.ending if of_search.ok else of_search
     peak = replace(
         response.top.peak,
         cost=response.cost,
-        search_status=response.status,
-        status=status,
+        search_status=of_search.status,
+        search_reason=of_search.reason,
+        status=end.status,
+        reason=end.reason,
         notes=response.curve.self_locking,
         settings=settings,
         model_hash=problem.model.hash,
     )
-    if status_word(status) == COMPLETE:
+    if end.ok:
         return peak
     if response.curve.without_amplitude is not None:
         return replace(peak, amplitude=response.height, half_range=response.height)
@@ -567,6 +564,7 @@ def as_peak(problem: Problem, response: AtPreload, frequency: tuple[float, float
 def _nothing_found(response: AtPreload, settings: dict[str, Any], model_hash: str) -> Peak:
     """Return a peak without values, whose status says why the response curve has no point."""
     none, nothing = float("nan"), np.zeros(0)
+    end = response.ending
     return Peak(
         parameter=response.preload,
         frequency=none,
@@ -581,9 +579,11 @@ def _nothing_found(response: AtPreload, settings: dict[str, Any], model_hash: st
         iterations=0,
         trials=0,
         rank_deficiency=0,
-        status=response.status,
+        status=end.status,
+        reason=end.reason,
         cost=response.cost,
-        search_status=response.status,
+        search_status=end.status,
+        search_reason=end.reason,
         settings=settings,
         model_hash=model_hash,
     )

@@ -52,11 +52,11 @@ from bdamper.response.scalar_search import (
 from bdamper.response.sensitivity import amplitude_sensitivity
 from bdamper.util import validation
 from bdamper.util.errors import (
-    COMPLETE,
     INCOMPLETE,
     INTERRUPTED,
     NOT_FOUND,
     BdamperError,
+    Ending,
     SettingError,
     StaticError,
     with_reason,
@@ -235,7 +235,9 @@ def optimal_curve(
             )
             raise KeyboardInterrupt
         low, high = frequency
-        reasons = ", ".join(dict.fromkeys(response.status for response in known.values()))
+        reasons = ", ".join(
+            dict.fromkeys(response.ending.status_text for response in known.values())
+        )
         raise BdamperError(
             f"no peak found at any of {len(values)} preloads from {values[0]:g} to "
             f"{values[-1]:g} N between {low:.6g} and {high:.6g} Hz: {reasons}"
@@ -452,10 +454,10 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
         if np.isfinite(response.value) and response.preload > edge
     ]
     if not with_value:
-        return _no_optimum(with_reason(NOT_FOUND, _why_no_value(list(by_log.values()))))
+        return _no_optimum(Ending(NOT_FOUND, _why_no_value(list(by_log.values()))))
     log_amplitudes = [response.value for response in with_value]
     if len(with_value) > 1 and max(log_amplitudes) - min(log_amplitudes) <= FLAT:
-        flat = with_reason(NOT_FOUND, "the preload does not matter")
+        flat = Ending(NOT_FOUND, "the preload does not matter")
         lowest = with_value[int(np.argmin(log_amplitudes))]
         assert lowest.top is not None
         return _optimum_at(np.nan, lowest.top.peak, "flat", np.inf, flat)
@@ -489,12 +491,12 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
         below = by_log[samples[best.index - 1].x]
         if below.preload <= edge:
             kind = "edge"
-    status = _status_of_optimum(known, edge, peak.amplitude, best)
-    return _optimum_at(optimum.preload, peak, kind, best.uncertainty, status)
+    end = _ending_of_optimum(known, edge, peak.amplitude, best)
+    return _optimum_at(optimum.preload, peak, kind, best.uncertainty, end)
 
 
 def _optimum_at(
-    preload: float, peak: Peak, kind: str, uncertainty: float, status: str
+    preload: float, peak: Peak, kind: str, uncertainty: float, end: Ending
 ) -> OptimumPoint:
     return OptimumPoint(
         preload=preload,
@@ -502,13 +504,14 @@ def _optimum_at(
         frequency=peak.frequency,
         kind=kind,
         uncertainty=uncertainty,
-        status=status,
+        status=end.status,
+        reason=end.reason,
         half_range=peak.half_range,
     )
 
 
-def _no_optimum(status: str) -> OptimumPoint:
-    return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, status)
+def _no_optimum(end: Ending) -> OptimumPoint:
+    return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, end.status, end.reason)
 
 
 def _why_no_value(responses: Sequence[AtPreload]) -> str:
@@ -524,9 +527,9 @@ def _why_no_value(responses: Sequence[AtPreload]) -> str:
     return f"{reason}; another resonance is higher, widen frequency"
 
 
-def _status_of_optimum(
+def _ending_of_optimum(
     known: dict[float, AtPreload], edge: float, amplitude: float, best: Minimum
-) -> str:
+) -> Ending:
     """Return "complete" unless the amplitude may be lower than the optimum at another preload."""
     may_be_lower = []
     for preload in sorted(known):
@@ -538,12 +541,12 @@ def _status_of_optimum(
         unknown = counted(len(may_be_lower), "preload")
         first = f"{may_be_lower[0]:.6g} N"
         reason = f"{unknown} without a value could be lower, first {first}"
-        return with_reason(INCOMPLETE, reason)
+        return Ending(INCOMPLETE, reason)
     if best.open is not None:
         low, high = np.exp(best.open)
         reason = f"the highest peak could be lower between {low:.6g} and {high:.6g} N"
-        return with_reason(INCOMPLETE, reason)
-    return COMPLETE
+        return Ending(INCOMPLETE, reason)
+    return Ending()
 
 
 def _near_best(samples: Sequence[Sample], best: int) -> list[float]:
@@ -610,7 +613,7 @@ def smooth_minimum(
 def _interrupted_optimum(curves: Curves) -> OptimumPoint:
     """Return the smallest value known when the search was interrupted."""
     edge = rattling_below(curves.known)
-    status = with_reason(INTERRUPTED, curves.work.reason or "by the user")
+    end = Ending(INTERRUPTED, curves.work.reason or "by the user")
     lowest: AtPreload | None = None
     for preload, response in curves.known.items():
         if preload <= edge or not response.known or response.top is None:
@@ -618,8 +621,8 @@ def _interrupted_optimum(curves: Curves) -> OptimumPoint:
         if lowest is None or response.value < lowest.value:
             lowest = response
     if lowest is None or lowest.top is None:
-        return _no_optimum(status)
-    return _optimum_at(lowest.preload, lowest.top.peak, "unknown", np.inf, status)
+        return _no_optimum(end)
+    return _optimum_at(lowest.preload, lowest.top.peak, "unknown", np.inf, end)
 
 
 def rattling_below(known: dict[float, AtPreload]) -> float:
@@ -638,7 +641,7 @@ def _status(response: AtPreload | None, preload: float, edge: float, why: str) -
         return with_reason(NOT_FOUND, f"{NO_STEADY} up to {edge:.6g} N: {why}")
     if response is None:
         return with_reason(NOT_FOUND, NOT_FOLLOWED)
-    return response.status
+    return response.ending.status_text
 
 
 def _known_peak(response: AtPreload | None, edge: float) -> Highest | None:

@@ -27,7 +27,7 @@ from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import Convergence, FrictionPeak, FrictionRange, TimeResponse
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Fact, InContact, draw
-from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, status_word
+from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, WithStatus
 from bdamper.util.formatting import percent, short_repr
 from bdamper.util.progress import Cost
 from bdamper.util.records import Data
@@ -59,7 +59,7 @@ KINDS = {
 
 
 @dataclass(frozen=True)
-class OptimumPoint:
+class OptimumPoint(WithStatus):
     """Preload of minimum resonance amplitude.
 
     Parameters
@@ -82,8 +82,9 @@ class OptimumPoint:
     status : str
         "complete" if no preload without a value could replace it, and no tangents of the highest
         points at two neighbouring preloads indicate a lower value.  A lower value between distant
-        preloads may still be missed.  Otherwise "incomplete", "interrupted" or "not found" with the
-        reason after a colon.
+        preloads may still be missed.  Otherwise "incomplete", "interrupted" or "not found".
+    reason : str
+        Reason for the status, "" if it is complete.
     half_range : float, m
         Half of the peak-to-peak response with all harmonics, its largest value on the response
         curve.
@@ -95,18 +96,18 @@ class OptimumPoint:
     kind: str
     uncertainty: float
     status: str = COMPLETE
+    reason: str = ""
     half_range: Annotated[float, Data(derived=True)] = float("nan")
 
     def __post_init__(self) -> None:
         # files of version 0.6 have other words
-        word, colon, reason = self.status.partition(":")
-        present_word = {"verified": COMPLETE, "not verified": INCOMPLETE}.get(word, word)
-        object.__setattr__(self, "status", f"{present_word}{colon}{reason}")
+        words = {"verified": COMPLETE, "not verified": INCOMPLETE}
+        object.__setattr__(self, "status", words.get(self.status, self.status))
 
     @property
     def verified(self) -> bool:
         """Whether the status is complete: no information indicates a lower value elsewhere."""
-        return self.status == COMPLETE
+        return self.ok
 
     @property
     def known_to(self) -> str:
@@ -122,7 +123,7 @@ class OptimumPoint:
         if self.known_to:
             text += f", {self.known_to}"
         if not self.verified:
-            text += f", {self.status}"
+            text += f", {self.status_text}"
         return text
 
 
@@ -268,7 +269,7 @@ class OptimalCurve(
     def interrupted(self) -> bool:
         """Whether Ctrl-C ended the search, a check or the margins; the rest is missing."""
         # files of version 0.6 have it in the reason
-        if INTERRUPTED in self.optimum.status or self.margins_interrupted:
+        if INTERRUPTED in self.optimum.status_text or self.margins_interrupted:
             return True
         if self.friction_range is not None and self.friction_range.interrupted:
             return True
@@ -277,7 +278,7 @@ class OptimalCurve(
         statuses += [margins.best_status for margins in self.margins]
         if self.convergence is not None:
             statuses.append(self.convergence.status)
-        return any(status_word(status) == INTERRUPTED for status in statuses)
+        return INTERRUPTED in statuses
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -295,7 +296,7 @@ class OptimalCurve(
             texts.append(f"optimum: least value at the {ENDS[best.kind]}")
         if best.kind != "flat" and not best.verified:
             uncertainty = f", {best.known_to}" if best.known_to else ""
-            texts.append(f"optimum {best.status}{uncertainty}")
+            texts.append(f"optimum {best.status_text}{uncertainty}")
         return tuple(texts)
 
     @property

@@ -41,11 +41,11 @@ from bdamper.response.continuation import Follower
 from bdamper.response.events import AtLeastTwo, ContinuationOptions, Step
 from bdamper.response.motion_range import exceeds
 from bdamper.util import validation
-from bdamper.util.display import Comparable, Fact, InContact
-from bdamper.util.errors import COMPLETE, NOT_FOUND, status_word, with_reason
+from bdamper.util.display import Comparable, Fact, InContact, Result
+from bdamper.util.errors import COMPLETE, NOT_FOUND, with_reason
 from bdamper.util.formatting import amount, peak_text, sentence, short_repr
 from bdamper.util.progress import Cost
-from bdamper.util.records import Data
+from bdamper.util.records import Data, Reason
 from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import Cycles, Metre, Quantity, Shares, Tabular
@@ -106,7 +106,7 @@ class PeakOptions(validation.Checked):
 
 @short_repr
 @dataclass(frozen=True)
-class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-peak"):
+class Peak(Result, InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-peak"):
     """Maximum of the amplitude along a response curve, or the point at which the search ended.
 
     :func:`bdamper.plot.plot_peak` draws it.
@@ -133,12 +133,14 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
         Whether the peak is not a smooth maximum: at a corner the slopes on either side differ in
         sign but do not vanish.
     status : str
-        "complete"; "incomplete: ..." at the end of an interval without a maximum, if a higher
-        response is known, or if ``search_status`` is incomplete; "not found: ..." with the reason.
+        "complete"; "incomplete" at the end of an interval without a maximum, if a higher response
+        is known, or if ``search_status`` is incomplete; "not found".
+    reason : str
+        Reason for the status, "" if it is complete.
     cost : Cost, optional
-    search_status : str
-        Status of the curve on which it is the highest peak; unless "complete" there may be a higher
-        one.
+    search_status, search_reason : str
+        Status of the curve on which it is the highest peak, and the reason for it; unless
+        "complete" there may be a higher peak.
     settings : mapping
         Settings of the problem; empty for :func:`find_peak`.
     model_hash : str
@@ -167,8 +169,10 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
     rank_deficiency: int
     corner: bool = False
     status: str = COMPLETE
+    reason: Reason = ""
     cost: Cost | None = None
     search_status: str = ""
+    search_reason: Reason = ""
     lower_bound: Metre = float("nan")
     half_range: Annotated[float, Quantity("m"), Data(derived=True)] = float("nan")
     notes: tuple[str, ...] = ()
@@ -184,12 +188,12 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
     @property
     def converged(self) -> bool:
         """Whether this maximum solves the equations, and no higher one is known or possible."""
-        return status_word(self.status) == COMPLETE
+        return self.ok
 
     def _facts(self) -> tuple[Fact, ...]:
         """Return the peak and its reliability, or only the reason if there is none."""
         if not self.converged:
-            return (Fact("peak", self.status),)
+            return (Fact("peak", self.status_text),)
         facts = super()._facts()
         if exceeds(self.half_range, self.amplitude):
             return (*facts, Fact("half of the range", self.half_range, "m"))
@@ -209,7 +213,7 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
             rows = []
             if np.isfinite(self.lower_bound):
                 rows.append(lower_bound_row(self.lower_bound, self.frequency))
-            verdict = f"No peak: {self.status}{about(self.settings, self.parameter)}"
+            verdict = f"No peak: {self.status_text}{about(self.settings, self.parameter)}"
             return Statement([verdict], rows, remarks=remarks)
         limit = self.settings.get("limit", "")
         preload = np.nan if limit else self.parameter
@@ -217,7 +221,8 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
         peak = peak_text(self.amplitude, self.frequency)
         verdict = f"{kind} {peak}{about(self.settings, preload)}"
         if self.search_status not in ("", COMPLETE):
-            remarks.insert(0, f"There may be a higher peak: {self.search_status}")
+            search = with_reason(self.search_status, self.search_reason)
+            remarks.insert(0, f"There may be a higher peak: {search}")
         rows = half_range_rows(self.half_range, self.amplitude)
         if limit:
             return Statement([verdict], rows, remarks=remarks)
@@ -499,7 +504,8 @@ def find_peak(
         trials=search.trials,
         rank_deficiency=last.rank_deficiency,
         corner=top is not None and last.curvature < -JUMP,
-        status=with_reason(NOT_FOUND, search.reason) if top is None else COMPLETE,
+        status=NOT_FOUND if top is None else COMPLETE,
+        reason=search.reason if top is None else "",
     )
 
 
@@ -519,7 +525,7 @@ def check_peak(problem: Problem, peak: Peak, name: str = "peak") -> None:
     validation.instance(
         name, peak, Peak, "a Peak, as Study.peak returns it or ResponseCurve.peak is"
     )
-    validation.check(peak.converged, name, "a converged one", f"status '{peak.status}'")
+    validation.check(peak.converged, name, "a converged one", f"status '{peak.status_text}'")
     if peak.model_hash:
         check_result(problem, peak, name)
     check_solution(problem, peak.parameter, peak.y, peak.residual, name)
@@ -587,7 +593,7 @@ def peak_of_sign(
         peak = find_peak(system, c.y, tangent=c.tangent, options=options, parameter=parameter)
         iterations += peak.iterations
         if not peak.converged:
-            reason = peak.status
+            reason = peak.status_text
         elif sign_of_jacobian(system, peak.y) != sign:
             reason = ANOTHER
         else:

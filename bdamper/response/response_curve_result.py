@@ -22,8 +22,8 @@ from bdamper.harmonic_balance.subject import about, not_covered
 from bdamper.response.branches import NO_DIGITS, NO_SOLUTION, UNBOUNDED, LeftOut
 from bdamper.response.motion_range import exceeds, half_range
 from bdamper.response.peak import AT_END, IN_TIME, Peak, contact_rows, half_range_rows, unchecked
-from bdamper.util.display import Comparable, Fact, InContact
-from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, BdamperError, with_reason
+from bdamper.util.display import Comparable, Fact, InContact, Result
+from bdamper.util.errors import INCOMPLETE, INTERRUPTED, BdamperError, Ending
 from bdamper.util.formatting import amount, counted, peak_text, sentence, short_repr, span
 from bdamper.util.progress import Cost
 from bdamper.util.statement import Row, Statement
@@ -59,7 +59,14 @@ LOCKED = "is self-locking: its static normal load is not unique"
 @short_repr
 @dataclass(frozen=True)
 class ResponseCurve(
-    InContact, Comparable, FrequencySeries, Tabular, Recorded, Storable, kind="bdamper-curve"
+    Result,
+    InContact,
+    Comparable,
+    FrequencySeries,
+    Tabular,
+    Recorded,
+    Storable,
+    kind="bdamper-curve",
 ):
     """Response curve; every point is a converged solution.
 
@@ -315,7 +322,7 @@ class ResponseCurve(
     def peak_index(self) -> int:
         """Index of the point of largest response; closed and separate branches do not count."""
         if not len(self):
-            raise BdamperError(f"the curve has no points ({self.status}: {self.reason})")
+            raise BdamperError(f"the curve has no points ({self.status_text})")
         return int(np.argmax(np.where(self._counted, self.amplitude, -1.0)))
 
     @property
@@ -339,18 +346,18 @@ class ResponseCurve(
         if self.is_limit:
             settings |= {"limit": self.kind}
         if self.complete:
-            search_status = COMPLETE
+            search = Ending()
         elif self.status == INCOMPLETE:
-            search_status = with_reason(INCOMPLETE, self.reason)
+            search = Ending(INCOMPLETE, self.reason)
         else:
-            search_status = with_reason(INCOMPLETE, f"{self.status}: {self.reason}")
+            search = Ending(INCOMPLETE, self.status_text)
         amplitude = float(self.amplitude[i])
-        status = search_status
+        end = search
         if self.without_amplitude is not None:
             amplitude = self.without_amplitude.amplitude
-            status = with_reason(INCOMPLETE, self.without_amplitude.at_middle)
+            end = Ending(INCOMPLETE, self.without_amplitude.at_middle)
         elif self.peak_at_end:
-            status = with_reason(INCOMPLETE, AT_END)
+            end = Ending(INCOMPLETE, AT_END)
         return Peak(
             parameter=self.preload,
             frequency=frequency,
@@ -366,8 +373,10 @@ class ResponseCurve(
             trials=0,
             rank_deficiency=int(self.rank_deficiency[i]),
             corner=self.point_kind[i] != "maximum",
-            status=status,
-            search_status=search_status,
+            status=end.status,
+            reason=end.reason,
+            search_status=search.status,
+            search_reason=search.reason,
             settings=settings,
             model_hash=self.model_hash,
             half_range=self.half_range,

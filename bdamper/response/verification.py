@@ -13,8 +13,8 @@ from bdamper.harmonic_balance.subject import about, has_more_points
 from bdamper.response.motion_range import exceeds
 from bdamper.response.peak import half_range_row
 from bdamper.util import validation
-from bdamper.util.display import Fact, Plottable, Summarised, draw
-from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, status_word
+from bdamper.util.display import Fact, Plottable, Result, Summarised, draw
+from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, WithStatus
 from bdamper.util.formatting import (
     amount,
     counted,
@@ -26,7 +26,7 @@ from bdamper.util.formatting import (
     span,
 )
 from bdamper.util.progress import Cost
-from bdamper.util.records import Data, Record
+from bdamper.util.records import Data, Reason, Record
 from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import FilePath, Recorded, Storable
 from bdamper.util.tables import (
@@ -78,7 +78,7 @@ def energy_change(energy: tuple[float, ...]) -> str:
     return f"its stored energy changes by {change}; use more periods"
 
 
-class AllBlades(Summarised):
+class AllBlades(Result):
     """Base class of motions in time: blades, energy of a period, and travelling waves."""
 
     blade: int
@@ -178,9 +178,10 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
     diameters : tuple of int
         Nodal diameters of the model.
     status : str
-        "complete", "interrupted", or "incomplete: " and "not found: " with the reason.  It is
-        "incomplete: not settled" if two of the ``answers``, or one of them and a higher one of the
-        ``starts``, differ by more than 5 %.
+        "complete", "interrupted", "incomplete" or "not found".
+    reason : str
+        Reason for the status.  It begins with "not settled" if two of the ``answers``, or one of
+        them and a higher one of the ``starts``, differ by more than 5 %.
     cost : Cost
     blade : int
         Highest blade.
@@ -219,6 +220,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
     periods: int = 0
     diameters: tuple[int, ...] = ()
     status: str = COMPLETE
+    reason: Reason = ""
     cost: Cost = field(default_factory=Cost)
     blade: int = -1
     blades: NDArray = field(default_factory=lambda: np.zeros((0, 0)), compare=False)
@@ -256,7 +258,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
 
         Single periods may still differ, from ``lowest`` to ``highest``.
         """
-        return status_word(self.status) == COMPLETE
+        return self.ok
 
     @property
     def largest(self) -> float:
@@ -275,8 +277,8 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         Only the range if answers differ; the status if nothing was found.
         """
         if np.isnan(self.mean):
-            return self.status
-        if "not settled" in self.status:
+            return self.status_text
+        if "not settled" in self.reason:
             return span(self.lowest, self.highest, "m")
         return f"{amount(self.mean, 'm')} ({_range_without_unit(self)})"
 
@@ -291,7 +293,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         subject = about(self.settings, self.preload)
         balance = Row("Harmonic balance", amount(self.balance, "m"), "the highest peak")
         if np.isnan(self.mean):
-            reason = self.status.partition(": ")[2] or self.status
+            reason = self.reason or self.status
             verdict = f"No amplitude by time integration, {reason}{subject}"
             remedy = "Remedy: nothing confirms the peak; choose another preload"
             return Statement([verdict], [balance], remarks=[remedy])
@@ -299,7 +301,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
             largest = amount(self.largest, "m")
             verdict = f"Highest amplitude by time integration {largest}{subject}"
         else:
-            verdict = f"Not for design: the time integration is {self.status}{subject}"
+            verdict = f"Not for design: the time integration is {self.status_text}{subject}"
         change = percent(self.mean / self.balance - 1.0, True)
         remark = f"{balance.remark}; time integration {change}"
         rows = [*self._time_rows(), balance._replace(remark=remark), *self._motion_rows()]
@@ -314,7 +316,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         """Return the range of the amplitude with its frequency and mean, and single periods."""
         place = amount(self.frequency, "Hz", 6)
         # answers that differ have no common mean
-        if "not settled" not in self.status:
+        if "not settled" not in self.reason:
             place += f", mean {amount(self.mean, 'm')}"
         value = span(self.lowest, self.highest, "m")
         rows = [Row("Time integration", value, place)]
@@ -374,7 +376,7 @@ class MotionInTime(
         "agrees", "does not agree" or "undecided": whether the motion stays at its initial solution,
         if examined.
     reason : str
-        Reason of the verdict.
+        Reason of the verdict; without a verdict, reason for the status.
     distance : float
         Relative distance of the vibration in the last period from the initial solution.
     repeats_after : int or None
@@ -449,9 +451,11 @@ class MotionInTime(
         if self.verdict:
             outcome = {"agrees": "pass", "undecided": "uncertain"}.get(self.verdict, "FAIL")
             checks.append(Row("Stays at the solution", outcome, self.reason))
-        # the verdict may be the reason of the status
-        if self.status != COMPLETE and (not self.verdict or self.verdict not in self.status):
-            remarks.append(f"The integration is {self.status}")
+        if not self.verdict and not self.ok:
+            remarks.append(f"The integration is {self.status_text}")
+        # an undecided verdict is the reason why the result is incomplete
+        elif self.status == INTERRUPTED:
+            remarks.append(f"The integration is {INTERRUPTED}")
         if any(check.value == "FAIL" for check in checks):
             remarks.append("Remedy: study.time_response(curve) gives the highest steady amplitude")
         return Statement([verdict], rows, checks, remarks)
@@ -503,7 +507,7 @@ MUCH = 2.0
 
 
 @dataclass(frozen=True)
-class FrictionPeak(Record):
+class FrictionPeak(WithStatus, Record):
     """Highest peak with other friction coefficients.
 
     Parameters
@@ -513,7 +517,7 @@ class FrictionPeak(Record):
     preload : float, N
     amplitude : float, m
         NaN if unknown; infinite if no steady periodic response is expected.
-    status : str
+    status, reason : str
     lower_bound : float, m
         Amplitude of the highest computed point if the peak is incomplete; otherwise NaN.
     """
@@ -522,16 +526,17 @@ class FrictionPeak(Record):
     preload: Newton
     amplitude: Metre
     status: str = COMPLETE
+    reason: Reason = ""
     lower_bound: Metre = field(default=float("nan"), compare=False)
 
     def __post_init__(self) -> None:
         # files of version 0.7 have lower bounds as amplitudes
-        if status_word(self.status) == INCOMPLETE and np.isfinite(self.amplitude):
+        if self.status == INCOMPLETE and np.isfinite(self.amplitude):
             object.__setattr__(self, "lower_bound", self.amplitude)
             object.__setattr__(self, "amplitude", float("nan"))
 
     def __str__(self) -> str:
-        doubt = "" if self.status == COMPLETE else f" ({self.status})"
+        doubt = "" if self.ok else f" ({self.status_text})"
         return f"{self.size_text} with {self.factor:.3g} times the friction{doubt}"
 
     @property
@@ -705,7 +710,7 @@ def _heights(peaks: Sequence[HarmonicPeak]) -> str:
 
 @short_repr
 @dataclass(frozen=True)
-class Convergence(Plottable, Tabular):
+class Convergence(Result, Plottable, Tabular):
     """One peak with increasing number of harmonics.
 
     ``plot`` draws the amplitude over the number of harmonics
@@ -723,8 +728,9 @@ class Convergence(Plottable, Tabular):
     highest_harmonic : str
         Reason why the harmonics end before the highest requested one, or "".
     status : str
-        "complete", "interrupted", or "incomplete: " with the reason why no peak was found with more
-        harmonics.
+        "complete", "interrupted" or "incomplete".
+    reason : str
+        Reason why no peak was found with more harmonics.
     cost : Cost
     """
 
@@ -734,6 +740,7 @@ class Convergence(Plottable, Tabular):
     internal_resonances: tuple[Meeting, ...] = ()
     highest_harmonic: str = ""
     status: str = COMPLETE
+    reason: Reason = ""
     cost: Cost = field(default_factory=Cost)
     _summary_fields = ("preload", "status", "internal_resonances")
 
@@ -798,7 +805,7 @@ class Convergence(Plottable, Tabular):
         if self.highest_harmonic:
             text += f"; {self.highest_harmonic}"
         if self.status != COMPLETE:
-            text += f"; {self.status}"
+            text += f"; {self.status_text}"
         return text
 
     def _statement(self) -> Statement:
@@ -826,7 +833,7 @@ class Convergence(Plottable, Tabular):
         ]
         remarks = [
             sentence(text)
-            for text in (self.highest_harmonic, self.status if self.status != COMPLETE else "")
+            for text in (self.highest_harmonic, self.status_text if self.status != COMPLETE else "")
             if text
         ]
         settled = self.settled

@@ -22,7 +22,7 @@ from bdamper.response.response_curve import Jump, frequency_response
 from bdamper.time_domain.integration import ring_of
 from bdamper.time_domain.transient import CRITERIA, Transient, energy_error
 from bdamper.util import validation
-from bdamper.util.display import Fact, Plottable
+from bdamper.util.display import Fact, Plottable, Result
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, BdamperError, SettingError
 from bdamper.util.formatting import amount, peak_text, percent, short_repr
 from bdamper.util.progress import (
@@ -55,7 +55,14 @@ NEAR = 1e-4
 @short_repr
 @dataclass(frozen=True)
 class TimeSweep(
-    Plottable, FrequencySeries, Tabular, Recorded, Storable, kind="bdamper-time-sweep", row="turn"
+    Result,
+    Plottable,
+    FrequencySeries,
+    Tabular,
+    Recorded,
+    Storable,
+    kind="bdamper-time-sweep",
+    row="turn",
 ):
     """Response in a slow sweep of frequency in time, period by period.
 

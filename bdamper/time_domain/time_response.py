@@ -69,10 +69,10 @@ from bdamper.util.errors import (
     INTERRUPTED,
     NOT_FOUND,
     BdamperError,
+    Ending,
     SettingError,
     quiet,
     warn_implausible,
-    with_reason,
 )
 from bdamper.util.formatting import amount, counted, peak_text
 from bdamper.util.progress import (
@@ -272,7 +272,7 @@ def time_response(
     )
     if not np.isfinite(balance.flank):
         why = "next to the tip there are several solutions at all frequencies; widen the interval"
-        return replace(without_amplitude, status=with_reason(NOT_FOUND, why))
+        return replace(without_amplitude, status=NOT_FOUND, reason=why)
 
     source = ring_of(problem, preload, blades)
     ring = source if structure is problem else ring_of(structure, preload, blades)
@@ -530,8 +530,8 @@ def _stated(
     # an amplitude with energy that the time steps supply is no bound either
     if integrations.step_error or best is None:
         why = integrations.step_error or search.failure or "no motion stays near the peak"
-        status = _status(NOT_FOUND, why, integrations.interrupted)
-        return replace(without_amplitude, status=status)
+        end = _ending(NOT_FOUND, why, integrations.interrupted)
+        return replace(without_amplitude, status=end.status, reason=end.reason)
 
     runs = integrations.runs
     if not runs:
@@ -544,15 +544,15 @@ def _stated(
     higher_starts = {name: mean for name, mean in starts.items() if mean > best.mean}
     lowest, highest, doubt_about_range = error_range(answers | higher_starts, runs.values())
 
-    end = ""
+    at_end = ""
     if search.at_end(best):
-        end = "the curve ends before the motion falls; widen the interval"
-    doubts = [doubt_about_range, search.failure, end, doubt_about_curve]
+        at_end = "the curve ends before the motion falls; widen the interval"
+    doubts = [doubt_about_range, search.failure, at_end, doubt_about_curve]
     doubt = "; ".join(filter(None, doubts))
     if doubt:
-        status = _status(INCOMPLETE, doubt, integrations.interrupted)
+        end = _ending(INCOMPLETE, doubt, integrations.interrupted)
     else:
-        status = _status(COMPLETE, _remarks(search, best), integrations.interrupted)
+        end = _ending(COMPLETE, _remarks(search, best), integrations.interrupted)
     return replace(
         without_amplitude,
         mean=best.mean,
@@ -563,14 +563,15 @@ def _stated(
         frequency=best.frequency,
         answers=answers,
         starts=starts,
-        status=status,
+        status=end.status,
+        reason=end.reason,
         **of_blades(best.transient, len(best.amplitude)),
     )
 
 
-def _status(status: str, reason: str, interrupted: bool) -> str:
+def _ending(status: str, reason: str, interrupted: bool) -> Ending:
     """Return a status with its reason, unless the user has interrupted the work."""
-    return INTERRUPTED if interrupted else with_reason(status, reason)
+    return Ending(INTERRUPTED) if interrupted else Ending(status, reason)
 
 
 def _remarks(search: SteadySearch, best: SteadyPoint) -> str:
@@ -673,7 +674,7 @@ def with_time_response(
             responses[p] = time_response(problem, tracked, progress=progress)
             costs[p] += responses[p].cost
         except BdamperError as error:
-            responses[p] = replace(not_integrated[p], status=with_reason(NOT_FOUND, error))
+            responses[p] = replace(not_integrated[p], status=NOT_FOUND, reason=str(error))
 
     start = time.perf_counter()
     with LongWork():
@@ -749,7 +750,7 @@ class _MotionRun:
     Parameters
     ----------
     transient : Transient
-    status : str
+    end : Ending
     decision : dict
         Fields of the result on the decision, empty without one.
     amplitude : (n,) float, m
@@ -757,7 +758,7 @@ class _MotionRun:
     """
 
     transient: Transient
-    status: str
+    end: Ending
     decision: dict[str, Any]
     amplitude: NDArray
 
@@ -777,7 +778,7 @@ def motion_in_time(
     """See :meth:`bdamper.Study.motion_in_time`."""
     check_curve(problem, curve)
     validation.check_value(
-        len(curve), "curve", "a curve with points", f"no points ({curve.status}: {curve.reason})"
+        len(curve), "curve", "a curve with points", f"no points ({curve.status_text})"
     )
     tolerance = validation.number("tolerance", tolerance, above=0.0, most=1.0)
     progress = shows_progress(progress)
@@ -825,14 +826,15 @@ def motion_in_time(
     except IntegrationFailed as failed:
         error = str(failed)
     # shorter steps resolve the contacts better, so the motion begins again
-    if run is None or (error and run.status != INTERRUPTED):
+    if run is None or (error and run.end.status != INTERRUPTED):
         run = with_steps(4 * steps)
         error = step_error(run.transient)
-        if error and run.status != INTERRUPTED:
+        if error and run.end.status != INTERRUPTED:
             raise EnergyGained(f"time integration at {frequency:.6g} Hz: {error}")
     amplitude = run.amplitude
     response = run.transient.response
     fields_of_blades = of_blades(run.transient, len(amplitude))
+    end = _with_energy(run, fields_of_blades["energy"])
     return MotionInTime(
         mean=float(amplitude.mean()),
         lowest=float(amplitude.min()),
@@ -842,7 +844,8 @@ def motion_in_time(
         harmonics=response,
         repeats_after=repeats_after(response),
         diameters=ring.nodal_diameters,
-        status=_with_energy(run, fields_of_blades["energy"]),
+        status=end.status,
+        reason=end.reason,
         cost=watch.read(ring.cost),
         **run.decision,
         **fields_of_blades,
@@ -868,17 +871,15 @@ def _check_on_curve(curve: ResponseCurve, frequency: float, index: int | None) -
         raise validation.invalid("index", "none, since a frequency is given", index)
 
 
-def _with_energy(run: _MotionRun, energy: tuple[float, ...]) -> str:
+def _with_energy(run: _MotionRun, energy: tuple[float, ...]) -> Ending:
     """Return the status, incomplete while the stored energy changes.
 
     A motion with a verdict has settled, and only exchanges energy with the loads at rest.
     """
-    if run.status == INTERRUPTED:
-        return run.status
-    reason = run.status.partition(": ")[2]
-    if not reason and not run.decision:
-        reason = energy_change(energy)
-    return with_reason(INCOMPLETE, reason) if reason else run.status
+    if run.decision or not run.end.ok:
+        return run.end
+    change = energy_change(energy)
+    return Ending(INCOMPLETE, change) if change else run.end
 
 
 def _without_decision(transient: Transient, periods: int, progress: bool) -> _MotionRun:
@@ -889,14 +890,14 @@ def _without_decision(transient: Transient, periods: int, progress: bool) -> _Mo
         raise KeyboardInterrupt
     change = to_come(transient.amplitude, transient.memory)
     if interrupted:
-        status = INTERRUPTED
+        end = Ending(INTERRUPTED)
     elif abs(change) > CRITERIA.drift:
         percentage = f"{100.0 * change:+.2g} %"
         reason = f"the mean changes by another {percentage} by estimate; use more periods"
-        status = with_reason(INCOMPLETE, reason)
+        end = Ending(INCOMPLETE, reason)
     else:
-        status = COMPLETE
-    return _MotionRun(transient, status, {}, second_half(transient.amplitude))
+        end = Ending()
+    return _MotionRun(transient, end, {}, second_half(transient.amplitude))
 
 
 def _with_decision(
@@ -911,13 +912,14 @@ def _with_decision(
     if interrupted:
         status = INTERRUPTED
     elif verdict.verdict == UNDECIDED:
-        status = with_reason(INCOMPLETE, UNDECIDED)
+        status = INCOMPLETE
     else:
         status = COMPLETE
     decision = {
         "balance": float(abs(expected[1])),
         "distance": apart / max(size, 1e-300),
         "verdict": verdict.verdict,
-        "reason": verdict.reason,
     }
-    return _MotionRun(transient, status, decision, transient.amplitude[-verdict.periods :])
+    return _MotionRun(
+        transient, Ending(status, verdict.reason), decision, transient.amplitude[-verdict.periods :]
+    )

@@ -20,7 +20,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 import numpy as np
 
 from bdamper.util import validation
-from bdamper.util.errors import COMPLETE, FAILED, BdamperError, not_run_lines, status_word
+from bdamper.util.errors import (
+    COMPLETE,
+    FAILED,
+    BdamperError,
+    WithStatus,
+    not_run_lines,
+    status_word,
+    with_reason,
+)
 from bdamper.util.formatting import (
     UNITS,
     aligned,
@@ -156,9 +164,11 @@ class Summarised:
         Arrays and None give no row, unless ``several``.
         """
         mark = quantities(cast(Any, type(self))).get(name, Quantity())
-        value = reduce(
-            lambda whole, part: getattr(whole, part, None), name.split("."), cast(Any, self)
-        )
+        *path, last = name.split(".")
+        owner = reduce(lambda whole, part: getattr(whole, part, None), path, cast(Any, self))
+        value: Any = getattr(owner, last, None)
+        if last.endswith("status") and isinstance(value, str):
+            value = with_reason(value, getattr(owner, _reason_of(last), ""))
         if mark.parts and np.ndim(value) == 1:
             return (
                 Fact(part, round(100.0 * float(x), 1), "%") for part, x in zip(mark.parts, value)
@@ -176,10 +186,13 @@ class Summarised:
         facts = [fact for fact in self._facts() if fact.known]
         names = {"model hash", *(fact.name for fact in facts)}
         plain = int | float | str  # fields of these types are omitted if they have their default
+        # a reason is printed with its status
+        reasons = {_reason_of(f.name) for f in fields(cast(Any, self))}
         field_names = (
             f.name
             for f in fields(cast(Any, self))
             if f.name not in self._unprinted()
+            and f.name not in reasons
             and not (
                 isinstance(f.default, plain)
                 and getattr(self, f.name) == f.default
@@ -300,6 +313,11 @@ class Summarised:
         return f"<div>{first}{text}{picture}{rest}</div>"
 
 
+def _reason_of(status: str) -> str:
+    """Return the name of the field with the reason for a status: "reason", "search_reason"."""
+    return f"{status.removesuffix('status')}reason" if status.endswith("status") else ""
+
+
 def _owners(name: str) -> str:
     """Return "; A and B have it" for an attribute of other results; an empty text if none has it."""
     owners = {}
@@ -363,6 +381,10 @@ def _html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
         + "".join(line(row, "td") for row in rows)
         + "</table>"
     )
+
+
+class Result(WithStatus, Summarised):
+    """Base class of results: status, reason, and ``ok``; they print themselves."""
 
 
 class Plottable(Summarised):

@@ -1,7 +1,6 @@
 """Errors, warnings and statuses.
 
-A status is one of the words below, followed by a colon and the reason if the result has no field
-for it.
+A status is one of the words below; its reason is another text (:class:`WithStatus`).
 
 * "complete": the result contains everything that was requested.
 * "incomplete": the result is a part or a lower bound; there may be more or a higher one.
@@ -22,6 +21,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
 from types import FrameType
 from typing import Any
 
@@ -198,14 +198,53 @@ NOT_RUN = "not run"
 STATUSES = (COMPLETE, INCOMPLETE, HELD, NOT_FOUND, INTERRUPTED, FAILED, NOT_RUN)
 
 
+def with_reason(status: str, reason: object = "") -> str:
+    """Return a status and its reason as one text to print; without a reason, the status itself."""
+    return f"{status}: {reason}" if str(reason) else status
+
+
 def status_word(status: str) -> str:
-    """Return the word of a status without its reason."""
+    """Return the status in a joined text."""
     return status.partition(":")[0]
 
 
-def with_reason(what: str, reason: object = "") -> str:
-    """Return a status with a reason; without a reason, the status itself."""
-    return f"{what}: {reason}" if str(reason) else what
+class WithStatus:
+    """Mixin of dataclasses with a status, one of :data:`STATUSES`, and the reason for it."""
+
+    status: str
+    reason: str
+
+    @property
+    def ok(self) -> bool:
+        """Whether the status is "complete"."""
+        return self.status == COMPLETE
+
+    @property
+    def status_text(self) -> str:
+        """Status and reason in one text, "incomplete: the reason"."""
+        return with_reason(self.status, self.reason)
+
+
+def separated(text: str) -> tuple[str, str]:
+    """Return status and reason of a joined text; files of version 0.10 contain such texts."""
+    status, _, reason = text.partition(": ")
+    return status, reason
+
+
+@dataclass(frozen=True)
+class Ending(WithStatus):
+    """Status with which a computation ended, and the reason for it.
+
+    Parameters
+    ----------
+    status : str
+        One of :data:`STATUSES`.
+    reason : str
+        "" if there is none.
+    """
+
+    status: str = COMPLETE
+    reason: str = ""
 
 
 def all_complete(statuses: Sequence[str]) -> bool:

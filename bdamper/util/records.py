@@ -35,7 +35,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.util.errors import check, mismatch
+from bdamper.util.errors import check, mismatch, separated
 from bdamper.util.validation import Limits, declarations, suggest_name
 
 MOST_EXPANDED = 1100
@@ -108,6 +108,10 @@ class Data:
 
 GroupName = Annotated[str, Data(file=".")]
 """Name of a record, which is the name of its group."""
+
+Reason = Annotated[str, Data(derived=True)]
+"""Reason for a status.  Files of version 0.10 have it in the status
+(:func:`with_separate_reasons`)."""
 
 
 class Item(NamedTuple):
@@ -322,9 +326,27 @@ def read_record(group: h5py.Group, kind: Kind) -> Any:
         is_derived_array = item.kind is np.ndarray and item.data.derived
         if value is not None or is_derived_array:
             values[item.name] = value
-    record = kind(**values)
+    record = kind(**with_separate_reasons(values, [item.name for item in items]))
     record.check_rows()
     return record
+
+
+def with_separate_reasons(values: dict[str, Any], names: Iterable[str]) -> dict[str, Any]:
+    """Return the stored values of the fields ``names``, with each status apart from its reason.
+
+    In files of version 0.10 some statuses are followed by their reason: "incomplete: the reason".
+    """
+    separate = dict(values)
+    for name in names:
+        status_name = f"{name.removesuffix('reason')}status"
+        text = values.get(status_name)
+        if not name.endswith("reason") or not isinstance(text, str):
+            continue
+        status, reason = separated(text)
+        separate[status_name] = status
+        # a motion in time had a reason for its verdict as well
+        separate[name] = values.get(name) or reason
+    return separate
 
 
 def _fail_missing(group: h5py.Group, item: Item) -> None:
@@ -595,7 +617,7 @@ def _from_json(hint: Any, value: Any) -> Any:
         arguments = {
             name: _from_json(hints[name], item) for name, item in value.items() if name in hints
         }
-        return hint(**arguments)  # type: ignore[operator]
+        return hint(**with_separate_reasons(arguments, hints))  # type: ignore[operator]
     is_named_tuple = isinstance(hint, type) and issubclass(hint, tuple)
     return hint(*value) if is_named_tuple else hint(value)
 

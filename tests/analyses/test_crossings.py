@@ -263,7 +263,7 @@ def test_a_run_up_is_a_curve_over_speed(study, found, tmp_path):
 
 def newton_fails(study, monkeypatch):
     """No peak of the interpolated equations at fixed speed is found."""
-    peak = replace(study.peak(5800.0), status="not found: tried")
+    peak = replace(study.peak(5800.0), status="not found", reason="tried")
     monkeypatch.setattr(engine_order_line, "find_peak", lambda *_, **__: peak)
 
 
@@ -283,7 +283,7 @@ def test_where_newtons_method_fails_the_peak_at_fixed_speed_is_found_by_a_search
 def test_a_missing_peak_at_fixed_speed_has_its_reason(study, monkeypatch):
     """A crossing that is complete otherwise, and a run-up, state why."""
     newton_fails(study, monkeypatch)
-    lost = replace(study.peak(5800.0), status="not found: tried")
+    lost = replace(study.peak(5800.0), status="not found", reason="tried")
     monkeypatch.setattr(engine_order_line, "highest_peak", lambda *_, **__: lost)
     row = study.resonance_crossings(SPEEDS, [5]).values[0]
     why = "no peak at fixed speed: from the highest point on the line, not found: tried"
@@ -531,7 +531,9 @@ def test_the_exact_search_reaches_beyond_the_line_but_not_the_next_mode(study, m
         "highest_peak",
         lambda problem, preload, band, mode: asked.append(band) or lost,
     )
-    lost = replace(study.peak(5800.0), status="not found: tried", y=np.array([0.0, 5.0 * speed]))
+    lost = replace(
+        study.peak(5800.0), status="not found", reason="tried", y=np.array([0.0, 5.0 * speed])
+    )
     exact_at_fixed_speed(family, (200.0, 1000.0), 1, lost, CostMeter())
     case = family.problem(speed).at(family.preload(speed))
     low, high = resonance_interval(case, 1)
@@ -640,7 +642,7 @@ def test_where_interpolation_fails_the_peak_at_fixed_speed_is_found_exactly(
 
     searched = engine_order_line.highest_peak
     cut = lambda *args, **given: replace(
-        searched(*args, **given), status="incomplete: out of budget"
+        searched(*args, **given), status="incomplete", reason="out of budget"
     )
     monkeypatch.setattr(engine_order_line, "highest_peak", cut)
     doubted = study.resonance_crossings(SPEEDS, [5]).values[0]

@@ -430,6 +430,6 @@ def test_a_peak_says_how_its_curve_ended(full):
     peak = full.peak(1000.0, (820.0, 860.0))
     assert peak.search_status == "complete"
     assert "higher peak" not in peak.summary()
-    assert "There may be a higher peak: incomplete (why)" in said(
-        replace(peak, search_status="incomplete (why)")
+    assert "There may be a higher peak: incomplete: why" in said(
+        replace(peak, search_status="incomplete", search_reason="why")
     )

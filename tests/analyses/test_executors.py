@@ -80,7 +80,7 @@ def test_curves_that_were_finished_are_returned(how, tmp_path):
     known = np.isfinite(found.amplitude)
     assert known.tolist() == [False] * 2 + [True] * 4  # from the highest preload down
     np.testing.assert_array_equal(found.amplitude[known], whole.amplitude[known])
-    assert found.interrupted and found.optimum.status == f"interrupted: {REASONS[how]}"
+    assert found.interrupted and found.optimum.status_text == f"interrupted: {REASONS[how]}"
     assert len(path.read_text().splitlines()) == 1 + 4
     again = optimal_curve(pressed().problem, **ASKED, resume=path)
     np.testing.assert_array_equal(again.amplitude, whole.amplitude)

@@ -389,12 +389,12 @@ def test_priors_that_the_data_contradict_are_named(jenkins):
         mean = float(np.exp(alone + away * deviation))
         objective.priors = {"friction_coefficient": (mean, 1e-6)}
         objective.ranges = dict.fromkeys(objective.ranges, (1e-9, 1e9))
-        status = _stage(objective).result.status
+        reason = _stage(objective).result.reason
         prior, distance = (
             f"the prior of friction coefficient ({mean:g} with 1e-06)",
             f"{abs(away):.2g} standard deviations",
         )
-        assert (f"{prior} is {distance} from the data" in status) == (abs(away) > 3.0)
+        assert (f"{prior} is {distance} from the data" in reason) == (abs(away) > 3.0)
 
 
 @pytest.mark.parametrize("times", [3.0, 10.0, 100.0, 0.1])
@@ -419,7 +419,7 @@ def test_a_fit_to_a_force_of_wrong_gain_says_that_the_model_is_wrong():
             "response", curve.frequency[rows], curve.amplitude[rows], np.full(15, times)
         )
         found = fit(oscillator, data, {"friction": (0.1, 10.0)}, noise=0.02, intervals="linear")
-        assert found.status.startswith("incomplete: the model does not describe these data")
+        assert found.status_text.startswith("incomplete: the model does not describe these data")
 
 
 def test_a_preload_without_response_curve_is_refused_in_one_line():
@@ -735,7 +735,7 @@ class TestMistakes:
             found.deviation[0]
         )
         assert "riction coefficient not determined by these data (0.1 to 0.9)" in found._headline()
-        assert "friction coefficient not determined by these data" in found.status
+        assert "friction coefficient not determined by these data" in found.reason
         assert 1.1 < found.low[1] < 1.2 < found.high[1] < 1.3  # damping is known
 
     def test_failures_of_the_solver_are_counted(self, jenkins, tests, monkeypatch):
@@ -751,7 +751,7 @@ class TestMistakes:
         assert found["friction_coefficient"] == pytest.approx(0.4, rel=0.2)
         assert (
             "no response was found at 20 points of 0.5 N (0.5 N, up) (no static state)"
-            in found.status
+            in found.reason
         )
         with pytest.raises(
             bd.BdamperError, match=r"no response could be computed .*no static state"
@@ -767,7 +767,7 @@ class TestMistakes:
         line = found._headline().partition(".  ")[0]
         assert line.startswith("The model does not describe these data (misfit ")
         assert f"amplitudes are about {factor:g} times those of the model: check the units" in line
-        assert "the model does not describe these data" in found.status
+        assert "the model does not describe these data" in found.reason
 
     @pytest.mark.slow
     def test_what_the_free_response_tells_is_not_asked_of_the_others(self, jenkins, tests):
@@ -777,7 +777,7 @@ class TestMistakes:
 
     def test_an_end_of_a_range_is_told(self, jenkins, tests):
         found = fit(jenkins, tests[1], {"friction_coefficient": (0.45, 0.9)})
-        assert "friction coefficient is at an end of its range" in found.status
+        assert "friction coefficient is at an end of its range" in found.reason
 
     def test_probabilities(self, jenkins, tests):
         objective = Objective(jenkins, tests[:1], RANGES, 0.02)

@@ -64,11 +64,11 @@ def test_a_cliff_between_two_factors():
 
 def test_no_steady_response_is_high_and_an_unknown_one_is_not():
     """An infinite amplitude and a lower bound of twice the amplitude count; nothing follows from an unknown peak."""
-    ends = {"rattles": (np.inf, "not found: no steady periodic response: why", np.nan),
-            "bound": (np.nan, "incomplete: why", 2.5), "unknown": (np.nan, "incomplete: why", 0.5)}  # fmt: skip
-    for kind, (size, status, bound) in ends.items():
+    ends = {"rattles": (np.inf, "not found", "no steady periodic response: why", np.nan),
+            "bound": (np.nan, "incomplete", "why", 2.5), "unknown": (np.nan, "incomplete", "why", 0.5)}  # fmt: skip
+    for kind, (size, *end) in ends.items():
 
-        def amplitude(f, end=(size, status, bound)):
+        def amplitude(f, end=(size, *end)):
             return FrictionPeak(f, 10.0, *end) if f < 0.69 else 1.0
 
         found = find_range(peaks_of(amplitude)[0])
@@ -85,9 +85,9 @@ def test_no_steady_response_is_high_and_an_unknown_one_is_not():
 
 def test_lower_bounds_of_earlier_files():
     """They were amplitudes with the status incomplete."""
-    peak = FrictionPeak(0.7, 10.0, 2.0, "incomplete: why")
+    peak = FrictionPeak(0.7, 10.0, 2.0, "incomplete", "why")
     assert np.isnan(peak.amplitude) and peak.lower_bound == 2.0 and "at least 2 m" in str(peak)
-    assert FrictionPeak(0.7, 10.0, np.inf, "not found: why").size_text == "not steady"
+    assert FrictionPeak(0.7, 10.0, np.inf, "not found", "why").size_text == "not steady"
 
 
 @pytest.fixture(scope="module")

@@ -140,7 +140,7 @@ def test_a_band_damper():
     for branch in np.split(np.arange(len(best)), [np.argmin(found.displacement)]):
         best[branch] = isotonic_regression(best[branch], increasing=branch[0] > 0).x
     assert 0.17 < np.std(found.force - best) / np.std(found.force) < 0.19
-    assert found.misfit < rigid.misfit - 0.03 and found.status.startswith(
+    assert found.misfit < rigid.misfit - 0.03 and found.status_text.startswith(
         "incomplete: the model does not describe"
     )
     assert found.backlash == pytest.approx(3.9e-3, rel=0.1) and found.friction[0] == pytest.approx(
@@ -251,7 +251,7 @@ def test_another_law_is_not_described():
     """A loop whose friction limit follows the displacement, as under a varying normal load."""
     x, force = loop(0.0, 3.0 * REACH)
     found = bd.fit_loop(x, force * (1.0 + 0.5 * x / x.max()), normal=NORMAL)
-    assert found.misfit > 0.05 and found.status.startswith(
+    assert found.misfit > 0.05 and found.status_text.startswith(
         "incomplete: the model does not describe this loop (misfit "
     )
     assert found._headline().startswith("The model does not describe this loop")

@@ -31,6 +31,7 @@ from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimal_curve import optimal_curve
 from bdamper.response.verification import TimeResponse
 from bdamper.util import storage
+from bdamper.util.errors import Ending
 from bdamper.util.progress import Cost, LongWork
 from bdamper.util.storage import ResultsFile, from_line, json_line
 from tests.analyses.test_executors import Ends
@@ -375,7 +376,7 @@ class TestInterrupted:
             bd.robust_optimum(study, samples, (1e3, 2e3), **ways)
         left[0] = 100
         found = bd.robust_optimum(study, samples, (1e3, 2e3), executor=Ends(13, "broken"), **ways)
-        assert found.status == "interrupted: the workers are gone"
+        assert found.status_text == "interrupted: the workers are gone"
         with pytest.raises(bd.BdamperError, match="robust optimum: the workers are gone"):
             bd.robust_optimum(study, samples, (1e3, 2e3), executor=Ends(0, "broken"), **ways)
 
@@ -569,14 +570,14 @@ class TestWarnings:
     def test_a_peak_of_an_incomplete_scan(self, study, short):
         wide = (200.0, 1200.0)
         peak = study.peak(3000.0, wide)
-        assert peak.search_status.startswith("incomplete")
+        assert peak.search_status == "incomplete"
+        search = f"incomplete: {peak.search_reason}"
         result = bd.sweep(study, {"preload": [3000.0]}, frequency=wide)
-        assert not result.complete and result.status == (peak.status,)
-        assert result.array("search_status").tolist() == [peak.search_status]
-        assert result.warnings == (f"scan {peak.search_status}",)
+        assert not result.complete and result.status == (peak.status_text,)
+        assert result.array("search_status").tolist() == [search]
+        assert result.warnings == (f"scan {search}",)
         assert (
-            "failed" not in result._headline()
-            and result.summary().count(f"\nscan {peak.search_status}") == 1
+            "failed" not in result._headline() and result.summary().count(f"\nscan {search}") == 1
         )
 
     def test_optimal_curves_and_what_is_made_of_them(self, study, monkeypatch, tmp_path):
@@ -584,7 +585,9 @@ class TestWarnings:
 
         def coarse(*args, **options):
             curve = whole(*args, **options)
-            coarse_optimum = replace(curve.optimum, status="incomplete: lost", uncertainty=0.1)
+            coarse_optimum = replace(
+                curve.optimum, status="incomplete", reason="lost", uncertainty=0.1
+            )
             return replace(
                 curve, optimum=coarse_optimum, status=("scan incomplete (lost)", *curve.status[1:])
             )
@@ -609,9 +612,11 @@ class TestWarnings:
 
 def found_at_all(height, known=True, rattles=""):
     """What the search at one preload comes to."""
-    status = "complete" if known else "incomplete: why"
+    end = Ending() if known else Ending("incomplete", "why")
+    # without folds no peak is followed from a lower preload
+    curve = SimpleNamespace(folds=())
     return SimpleNamespace(
-        height=height, known=known, rattles=rattles, status=status, cost=Cost(), top=None
+        height=height, known=known, rattles=rattles, ending=end, cost=Cost(), top=None, curve=curve
     )
 
 
@@ -690,11 +695,14 @@ class TestUncertainty:
         part = robust(bound(0.0, 1.2 * self.BEST))
         assert 1.2 * self.BEST <= part.preload < 1.25 * self.BEST and part.warnings > 0
         assert re.fullmatch(
-            r"incomplete: \d+ preloads without a peak in every draw could be lower", part.status
+            r"incomplete: \d+ preloads without a peak in every draw could be lower",
+            part.status_text,
         )
         far = robust(lambda mu, p, own: found_at_all(own if p > 150.0 else 0.1, known=p > 150.0))
         assert far.preload == pytest.approx(self.BEST, rel=0.03) and far.warnings == 0
-        assert far.status == "incomplete: 1 preload without a peak in every draw could be lower"
+        assert (
+            far.status_text == "incomplete: 1 preload without a peak in every draw could be lower"
+        )
         higher = robust(lambda mu, p, own: found_at_all(own, known=p > 150.0))
         assert higher.preload == pytest.approx(self.BEST, rel=0.03) and higher.status == "complete"
         with pytest.raises(
@@ -718,7 +726,7 @@ class TestUncertainty:
         found = robust(
             lambda mu, p, own: found_at_all(own if p == alone else 0.0, known=p == alone), n=n
         )
-        assert found.preload == alone and found.status.startswith("incomplete: ")
+        assert found.preload == alone and found.status_text.startswith("incomplete: ")
 
     def test_an_unknown_draw_counts_as_infinite(self, robust):
         """One unknown draw of three has no influence on the median, and excludes a preload from the maximum."""
@@ -924,7 +932,7 @@ class TestUncertainty:
             "friction coefficients other than 0.3."
         )
         lost = stands_in(peak, bd.BdamperError("why"), rattling).other_friction
-        assert [k.status for k in lost[1:]] == [
+        assert [k.status_text for k in lost[1:]] == [
             "not found: why",
             "not found: no steady periodic response: why",
         ]

@@ -66,7 +66,10 @@ def test_a_curve_has_no_start(study, options):
 def test_a_peak_is_not_that_of_another_load(study):
     peak = study.peak(800.0, INTERVAL)
     assert np.isnan([peak.amplitude, peak.frequency, peak.lower_bound]).all() and not peak.converged
-    assert peak.status.startswith("not found: ") and "no equilibrium beyond 500 N" in peak.summary()
+    assert (
+        peak.status_text.startswith("not found: ")
+        and "no equilibrium beyond 500 N" in peak.summary()
+    )
     done = bd.sweep(study, {"preload": [400.0, 800.0]}, frequency=INTERVAL)
     assert done.status[0] == "complete"
     assert (

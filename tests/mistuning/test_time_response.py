@@ -71,7 +71,7 @@ def test_a_mean_that_changes_widens_the_range(monkeypatch):
     )
     monkeypatch.setattr(bladed_disk, "step_error", lambda transient: "")  # 32 steps lose energy
     found = wheel.time_response(peak, steps_per_period=32)
-    assert found.status.endswith("its mean is uncertain by 6 %")
+    assert found.reason.endswith("its mean is uncertain by 6 %")
     assert found.lowest == pytest.approx(0.94 * min(found.answers.values()))
     assert found.highest == pytest.approx(1.06 * max(found.answers.values()))
     assert found.mean == pytest.approx(second_half(found.blades).mean(axis=0).max(), rel=1e-9)
@@ -86,7 +86,9 @@ def test_time_steps_that_are_too_long_have_no_amplitude(monkeypatch):
     assert list(found.answers) == ["128 steps", "256 steps"] and np.isfinite(found.mean)
     monkeypatch.setattr(bladed_disk, "step_error", lambda t: "too long")
     found = wheel.time_response(peak, steps_per_period=32)
-    assert found.status == "not found: too long" and np.isnan(found.highest) and not found.answers
+    assert (
+        found.status_text == "not found: too long" and np.isnan(found.highest) and not found.answers
+    )
 
 
 def test_what_is_not_kept_has_no_amplitude(monkeypatch):
@@ -95,7 +97,7 @@ def test_what_is_not_kept_has_no_amplitude(monkeypatch):
     wheel = BladedDisk(study(), Mistuning.random(N, 0.03, seed=0))
     peak = wheel.peak(2000.0, options=DiskPeakOptions(least=12, most=12, climbs=2))
     fallen = wheel.time_response(replace(peak, preload=1000.0), steps_per_period=32)
-    assert fallen.status.startswith("not found: the highest blade reaches ") and np.isnan(
+    assert fallen.status_text.startswith("not found: the highest blade reaches ") and np.isnan(
         fallen.mean
     )
     system = wheel.system(1000.0)
@@ -109,9 +111,9 @@ def test_what_is_not_kept_has_no_amplitude(monkeypatch):
     assert [b.get_height() for b in bars] == list(fallen.blades.mean(axis=0))
     fails_after(monkeypatch, 3)
     failed = wheel.time_response(peak, steps_per_period=32)
-    assert failed.status.startswith("not found: the time integration fails near ") and np.isnan(
-        failed.highest
-    )
+    assert failed.status_text.startswith(
+        "not found: the time integration fails near "
+    ) and np.isnan(failed.highest)
     assert (
         np.isnan(failed.blades).all()
         and failed.blades.shape == (1, N)

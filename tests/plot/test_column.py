@@ -105,7 +105,7 @@ def failed_checks():
     )
     return replace(
         optimal(),
-        optimum=replace(o, status="incomplete: less may be elsewhere"),
+        optimum=replace(o, status="incomplete", reason="less may be elsewhere"),
         time_response=(motion,),
     )
 
@@ -116,7 +116,8 @@ def without_values():
         preload=np.nan,
         amplitude=np.nan,
         kind="none",
-        status="not found: no peak",
+        status="not found",
+        reason="no peak",
     )
     return replace(optimal(), amplitude=np.full(len(optimal()), np.nan), optimum=best)
 

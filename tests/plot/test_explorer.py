@@ -880,7 +880,7 @@ def test_the_amplitude_in_time_stands_beside_the_peak(browser, explorer, study):
             window.wait("return !get('busy').visible")
             break
     found = page.answers.time_response(page.question()).time_response
-    assert found.status.startswith("complete") and f"In time {found.text}" in window.text()
+    assert found.ok and f"In time {found.text}" in window.text()
     assert window.data("time") == pytest.approx([found.frequency, 1e6 * found.mean])
     assert window.run("return [...get('range data').get_column('y')]") == pytest.approx(
         [1e6 * found.lowest, 1e6 * found.highest]

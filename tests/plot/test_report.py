@@ -130,7 +130,7 @@ def test_the_first_sentence_has_the_colour_of_the_checks(curve, tmp_path):
             curve.report(tmp_path / "r.html").read_text(),
         )
 
-    optimum = replace(curve.optimum, status="incomplete: less may be elsewhere")
+    optimum = replace(curve.optimum, status="incomplete", reason="less may be elsewhere")
     assert shown(curve).groups() == ("white", None)
     assert shown(replace(curve, optimum=optimum)).groups() == ("red", "Not for design: ")
 
@@ -185,7 +185,7 @@ def test_balance_against_time(curve, ratio, colour):
         ratio * high, ratio * high, ratio * high, 660.0, curve.optimum.preload, high
     )
     assert colours(replace(curve, time_response=(kept,)), "Harmonic balance against time") == colour
-    unknown = replace(kept, status="incomplete: stopped")
+    unknown = replace(kept, status="incomplete", reason="stopped")
     assert (
         colours(replace(curve, time_response=(unknown,)), "Harmonic balance against time") == "red"
     )
@@ -261,7 +261,7 @@ def test_what_is_open_is_red(curve):
         light.found
         == f"{len(curve) - 1} of {len(curve)}, no steady response up to {amount(curve.preload[0], 'N')}"
     )
-    best = replace(curve.optimum, status="incomplete: less may be elsewhere")
+    best = replace(curve.optimum, status="incomplete", reason="less may be elsewhere")
     assert colours(replace(curve, optimum=best), "Optimum verified") == "red"
 
 

@@ -15,6 +15,7 @@ from bdamper.response.highest_peak import AT_END, _tops, highest_of_curve, maxim
 from bdamper.response.linear_limits import resonance_interval
 from bdamper.response.peak import coarse_options
 from bdamper.response.verification import TimeResponse
+from bdamper.util.errors import Ending
 from bdamper.util.formatting import amount, peak_text
 from tests.models import wedge_model
 from tests.plain import plain_study
@@ -114,13 +115,16 @@ def test_an_end_of_the_interval_counts_where_there_is_no_maximum_and_is_named(st
     assert (
         curve.peak_at_end
         and peak.corner
-        and peak.search_status == f"incomplete: {AT_END}, without a maximum in it"
+        and peak.search_status == "incomplete"
+        and peak.search_reason == f"{AT_END}, without a maximum in it"
     )
     assert peak.frequency == pytest.approx(270.0, rel=1e-12)
     assert peak.lower_bound == pytest.approx(curve.peak.amplitude, rel=1e-8) and np.isnan(
         peak.amplitude
     )
-    assert not peak.converged and peak.status == f"incomplete: {AT_END}, without a maximum in it"
+    assert (
+        not peak.converged and peak.status_text == f"incomplete: {AT_END}, without a maximum in it"
+    )
     assert peak._headline().startswith(
         "No peak: incomplete: highest at an end"
     ) and "Resonance" not in str(peak)
@@ -162,11 +166,12 @@ def test_an_end_that_is_higher_than_the_maximum_makes_the_peak_incomplete():
     inner = study.frequency_response(30e3, (low, peak.frequency * 1.02)).peak
     assert peak.lower_bound == pytest.approx(inner.amplitude, rel=1e-8)
     told = f"higher at an end of the interval: {peak_text(curve.peak.amplitude, high, 4)}"
-    assert peak.search_status == f"incomplete: {told}" == peak.status and told in peak.summary()
+    assert peak.status == peak.search_status == "incomplete"
+    assert peak.reason == peak.search_reason == told and told in peak.summary()
     result = study.optimal_curve((10.0, 30e3), 3, frequency=(low, high), check=False)
     assert np.isnan(result.amplitude[-1]), "the flank is higher, so the maximum is no answer"
     assert result.lower_bound[-1] == pytest.approx(peak.lower_bound, rel=1e-9)
-    assert result.status[-1] == peak.search_status and any(told in text for text in result.warnings)
+    assert result.status[-1] == peak.status_text and any(told in text for text in result.warnings)
 
 
 def test_a_preload_without_a_maximum_has_no_value(study):
@@ -216,8 +221,9 @@ def test_a_curve_given_up_among_folds_is_followed_again(study, monkeypatch, leas
     monkeypatch.setattr(module, "highest_of_curve", lambda system, curve, options: highest(curve))
     found = module.found_at(study.problem, 1000.0, INTERVAL, budget=budget)
     assert len(asked) == curves and found.top.peak.amplitude == whole.amplitude.max()
-    told = "incomplete: a branch was given up among many folds from 290 to 300 Hz, where the response could be higher"
-    assert found.status == ("complete" if least == "coarse" else told)
+    told = "a branch was given up among many folds from 290 to 300 Hz, where the response could be higher"
+    end = Ending() if least == "coarse" else Ending("incomplete", told)
+    assert found.ending == end
 
 
 def test_an_optimum_whose_curve_was_given_up_is_not_verified(study, monkeypatch):
@@ -236,9 +242,9 @@ def test_an_optimum_whose_curve_was_given_up_is_not_verified(study, monkeypatch)
         )(plain(*asked))
         context.setattr(optimal, "at_preload", ended)
         beyond = study.optimal_curve(preloads, frequency=INTERVAL, check=False)
-    assert not beyond.optimum.verified and "widen frequency" in beyond.optimum.status
+    assert not beyond.optimum.verified and "widen frequency" in beyond.optimum.reason
     doubt = replace(beyond, time_response=in_time)._headline()
-    assert doubt.startswith(f"No optimum: {beyond.optimum.status}")
+    assert doubt.startswith(f"No optimum: {beyond.optimum.status_text}")
     module = sys.modules["bdamper.response.highest_peak"]
     monkeypatch.setattr(
         module, "given_up", lambda curve: "a branch was given up" if curve.preload == 30.0 else ""
@@ -252,17 +258,17 @@ def test_an_optimum_whose_curve_was_given_up_is_not_verified(study, monkeypatch)
     )
     peak = study.peak(30.0, INTERVAL)
     assert np.isnan(peak.amplitude) and peak.lower_bound == pytest.approx(whole.amplitude[0])
-    assert peak.status == again.status[0]
+    assert peak.status_text == again.status[0]
     lost = replace(whole.curves[0], status="incomplete", reason="no solution")
     at = sys.modules["bdamper.response.optimal_curve"].AtPreload(
         300.0, lost, highest(whole.curves[0]), 0.0, "", whole.cost
     )
-    assert at.status == "incomplete: no solution"
+    assert at.ending == Ending("incomplete", "no solution")
 
 
 def highest(curve):
     peak = SimpleNamespace(amplitude=curve.amplitude.max(), iterations=0)
-    return SimpleNamespace(peak=peak, exact=True, kind="peak", note="", status="complete")
+    return SimpleNamespace(peak=peak, exact=True, kind="peak", note="", ending=Ending())
 
 
 @pytest.mark.slow
@@ -287,9 +293,7 @@ def test_among_folds_a_search_does_not_leave_the_curve():
     )  # fmt: skip
     peak, curve = study.peak(65.6), study.frequency_response(65.6, (231.1673, 412.9133))
     complete = peak.search_status == "complete"
-    assert complete or peak.search_status.startswith(
-        "incomplete: a branch was given up among many folds from"
-    )
+    assert complete or peak.search_reason.startswith("a branch was given up among many folds from")
     assert (peak.amplitude if complete else peak.lower_bound) == pytest.approx(
         curve.peak.amplitude, rel=1e-7
     )
@@ -388,7 +392,7 @@ def test_a_peak_of_a_part_of_a_curve_is_incomplete(monkeypatch):
     part = study.peak(0.0, (0.12, 0.4))
     assert (
         part.status == part.search_status
-        and part.status.startswith("incomplete: ")
+        and part.status_text.startswith("incomplete: ")
         and part.lower_bound < 0.9 * x.max()
     )
     assert part._headline().startswith("No peak: incomplete: ") and "Lower bound" in str(part)
@@ -406,10 +410,13 @@ def test_a_peak_below_a_known_branch_is_incomplete():
     study = bd.load_study(STUDIES / "study_46.h5")
     interval = (0.05732164233226115, 0.2516708845332451)
     peak = study.peak(0.02992052878335502, interval)
-    assert peak.status.startswith("incomplete: ") and "443.6 mm" in peak.status
+    assert peak.status_text.startswith("incomplete: ") and "443.6 mm" in peak.reason
     found = bd.sweep(study, {"preload": [0.02992052878335502]}, frequency=interval)
-    assert found.status == (peak.status,) and not found.complete
-    assert np.isnan(found.array("amplitude")[0]) and found.array("search_status")[0] == peak.status
+    assert found.status == (peak.status_text,) and not found.complete
+    assert (
+        np.isnan(found.array("amplitude")[0])
+        and found.array("search_status")[0] == peak.status_text
+    )
     assert found.array("lower_bound")[0] == peak.lower_bound == pytest.approx(0.0149, rel=1e-2)
     assert np.isnan(peak.amplitude) and "Lower bound  14.9 mm" in peak.summary()
 
@@ -447,10 +454,10 @@ def test_a_curve_of_closed_branches_alone_has_no_peak(study, monkeypatch):
 
     monkeypatch.setattr(module, "highest_of_curve", unreachable)
     peak = study.peak(30.0, INTERVAL)
-    assert peak.status.startswith("not found: ") and "connected with an end" in peak.status
+    assert peak.status_text.startswith("not found: ") and "connected with an end" in peak.reason
     assert np.isnan(peak.amplitude) and not peak.converged
     found = bd.sweep(study, {"preload": [30.0, 100.0]}, frequency=INTERVAL)
-    assert found.status[0] == peak.status and found.status[1] == "complete"
+    assert found.status[0] == peak.status_text and found.status[1] == "complete"
     assert np.isnan(found.array("amplitude")[0]) and np.isfinite(found.array("amplitude")[1])
 
 

@@ -110,7 +110,7 @@ def test_what_is_kept_is_what_was_found():
     study = new_study()
     there = at_preload(study.problem, 300.0, (250.0, 400.0))
     again = AtPreload.of(json.loads(json_line(there.record())))
-    assert (again.value, again.slope, again.status) == (there.value, there.slope, there.status)
+    assert (again.value, again.slope, again.ending) == (there.value, there.slope, there.ending)
     for name in (
         "frequency",
         "amplitude",

@@ -95,7 +95,7 @@ def test_neighbours_on_request(study, curve, monkeypatch):
         found, time_response=(low, replace(middle, mean=np.nan), replace(high, mean=np.nan))
     )
     assert lone.optimum_in_time is None and f"Preload: {amount(best, 'N')}" in lone._headline()
-    wide = replace(half, status="incomplete: not settled")
+    wide = replace(half, status="incomplete", reason="not settled")
     doubtful = replace(found, time_response=(low, wide, high))
     said = doubtful._headline()
     assert doubtful.failures and said.startswith(
@@ -148,7 +148,7 @@ def test_the_ends_of_the_range_on_request(study, monkeypatch, tmp_path):
     found.save(tmp_path / "optimal.h5")
     assert bd.load(tmp_path / "optimal.h5").range_in_time == found.range_in_time
     lost = [
-        replace(k, mean=np.nan, status="not found: why") if k.preload == high else k
+        replace(k, mean=np.nan, status="not found", reason="why") if k.preload == high else k
         for k in found.time_response
     ]
     unknown = replace(found, time_response=tuple(lost))
@@ -177,8 +177,8 @@ def test_what_cannot_be_integrated_says_why(study, curve):
         shared.problem, replace(curve, time_response=(), model_hash=shared.model.hash)
     ).time_response
     assert (
-        found.status.startswith("not found: ")
-        and "fundamental_modes_only" in found.status
+        found.status_text.startswith("not found: ")
+        and "fundamental_modes_only" in found.reason
         and np.isnan(found.mean)
     )
     with pytest.raises(bd.SettingError, match=r"^check: expected .*, found 'harmonics'"):
@@ -195,12 +195,15 @@ def test_the_bottom_line_says_what_is_open(study, curve):
         best.preload,
         1e-5,
         periods=9,
-        status="incomplete: some steps failed",
+        status="incomplete",
+        reason="some steps failed",
     )
     assert (
         "is incomplete: some steps failed. " in replace(curve, time_response=(known,))._headline()
     )
-    none = TimeResponse(*(np.nan,) * 4, best.preload, 1e-5, status="not found: no motion stays")
+    none = TimeResponse(
+        *(np.nan,) * 4, best.preload, 1e-5, status="not found", reason="no motion stays"
+    )
     said = replace(curve, time_response=(none,))._headline()
     assert "is not found: no motion stays. " in said and "by harmonic balance alone" in said
     assert "Not covered: motion in time, " in said
@@ -255,8 +258,8 @@ def test_without_a_known_amplitude_of_all_checks_there_is_no_design_amplitude(cu
     (response,) = passed.time_response
     first, less, more = passed.other_friction
     for unknown in (
-        replace(less, amplitude=np.nan, status="not found: why"),
-        replace(less, status="incomplete: why"),
+        replace(less, amplitude=np.nan, status="not found", reason="why"),
+        replace(less, status="incomplete", reason="why"),
     ):
         doubtful = replace(passed, other_friction=(first, unknown, more))
         assert np.isnan(doubtful.design_amplitude)
@@ -266,7 +269,7 @@ def test_without_a_known_amplitude_of_all_checks_there_is_no_design_amplitude(cu
         )
     for change in (
         {"other_friction": (first, replace(less, amplitude=3.0 * first.amplitude), more)},
-        {"time_response": (replace(response, status="incomplete: not settled"),)},
+        {"time_response": (replace(response, status="incomplete", reason="not settled"),)},
         {"time_response": (replace(response, balance=1.5 * response.balance),)},
     ):
         failed = replace(passed, **change)

@@ -102,7 +102,7 @@ def test_a_peak_of_another_study_is_refused(found):
     with pytest.raises(
         bd.SettingError, match="result: expected a peak at a preload, found 'not found"
     ):
-        study.time_response(replace(peak, status="not found: nothing"))
+        study.time_response(replace(peak, status="not found", reason="nothing"))
     for other in (wedge(harmonics=3), wedge(mass=0.2)):
         with pytest.raises(
             bd.SettingError, match="result: expected the highest peak of this study at its preload"
@@ -165,7 +165,8 @@ def test_steps_and_curve_are_those_of_the_search(found, monkeypatch):
     )
     for result in (curve, curve.peak, peak):
         assert (
-            study.time_response(result, steps_per_period=512, starts=2).status == "not found: asked"
+            study.time_response(result, steps_per_period=512, starts=2).status_text
+            == "not found: asked"
         )
     # an integration that fails is tried again with four times the steps
     tried = [(pytest.approx(peak.amplitude, rel=1e-4), steps) for steps in (512, 2048)]
@@ -192,7 +193,7 @@ def test_what_cannot_be_integrated_says_why_beside_what_can(found, monkeypatch):
 
     monkeypatch.setattr(in_time, "time_response", failing)
     out = study.with_time_response(curve, [80.0, 70.0])
-    known = [(k.preload, k.status) for k in out.time_response]
+    known = [(k.preload, k.status_text) for k in out.time_response]
     assert known == [(70.0, "not found: no structure in time"), (80.0, "complete")]
     assert np.isnan(out.time_response[0].mean) and out.time_response[1].mean > 0.0
     best, above = study.with_time_response(curve).time_response

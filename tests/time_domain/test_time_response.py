@@ -94,7 +94,7 @@ def test_a_search_without_a_motion_names_the_modes_of_the_structure_in_time(monk
     whole = study.model.bodies["blade"].bases[5].n_natural
     assert whole > 4
     assert (
-        found.status
+        found.status_text
         == f"not found: the motion falls; try a response curve with blade_modes={whole}, as in time"
     )
 
@@ -174,7 +174,7 @@ def test_one_mass_falls_at_the_fold_of_its_branch(bent, found):
     """Its motion is periodic: the amplitude is that of five harmonics, and it falls at the fold of these."""
     _, curve = bent
     assert (
-        found.status == "complete: from the tip; a sweep from the flank has at most 10.4 mm"
+        found.status_text == "complete: from the tip; a sweep from the flank has at most 10.4 mm"
         and found.settled
     )
     low = curve.frequency[curve.folds].min()
@@ -196,7 +196,7 @@ def test_one_mass_falls_at_the_fold_of_its_branch(bent, found):
     )
     place = f"{amount(found.frequency, 'Hz', 6)}, mean 11.1 mm"
     assert f"Time integration 11 to 11.2 mm {place}" in text
-    doubtful = said(replace(found, status="incomplete: some steps failed"))
+    doubtful = said(replace(found, status="incomplete", reason="some steps failed"))
     assert doubtful.startswith("Not for design: the time integration is incomplete: some steps")
     assert "Other integrations FAIL" in doubtful and "Remedy: examine study.motion_in_" in doubtful
     assert "incomplete" not in text and "FAIL" not in text
@@ -289,7 +289,7 @@ def ends(search):
 def test_what_leaves_the_answer_open_is_its_status(bent, monkeypatch, changes, status, change):
     search_that(monkeypatch, changes)
     found = bent[0].time_response(bent[1])
-    assert found.status == status and found.settled == status.startswith("complete")
+    assert found.status_text == status and found.settled == found.ok == (status == "complete")
     np.testing.assert_allclose(
         found.lowest, (1.0 - change) * min(found.answers.values(), default=np.nan)
     )
@@ -302,7 +302,7 @@ def test_what_leaves_the_answer_open_is_its_status(bent, monkeypatch, changes, s
 def test_nodal_diameters_that_a_model_does_not_have_are_said(bent, monkeypatch):
     monkeypatch.setattr(Ring, "nodal_diameters", ())
     assert (
-        bent[0].time_response(bent[1]).status.endswith("; 0 of 1 nodal diameters were integrated")
+        bent[0].time_response(bent[1]).reason.endswith("; 0 of 1 nodal diameters were integrated")
     )
 
 
@@ -324,7 +324,7 @@ def test_answers_that_differ_by_more_than_a_twentieth_are_a_range(
     assert found.lowest < low < high < found.highest and found.settled == settled
     if not settled:
         assert (
-            found.status == "incomplete: not settled"
+            found.status_text == "incomplete: not settled"
             and found.text.count(" to ") == 1
             and "(" not in found.text
         )
@@ -357,7 +357,7 @@ def test_a_higher_motion_from_another_start_belongs_to_the_range(
         time_response, "_other_starts", lambda search, best, n: {"start 1": share * best.mean}
     )
     more = bent[0].time_response(bent[1], starts=2)
-    assert more.settled == settled and (settled or more.status == "incomplete: not settled")
+    assert more.settled == settled and (settled or more.status_text == "incomplete: not settled")
     assert (
         more.highest == pytest.approx(max(found.highest, 1.01 * share * found.mean))
         and more.lowest == found.lowest
@@ -369,8 +369,8 @@ def test_a_failing_integration_leaves_what_was_found_before(bent, monkeypatch):
     study, curve = bent
     fails_after(monkeypatch, 3)
     found = study.time_response(curve)
-    assert found.status.startswith("not found: the time integration fails near ")
-    assert found.status.endswith("raise steps_per_period") and found.text == found.status
+    assert found.status_text.startswith("not found: the time integration fails near ")
+    assert found.reason.endswith("raise steps_per_period") and found.text == found.status_text
     assert all(
         np.isnan(x) for x in (found.mean, found.lowest, found.highest, found.frequency, found.fall)
     )
@@ -379,7 +379,7 @@ def test_a_failing_integration_leaves_what_was_found_before(bent, monkeypatch):
     monkeypatch.undo()
     fails_after(monkeypatch, 80)
     found = study.time_response(curve)
-    assert found.status.startswith("incomplete: the time integration fails near ")
+    assert found.status_text.startswith("incomplete: the time integration fails near ")
     assert found.mean == pytest.approx(0.011, rel=0.1) and found.lowest < found.mean < found.highest
 
 
@@ -404,8 +404,8 @@ def test_a_part_of_a_curve_gives_a_lower_bound(bent):
         study.time_response(none)
     found = study.time_response(curve)
     assert not curve.complete and found.periods > 0
-    assert found.status.startswith("incomplete: ")
-    assert found.status.endswith("there may be a higher peak, as the curve is incomplete")
+    assert found.status_text.startswith("incomplete: ")
+    assert found.reason.endswith("there may be a higher peak, as the curve is incomplete")
 
 
 def test_a_curve_that_ends_before_the_branch_is_alone_is_no_start(bent, monkeypatch):
@@ -415,7 +415,9 @@ def test_a_curve_that_ends_before_the_branch_is_alone_is_no_start(bent, monkeypa
     monkeypatch.setattr(BalanceCurve, "flank", float("nan"))
     found = study.time_response(curve)
     why = "next to the tip there are several solutions at all frequencies; widen the interval"
-    assert found.status == f"not found: {why}" and np.isnan(found.mean) and found.structure == ""
+    assert (
+        found.status_text == f"not found: {why}" and np.isnan(found.mean) and found.structure == ""
+    )
 
 
 # ---- other masses ----

@@ -237,7 +237,8 @@ class TestBottomLine:
         assert lines[-1] == "summary() has all values"
         assert not any(line.startswith("Design amplitude") for line in lines), "not in time"
         flat = replace(
-            curve, optimum=replace(o, preload=np.nan, kind="flat", status="not found: flat")
+            curve,
+            optimum=replace(o, preload=np.nan, kind="flat", status="not found", reason="flat"),
         )
         assert "does not matter" in flat._headline() and not flat.failures
         for stiffness, points, more in (
@@ -262,7 +263,7 @@ class TestBottomLine:
                 "the least amplitude is at the end of the range, the optimum may lie beyond. Include",
             ),
             (
-                {"status": "incomplete: why"},
+                {"status": "incomplete", "reason": "why"},
                 "the search for the optimum is incomplete: why. Compute other preloads near",
             ),
             (
@@ -289,10 +290,13 @@ class TestBottomLine:
             peaks = tuple(HarmonicPeak(h, a, 1.0) for h, a in zip((3, 5, 7), change))
             curve = replace(curve, optimum=o, convergence=Convergence(o.preload, 0.05, peaks))
         else:
-            preload, status = (
-                (o.preload, "complete") if np.isfinite(change) else (1.0, "not found: why")
+            preload, *end = (
+                (o.preload, "complete", "") if np.isfinite(change) else (1.0, "not found", "why")
             )
-            response = TimeResponse(change, change, change, 1.0, preload, 1.0, status=status)
+            status, reason = end
+            response = TimeResponse(
+                change, change, change, 1.0, preload, 1.0, status=status, reason=reason
+            )
             curve = replace(curve, optimum=o, time_response=(response,))
         failure, _, remedy = first.partition(". ")
         printed = " ".join(str(curve).split())
@@ -304,18 +308,20 @@ class TestBottomLine:
 
     @each(
         ("factors", "status", "colour"),
-        [((1.1, 0.9), "complete", "green"), ((1.9, 1.0), "complete", "amber"), ((1.0, 1.1), "incomplete: why", "amber"),
-         ((0.9, np.nan), "not found: why", "amber"), ((np.nan, 2.1), "incomplete: why", "red"),
+        [((1.1, 0.9), "complete", "green"), ((1.9, 1.0), "complete", "amber"), ((1.0, 1.1), "incomplete", "amber"),
+         ((0.9, np.nan), "not found", "amber"), ((np.nan, 2.1), "incomplete", "red"),
          ((2.1, 0.5), "complete", "red")],
     )  # fmt: skip
     def test_other_friction(self, bonded, factors, status, colour):
         """Red where one of the amplitudes is more than twice as high, even if it is a lower bound."""
         o = replace(bonded.optimum, preload=1000.0, kind="smooth", status="complete")
         each_one = zip((1.0, 0.7, 1.3), (1.0, *factors), ("complete", "complete", status))
-        peaks = [FrictionPeak(k, 1000.0, a, s) for k, a, s in each_one]
+        peaks = [
+            FrictionPeak(k, 1000.0, a, s, "" if s == "complete" else "why") for k, a, s in each_one
+        ]
         curve = replace(bonded, optimum=o, other_friction=tuple(peaks))
         (check,) = [c for c in checks(curve) if c.name == "Other friction coefficients"]
-        bound = "at least " if status.startswith("incomplete") else ""
+        bound = "at least " if status == "incomplete" else ""
         heights = " and ".join("unknown" if np.isnan(a) else amount(a, "m") for a in factors[:1])
         heights += f" and {'unknown' if np.isnan(factors[1]) else bound + amount(factors[1], 'm')}"
         found = f"{heights} with 0.7 and 1.3 times the friction, by harmonic balance"
@@ -363,14 +369,14 @@ class TestBottomLine:
             o.text.endswith(", preload known to 24 %")
             and Fact("optimum", o.text) in uncertain._facts()
         )
-        lost = replace(curve, optimum=replace(o, status="incomplete: why"))
+        lost = replace(curve, optimum=replace(o, status="incomplete", reason="why"))
         assert "optimum incomplete: why, preload known to 24 %" in lost.warnings
         fine = replace(curve, optimum=replace(o, uncertainty=1e-6))
         assert "known to" not in fine._headline() and checks(fine)[1].colour == "green"
 
     def test_a_status_follows_the_amplitude_that_it_is_about(self):
         response = TimeResponse(
-            9e-6, 8e-6, 1e-5, 300.0, 50.0, 2e-5, status="incomplete: some steps failed"
+            9e-6, 8e-6, 1e-5, 300.0, 50.0, 2e-5, status="incomplete", reason="some steps failed"
         )
         text = said(response)
         assert text.startswith("Not for design: the time integration is incomplete: some steps f")
@@ -379,7 +385,9 @@ class TestBottomLine:
     def test_harmonics_that_are_not_known_have_no_range(self, study):
         curve = study.optimal_curve((200.0, 5e3), 4, frequency=INTERVAL, check=False)
         first = HarmonicPeak(3, curve.optimum.amplitude, 1.0)
-        alone = Convergence(curve.optimum.preload, 0.05, (first,), status="incomplete: why")
+        alone = Convergence(
+            curve.optimum.preload, 0.05, (first,), status="incomplete", reason="why"
+        )
         headline = replace(curve, convergence=alone)._headline()
         assert "with more harmonics)" not in headline
         assert "ely on the amplitude in time" in headline

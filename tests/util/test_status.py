@@ -1,7 +1,19 @@
 """Statuses: one set of words."""
 
+import h5py
+
+import bdamper as bd
+from bdamper.response.verification import FrictionPeak
 from bdamper.util import errors
-from bdamper.util.errors import STATUSES, all_complete, not_run_lines, status_word, with_reason
+from bdamper.util.errors import (
+    STATUSES,
+    Ending,
+    all_complete,
+    not_run_lines,
+    status_word,
+    with_reason,
+)
+from bdamper.util.records import from_json, with_separate_reasons
 
 
 def test_words_are_those_of_the_docstring_and_stay_as_they_are():
@@ -24,3 +36,46 @@ def test_of_several():
         "  interrupted: 2 of 3 points were not run: broken"
     ]
     assert not_run_lines(("complete", "failed: not run"), "points") == []
+
+
+def test_a_result_with_a_reason():
+    end = Ending("incomplete", "a gap: 1 to 2 Hz")
+    assert not end.ok and end.status_text == "incomplete: a gap: 1 to 2 Hz"
+    assert Ending().ok and Ending().status_text == "complete"
+
+
+def joined(file, name):
+    """Write the status of a result as version 0.10 did: followed by its reason."""
+    status = file.attrs[f"{name}status"].decode()
+    reason = file.attrs[f"{name}reason"].decode()
+    file.attrs[f"{name}status"] = f"{status}: {reason}"
+    del file.attrs[f"{name}reason"]
+
+
+def test_files_of_version_0_10(tmp_path):
+    """They have a status and its reason in one text, also in parts of a result."""
+    contact = bd.Contact(normal=0, kn=3.0, preload=5.0)
+    study = bd.lumped([1.0], [0.3], [1.0], contacts=[contact], forces={0: 0.1}, harmonics=1)
+    peak = study.peak(0.0, (0.05, 0.06))
+    assert peak.status == peak.search_status == "incomplete"
+    path = tmp_path / "peak.h5"
+    peak.save(path)
+    with h5py.File(path, "r+") as file:
+        joined(file, "")
+        joined(file, "search_")
+        assert file.attrs["status"].startswith("incomplete: highest at an end")
+    old = bd.load(path)
+    assert (old.status, old.reason) == (peak.status, peak.reason)
+    assert (old.search_status, old.search_reason) == (peak.search_status, peak.search_reason)
+
+    part = {"factor": 0.7, "preload": 10.0, "amplitude": 2.0, "status": "incomplete: why"}
+    (friction_peak,) = from_json(tuple[FrictionPeak, ...], [part])
+    assert (friction_peak.status, friction_peak.reason) == ("incomplete", "why")
+    assert friction_peak.lower_bound == 2.0
+
+    # a motion had one reason for its verdict and another one in its status
+    verdict = {"status": "incomplete: undecided", "reason": "+1 % in 5 periods"}
+    assert with_separate_reasons(verdict, ("status", "reason")) == {
+        "status": "incomplete",
+        "reason": "+1 % in 5 periods",
+    }
