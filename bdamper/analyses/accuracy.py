@@ -69,7 +69,7 @@ from bdamper.analyses.error_estimates import (
     with_stand_ins,
 )
 from bdamper.contact.laws import AFT
-from bdamper.harmonic_balance.checks import Asking, check_question, like, problem_of
+from bdamper.harmonic_balance.checks import StudyLike, check_question, in_type_of, problem_of
 from bdamper.harmonic_balance.effects import MAX_HARMONIC
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.highest_peak import NEAR as NEAR_HIGHEST
@@ -883,7 +883,7 @@ class _Runs:
 @validation.check_arguments
 @one_thread
 def accuracy_cost(
-    study: Asking | Problem,
+    study: StudyLike | Problem,
     preload: float,
     frequency: tuple[float, float] | None = None,
     *,
@@ -950,7 +950,7 @@ def accuracy_cost(
         if quantity is None:
             return whole_curve(varied_problem, preload, (low, high))
         with inside_user_code():
-            return quantity(like(study, varied_problem), preload, (low, high))
+            return quantity(in_type_of(study, varied_problem), preload, (low, high))
 
     def solve_richer(richer: Problem) -> Any:
         if quantity is not None:

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.equations import OK, Equations
-from bdamper.harmonic_balance.parameters import MASS, like, vary
+from bdamper.harmonic_balance.parameters import MASS, vary, with_aligned_modes
 from bdamper.harmonic_balance.problem import LoadCase, Problem
 from bdamper.harmonic_balance.rotor_speed import (
     RPM,
@@ -113,7 +113,7 @@ class SpeedFamily:
             problem = under(self.base, omega, self.conditions)
             if self._by_speed:
                 nearest = min(self._by_speed, key=lambda other: abs(other - omega))
-                problem = like(problem, self._by_speed[nearest])
+                problem = with_aligned_modes(problem, self._by_speed[nearest])
             self._by_speed[omega] = problem
         return self._by_speed[omega]
 
@@ -128,7 +128,7 @@ class SpeedFamily:
         """
         problem = self.problem(omega)
         if mass != 1.0:
-            problem = like(vary(problem, {MASS: mass}), problem)
+            problem = with_aligned_modes(vary(problem, {MASS: mass}), problem)
         return problem.system(mass * self.preload(omega))
 
     def along(self, low: float, high: float, nodes: int, mass: float = 1.0) -> Equations[Family]:

@@ -51,7 +51,7 @@ from bdamper.analyses.response_residuals import (
     of_resonances,
     of_test,
 )
-from bdamper.harmonic_balance.checks import Asking, problem_of
+from bdamper.harmonic_balance.checks import StudyLike, problem_of
 from bdamper.harmonic_balance.parameters import setting_names, vary
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.importers.measured_modes import MeasuredMode
@@ -138,7 +138,7 @@ class Objective:
         Mean and standard deviation of parameters that are known from other sources.
     """
 
-    problem: Asking | Problem | Callable[..., Asking]
+    problem: StudyLike | Problem | Callable[..., StudyLike]
     data: Sequence[MeasuredResponse | Measured | MeasuredMode]
     ranges: Mapping[str, tuple[float, float]]
     noise: float
@@ -325,7 +325,7 @@ def left_out(r: NDArray, J: NDArray, rows: Sequence[slice | NDArray]) -> NDArray
 @validation.check_arguments
 @one_thread
 def fit(
-    problem: Asking | Problem | Callable[..., Asking],
+    problem: StudyLike | Problem | Callable[..., StudyLike],
     data: MeasuredResponse
     | Measured
     | MeasuredMode
@@ -428,7 +428,7 @@ def _check_stiffness(
 
 
 def _checked(
-    model: Problem | Callable[..., Asking],
+    model: Problem | Callable[..., StudyLike],
     vary: Mapping[str, tuple[float, float]],
     priors: Mapping[str, tuple[float, float]],
 ) -> tuple[dict[str, tuple[float, float]], dict[str, tuple[float, float]]]:

@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 
 from bdamper.analyses.sweep import SweepResult
 from bdamper.contact.static_state import static_state
-from bdamper.harmonic_balance.checks import Solutions, asked, solutions_of
+from bdamper.harmonic_balance.checks import Solutions, accepts_study, solutions_of
 from bdamper.harmonic_balance.contact_cycle import bodily_motion, energies, histories
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.problem import Problem
@@ -462,7 +462,7 @@ def _whole(
     return whole
 
 
-@asked
+@accepts_study
 @validation.check_arguments
 def microslip(
     problem: Problem,

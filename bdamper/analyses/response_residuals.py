@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 
 from bdamper.analyses.nonlinear_mode import mode_points, mode_system
 from bdamper.harmonic_balance.equations import OK, Correction, Equations, Plane, norm2
-from bdamper.harmonic_balance.parameters import like, vary
+from bdamper.harmonic_balance.parameters import vary, with_aligned_modes
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.importers.measured_modes import MeasuredMode
@@ -234,7 +234,7 @@ class Variations:
         if name == FORCE or value == self.values[name]:
             return self.own
         if (name, value) not in self._neighbours:
-            problem = like(self._at(self.values | {name: value}), self.own)
+            problem = with_aligned_modes(self._at(self.values | {name: value}), self.own)
             _ = problem.static_states
             self._neighbours[name, value] = problem
         return self._neighbours[name, value]

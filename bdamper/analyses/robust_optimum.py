@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from bdamper.analyses.friction_range import find_range, tolerates_friction
 from bdamper.analyses.sweep import OptimalTask, PeakTask, SweepResult, Values, sweep
 from bdamper.fatigue.margin import LeastMargin, MarginCurve
-from bdamper.harmonic_balance.checks import Asking, problem_of
+from bdamper.harmonic_balance.checks import StudyLike, problem_of
 from bdamper.harmonic_balance.parameters import present_name, vary
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response import response_curve as tracking
@@ -196,7 +196,7 @@ def _failed_text(failed: Mapping[int, str], n: int) -> str:
 
 
 def _invalid_draws(
-    study: Asking | Problem, samples: Mapping[str, Sequence[float] | NDArray]
+    study: StudyLike | Problem, samples: Mapping[str, Sequence[float] | NDArray]
 ) -> dict[int, str]:
     """Return the reason for each draw with invalid settings, such as negative friction.
 
@@ -401,7 +401,7 @@ class OptimalCurveUncertainty(
 
 @validation.check_arguments
 def optimal_curve_uncertainty(
-    study: Asking | Problem,
+    study: StudyLike | Problem,
     samples: Mapping[str, Sequence[float] | NDArray],
     preload: tuple[float, float] | Sequence[float] | NDArray = (10.0, 25e3),
     n: int = 24,
@@ -500,7 +500,7 @@ class SteadyPeak(PeakTask):
 
     lowest: float = 0.0
 
-    def __call__(self, study: Asking | Problem, preload: float | None) -> Values:
+    def __call__(self, study: StudyLike | Problem, preload: float | None) -> Values:
         problem = problem_of(study)
         load = float(preload or 0.0)
         search = self.response(problem, load)
@@ -678,7 +678,7 @@ class _Draws:
     """
 
     def __init__(
-        self, study: Asking | Problem, samples: Mapping[str, Sequence[float]], task: SteadyPeak
+        self, study: StudyLike | Problem, samples: Mapping[str, Sequence[float]], task: SteadyPeak
     ) -> None:
         self.problem = problem_of(study)
         self.samples = samples
@@ -758,7 +758,7 @@ class _Draws:
 
 @validation.check_arguments
 def robust_optimum(
-    study: Asking | Problem,
+    study: StudyLike | Problem,
     samples: Mapping[str, Sequence[float] | NDArray],
     preload: tuple[float, float] = (10.0, 25e3),
     *,

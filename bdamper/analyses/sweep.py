@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.analyses.executors import Records, check_executor, run_stored
-from bdamper.harmonic_balance.checks import Asking, check_question, like, problem_of
+from bdamper.harmonic_balance.checks import StudyLike, check_question, in_type_of, problem_of
 from bdamper.harmonic_balance.parameters import (
     MASS,
     check_name,
@@ -101,7 +101,7 @@ class PeakTask(validation.Checked):
     frequency: validation.Interval | None = None
     mode: validation.Count = 1
 
-    def __call__(self, study: Asking | Problem, preload: float | None) -> Values:
+    def __call__(self, study: StudyLike | Problem, preload: float | None) -> Values:
         peak: Peak
         if preload is None:
             constant_preload: Any = self.preload
@@ -153,7 +153,7 @@ class OptimalTask(validation.Checked):
         preload_values(self.preload, self.n)
         super().__post_init__()
 
-    def __call__(self, study: Asking | Problem, preload: float | None) -> Values:
+    def __call__(self, study: StudyLike | Problem, preload: float | None) -> Values:
         curve = optimal_curve(
             problem_of(study), self.preload, self.n, frequency=self.frequency, mode=self.mode
         )
@@ -434,10 +434,10 @@ def _named(task: Any) -> str:
 class _Job:
     """Study and function of all points."""
 
-    study: Asking | Problem
+    study: StudyLike | Problem
     evaluate: Task
 
-    def varied(self, settings: Mapping[str, Any]) -> Asking | Problem:
+    def varied(self, settings: Mapping[str, Any]) -> StudyLike | Problem:
         """Return the study under the settings of a point; the preload is not one of its
         settings."""
         changed = {name: value for name, value in settings.items() if name != "preload"}
@@ -636,7 +636,7 @@ def _header(job: _Job, over: Mapping[str, Any], combine: str) -> dict[str, Any]:
 @validation.check_arguments
 @one_thread
 def sweep(
-    study: Asking | Problem,
+    study: StudyLike | Problem,
     over: Mapping[str, Sequence[Any] | NDArray],
     evaluate: Task | None = None,
     *,
@@ -867,14 +867,14 @@ def _variants(studies: Mapping[str, Any]) -> list[Any]:
         if isinstance(settings, Problem):
             variants.append(entry)
         else:
-            variants.append(like(first, vary(problem, settings)))
+            variants.append(in_type_of(first, vary(problem, settings)))
     return variants
 
 
 @validation.check_arguments
 @one_thread
 def compare(
-    studies: Mapping[str, Asking | Problem | Mapping[str, Any]],
+    studies: Mapping[str, StudyLike | Problem | Mapping[str, Any]],
     question: Callable[[Any], ResponseCurve | OptimalCurve],
     *,
     progress: bool | None = None,

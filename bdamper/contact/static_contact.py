@@ -1,6 +1,6 @@
 r"""Static contact with friction of the full model, condensed to the contact points.
 
-This problem determines the contact forces :math:`F = (T_1, T_2, N)` of Eqs (4) and (10), for which
+This problem determines the contact forces :math:`F = (T_1, T_2, N)` of Eqs. (4) and (10), for which
 the paper uses a finite element contact analysis.  With the flexibility :math:`R` of both sides, the
 rigid-body motion :math:`\Psi\eta` of free bodies and the motion :math:`x_0` under the load without
 contact, the relative motion :math:`x = (u_1, u_2, v)` of the surfaces satisfies

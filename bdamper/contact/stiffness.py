@@ -1,7 +1,7 @@
 r"""Contact stiffness: the effect of the omitted modes as springs at the contact points.
 
-These are section 2.2 and Eqs 1 to 11 of the paper.  Under the static load :math:`P` of the dampers,
-a finite element contact analysis gives the contact forces :math:`F` and the displacements
+These are section 2.2 and Eqs. (1) to (11) of the paper.  Under the static load :math:`P` of the
+dampers, a finite element contact analysis gives the contact forces :math:`F` and the displacements
 :math:`U_B`, :math:`U_D` of blade and damper at each contact point.  Modal superposition gives
 
 .. math::
@@ -20,7 +20,7 @@ with the receptances :math:`R_B, R_{DC}, R_{DP}` of the retained modes and the r
 
 The right-hand sides follow from the linear model alone.  The residual flexibility :math:`R_{res}`
 of both sides (:mod:`bdamper.model.kinematics`) gives :math:`1/k_i = (R_{res} F)_i / F_i` as the sum
-of Eqs (4) and (10) at each point and direction: :func:`paper_equations`.  The deformation of the
+of Eqs. (4) and (10) at each point and direction: :func:`paper_equations`.  The deformation of the
 damper under its load, the last term of Eq (10), is not part of this stiffness.  It enters the
 analysis as an initial distance of the surfaces.  :func:`paper_contact` gives the forces and
 displacements, from the condensed contact problem (:mod:`bdamper.contact.static_contact`) or from
@@ -49,11 +49,11 @@ from bdamper.util.formatting import short_repr
 
 METHODS = ("residual_modes", "unit_traction", "cigeroglu2009")
 FAR = 10.0
-"""Largest ratio between a stiffness from Eqs (4), (10) and from ``"unit_traction"``, in either
+"""Largest ratio between a stiffness from Eqs. (4), (10) and from ``"unit_traction"``, in either
 sense.
 """
 SMALL_FORCE = 0.05
-"""Smallest force component in Eqs (4), (10), relative to the largest component of the face in this
+"""Smallest force component in Eqs. (4), (10), relative to the largest component of the face in this
 direction.
 """
 FROM_FILE = np.array([1.0, 1.0, -1.0])
@@ -150,7 +150,7 @@ def contact_stiffness(
 
     Notes
     -----
-    ``"cigeroglu2009"`` evaluates Eqs (1) to (11), ``"unit_traction"`` applies a uniform traction
+    ``"cigeroglu2009"`` evaluates Eqs. (1) to (11), ``"unit_traction"`` applies a uniform traction
     in one direction to each face, and ``"residual_modes"`` or ``ResidualModes(...)`` combines a
     diagonal part of the residual flexibility with further modal coordinates
     (:mod:`bdamper.contact.residual_flexibility`).
@@ -189,19 +189,19 @@ def check_method(method: Any) -> None:
     validation.number("contact_stiffness", method, least=0.0, unit="N/m")
 
 
-# ---- Eqs (1) to (11) ----
+# ---- Eqs. (1) to (11) ----
 
 
 def paper_equations(
     displacement: NDArray, force: NDArray, substitute: ContactStiffness, far: float = np.inf
 ) -> ContactStiffness:
-    """Evaluate Eqs (4), (10) and (11): force per displacement that the retained modes omit.
+    """Evaluate Eqs. (4), (10) and (11): force per displacement that the retained modes omit.
 
     Parameters
     ----------
     displacement : (n, 3) float, m
         Relative displacement that the retained modes omit, positive along the force: the right-hand
-        sides of Eqs (4) and (10), added up.
+        sides of Eqs. (4) and (10), added up.
     force : (n, 3) float, N
         Contact forces T1, T2, N.
     substitute : ContactStiffness
@@ -235,7 +235,7 @@ def paper_contact(coupling: Coupling, friction: NDArray) -> tuple[NDArray, NDArr
     force : (n_points, 3) float
         T1, T2, N.
     displacement : (n_points, 3) float, m/N
-        Positive along the force; Eqs (2) and (8) added up.
+        Positive along the force; Eqs. (2) and (8) added up.
     """
     force = _static_contact_forces(coupling, friction)
     if _has_static_solution(coupling):
@@ -278,7 +278,7 @@ def _static_contact_forces(coupling: Coupling, friction: NDArray) -> NDArray:
 
 
 def _omitted_displacement(coupling: Coupling, force: NDArray) -> NDArray:
-    """Evaluate Eqs (2) and (8) with displacements of a finite element analysis.
+    """Evaluate Eqs. (2) and (8) with displacements of a finite element analysis.
 
     The rigid-body motion of Eq (6) is fitted.
     """

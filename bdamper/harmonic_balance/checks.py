@@ -4,7 +4,7 @@ result elsewhere.
 Settings outside their plausible ranges (:mod:`bdamper.util.plausible_ranges`) and intervals in
 radians per second cause warnings.
 
-:func:`asked` makes functions of a problem accept a study.  Class ``Study`` is defined above all
+:func:`accepts_study` makes functions of a problem accept a study.  Class ``Study`` is defined above all
 packages; these functions use only its attribute ``problem`` and its method that returns another
 study of another problem.
 """
@@ -236,8 +236,8 @@ def warn_of_small_slip(problem: Problem, system: Equations[Any], unknowns: NDArr
 # ---- functions of a problem or a study ----
 
 
-class Asking(Protocol):
-    """Interface of a study that these functions use."""
+class StudyLike(Protocol):
+    """Members of a study that the functions below class ``Study`` use."""
 
     @property
     def problem(self) -> Problem: ...
@@ -249,10 +249,10 @@ class Asking(Protocol):
 
 P = ParamSpec("P")
 R = TypeVar("R")
-A = TypeVar("A", bound=Asking | Problem)
+A = TypeVar("A", bound=StudyLike | Problem)
 
 
-def problem_of(study: Asking | Problem) -> Problem:
+def problem_of(study: StudyLike | Problem) -> Problem:
     """Return the problem of a study, or the problem itself.
 
     Raises
@@ -264,7 +264,7 @@ def problem_of(study: Asking | Problem) -> Problem:
     return validation.instance("study", problem, Problem, "a Study")
 
 
-def like(study: A, problem: Problem) -> A:
+def in_type_of(study: A, problem: Problem) -> A:
     """Return a problem in the type of the first argument, a study of the problem or itself."""
     result: Any = problem
     if not isinstance(study, Problem):
@@ -273,14 +273,14 @@ def like(study: A, problem: Problem) -> A:
 
 
 @overload
-def asked(
+def accepts_study(
     function: Callable[Concatenate[Problem, P], Problem],
 ) -> Callable[Concatenate[A, P], A]: ...
 @overload
-def asked(
+def accepts_study(
     function: Callable[Concatenate[Problem, P], R],
-) -> Callable[Concatenate[Asking | Problem, P], R]: ...
-def asked(function: Callable[..., Any]) -> Callable[..., Any]:
+) -> Callable[Concatenate[StudyLike | Problem, P], R]: ...
+def accepts_study(function: Callable[..., Any]) -> Callable[..., Any]:
     """Decorate a function of a problem so that it also accepts a study.
 
     A returned problem becomes a study.
@@ -289,7 +289,7 @@ def asked(function: Callable[..., Any]) -> Callable[..., Any]:
     @wraps(function)
     def of_study(study: Any, /, *given: Any, **named: Any) -> Any:
         answer = function(problem_of(study), *given, **named)
-        return like(study, answer) if isinstance(answer, Problem) else answer
+        return in_type_of(study, answer) if isinstance(answer, Problem) else answer
 
     return of_study
 

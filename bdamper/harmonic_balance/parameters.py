@@ -36,7 +36,7 @@ from typing import Any
 import numpy as np
 
 from bdamper.contact.residual_flexibility import RESIDUAL
-from bdamper.harmonic_balance.checks import asked
+from bdamper.harmonic_balance.checks import accepts_study
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.rotor_speed import Conditions, under
 from bdamper.model.kinematics import HarmonicBasis
@@ -105,7 +105,7 @@ def study_fingerprint(problem: Problem) -> str:
     return digest.hexdigest()
 
 
-@asked
+@accepts_study
 def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
     """Return the problem with settings replaced by name.
 
@@ -375,7 +375,7 @@ def aligned(basis: HarmonicBasis, reference: HarmonicBasis) -> HarmonicBasis:
     return replace(basis, G=G)
 
 
-def like(problem: Problem, reference: Problem) -> Problem:
+def with_aligned_modes(problem: Problem, reference: Problem) -> Problem:
     """Return the problem with its residual modes rotated onto the residual modes of another
     problem.
     """

@@ -12,7 +12,7 @@ the first harmonic solves
 
 Its poles are the resonances of the limits.  :func:`segments` gives the states of one contact point
 over the cycle; the transitions between them, such as the slip-to-stick event, are computed in
-``csrc/contact/event_driven.c``.
+``csrc/contact/event_driven.c`` and ``csrc/contact/event_slider.c``.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC, LAW_NORMAL, PointArrays
 from bdamper.contact.static_state import AT_LIMIT, SHORTEST, linear_range
-from bdamper.harmonic_balance.checks import Asking, like, problem_of
+from bdamper.harmonic_balance.checks import StudyLike, in_type_of, problem_of
 from bdamper.harmonic_balance.equations import OK
 from bdamper.harmonic_balance.model_sizes import Sizes
 from bdamper.harmonic_balance.problem import Problem
@@ -355,7 +355,7 @@ class DiskProblem(Summarised):
     """Bladed disk and its equations; for the parameters see
     :class:`~bdamper.mistuning.BladedDisk`."""
 
-    study: Asking | Problem
+    study: StudyLike | Problem
     mistuning: Mistuning | ArrayLike | None = None
     dampers: DamperVariation | None = None
     _tuned_peaks: dict[float, Peak] = field(default_factory=dict, repr=False)
@@ -403,10 +403,10 @@ class DiskProblem(Summarised):
         """Relative frequency deviations of the blades, (n_blades, n_modes)."""
         return Mistuning.of(self.n_blades, self.mistuning).deviation.reshape(self.n_blades, -1)
 
-    def tuned(self) -> Asking | Problem:
+    def tuned(self) -> StudyLike | Problem:
         """Return the study of one sector that spans the same space, with the same contact
         stiffness."""
-        return like(self.study, self.structure.tuned)
+        return in_type_of(self.study, self.structure.tuned)
 
     @cached_property
     def excitation(self) -> NDArray:

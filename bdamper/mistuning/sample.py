@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.analyses.executors import Records, check_executor, run_stored
-from bdamper.harmonic_balance.checks import Asking, problem_of
+from bdamper.harmonic_balance.checks import StudyLike, problem_of
 from bdamper.harmonic_balance.parameters import study_fingerprint
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.mistuning.bladed_disk import OF_PEAKS, BladedDisk, answers
@@ -584,7 +584,7 @@ def audit_disks(disks: Sequence[int], share: float, seed: int = 0) -> NDArray:
 @validation.check_arguments
 @one_thread
 def mistuned_sample(
-    study: Asking | Problem,
+    study: StudyLike | Problem,
     standard_deviation: float | Sequence[float] | NDArray,
     preload: float | Sequence[float] | NDArray,
     disks: int | Sequence[int] = 1000,

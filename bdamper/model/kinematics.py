@@ -1,6 +1,6 @@
 r"""Kinematics: motion of the bodies and relative motion at the contact points.
 
-It follows Eqs 12 to 14 of the paper.  The equations of motion
+It follows Eqs. (12) to (14) of the paper.  The equations of motion
 :math:`M \ddot X + C \dot X + K X = F_e(t) + F_n(X)` (12) are solved by modal superposition.  At
 harmonic :math:`l` the motion of a body is (13)
 
@@ -239,7 +239,7 @@ def retained_modes(
     return retained
 
 
-# ---- Relative motion at the contact points (Eqs 13 and 14) ----
+# ---- Relative motion at the contact points (Eqs. (13) and (14)) ----
 
 
 @short_repr
@@ -363,7 +363,7 @@ class Coupling:
         return relative
 
     def basis(self, harmonic: int) -> HarmonicBasis:
-        """Return modes, modal stiffness and relative motion G of one harmonic, Eqs (13) and (14).
+        """Return modes, modal stiffness and relative motion G of one harmonic, Eqs. (13) and (14).
 
         Raises
         ------

@@ -311,7 +311,7 @@ class ContactStiffness(Record):
 class StaticContact(Record):
     """Static contact solution of the full finite element model at one interface.
 
-    It serves Eqs (4) and (10) of the paper.
+    It serves Eqs. (4) and (10) of the paper.
 
     Parameters
     ----------

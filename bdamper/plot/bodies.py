@@ -18,7 +18,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from bdamper.harmonic_balance.checks import asked
+from bdamper.harmonic_balance.checks import accepts_study
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.importers.build import BuiltModel
 from bdamper.model.structure import Model
@@ -104,7 +104,7 @@ def _write(
     return Path(path)
 
 
-@asked
+@accepts_study
 def export_response(
     problem: Problem, unknowns: NDArray, folder: str | PathLike[str], name: str = "response"
 ) -> list[Path]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from bdamper.analyses.hysteresis import AXES, WHOLE, Hysteresis
 from bdamper.contact.preload_state import PreloadState
-from bdamper.harmonic_balance.checks import Asking, check_result, problem_of
+from bdamper.harmonic_balance.checks import StudyLike, check_result, problem_of
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.model.structure import Model
 from bdamper.plot.axes import (
@@ -194,7 +194,7 @@ def _draw_map(
 @register_plot(InContact, "plot_contacts")
 def plot_contacts(
     result: InContact,
-    study: Asking | Problem | None = None,
+    study: StudyLike | Problem | None = None,
     point: int | None = None,
     *,
     direction: int = 0,
@@ -291,7 +291,9 @@ def _states_at_rest(state: PreloadState) -> _States:
     return _States(status, frames, f"at rest under {amount(state.load, 'N')}")
 
 
-def _states_of_vibration(result: Any, study: Asking | Problem | None, point: int | None) -> _States:
+def _states_of_vibration(
+    result: Any, study: StudyLike | Problem | None, point: int | None
+) -> _States:
     has_study = study is not None
     expected = "the study of the result, result.plot_contacts(study)"
     validation.check(has_study, "plot_contacts", expected, "none")

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED_CONSTANT, refuse
-from bdamper.harmonic_balance.checks import asked
+from bdamper.harmonic_balance.checks import accepts_study
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.sector import segments
 from bdamper.model.kinematics import RIGID_NAMES, body_axes, principal_axes
@@ -135,7 +135,7 @@ def modal_amplitudes(problem: Problem, unknowns: NDArray) -> list[NDArray]:
     return amplitudes
 
 
-@asked
+@accepts_study
 def rigid_motion(problem: Problem, unknowns: NDArray, body: str | None = None) -> RigidMotion:
     """Compute the rigid-body motion of a free body.
 
@@ -183,7 +183,7 @@ def rigid_motion(problem: Problem, unknowns: NDArray, body: str | None = None) -
     )
 
 
-@asked
+@accepts_study
 def contact_status(problem: Problem, unknowns: NDArray, preload: float) -> ContactStatus:
     """Compute the states of the contact points over the cycle: stick, slip or separation.
 
@@ -321,7 +321,7 @@ def _rigid_displacement(
     return displacement(motion.bias), displacement(motion.vibratory[0])
 
 
-@asked
+@accepts_study
 def surface_motion(problem: Problem, unknowns: NDArray) -> dict[str, SurfaceMotion]:
     """Compute the motion of all bodies with a surface mesh.
 
@@ -443,7 +443,7 @@ class LineDrawing:
     magnification: float
 
 
-@asked
+@accepts_study
 def line_drawing(problem: Problem, unknowns: NDArray) -> LineDrawing:
     """Compute the vibration of all meshes, in all sectors that a contact joins, for an animation.
 

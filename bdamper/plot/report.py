@@ -19,7 +19,7 @@ import numpy as np
 
 from bdamper.analyses.fit_result import Fitted
 from bdamper.analyses.hysteresis import hysteresis
-from bdamper.harmonic_balance.checks import Asking, check_result, problem_of
+from bdamper.harmonic_balance.checks import StudyLike, check_result, problem_of
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.rotor_speed import RPM
 from bdamper.mistuning.peak import DiskPeak
@@ -63,7 +63,7 @@ NOT_MODELLED = (
 def write_report(
     curve: OptimalCurve,
     path: FilePath,
-    study: Asking | Problem | None = None,
+    study: StudyLike | Problem | None = None,
     fit: Fitted | None = None,
     disk: DiskPeak | MistunedSample | None = None,
     **subject: str,

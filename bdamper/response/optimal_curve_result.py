@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.fatigue.margin import MarginCurve
-from bdamper.harmonic_balance.checks import Asking
+from bdamper.harmonic_balance.checks import StudyLike
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.headline import (
     ENDS,
@@ -439,7 +439,7 @@ class OptimalCurve(
     def report(
         self,
         path: FilePath,
-        study: Asking | Problem | None = None,
+        study: StudyLike | Problem | None = None,
         *,
         fit: Recorded | None = None,
         disk: Recorded | None = None,

@@ -38,9 +38,9 @@ from bdamper.harmonic_balance.parameters import (
     MASS,
     OF_LOAD,
     OF_MASS,
-    like,
     setting_names,
     vary,
+    with_aligned_modes,
 )
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.events import ContinuationOptions
@@ -744,7 +744,7 @@ def setting_family(problem: Problem, name: str, preload: float) -> Family:
         masses_of_load.append(f"{MASS}.{first_body}")
 
     def family(value: float) -> Equations:
-        varied = like(vary(problem, {name: value}), problem)
+        varied = with_aligned_modes(vary(problem, {name: value}), problem)
         # the centrifugal load is proportional to the mass
         if name in masses_of_load:
             return varied.system(value * preload)

@@ -8,6 +8,8 @@
  *     hi falls below w       slip-                                        (T = -mu N)
  *     otherwise              stick
  *
+ * The slip-to-stick event is the end of a slip, lo' = 0 or hi' = 0.
+ *
  * The map of w over one period is a composition of clips, hence a clip and idempotent. One period
  * over the ends of the pieces yields the steady slider; a second one adds up the integrals over the
  * pieces.
@@ -359,6 +361,7 @@ static slider slider_through_piece(const bd_direction *dir, int d, int i, double
         return (slider){SET_BY_HI, end, work->event_hi[end]};
     }
 
+    /* no bound pushes: after a slip this is the slip-to-stick event */
     change_state(dir, d, part, BD_STICK, theta, z, s, share);
     const slider after = clip_at_end(dir, s, flags, end);
     const int has_moved = after.kind != s.kind || after.event != s.event;
