@@ -47,8 +47,9 @@ from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable, draw
 from bdamper.util.errors import INCOMPLETE, BdamperError
-from bdamper.util.formatting import amount, percent, short_repr
+from bdamper.util.formatting import amount, counted, percent, sentence, short_repr
 from bdamper.util.progress import CostMeter, one_thread, shows_progress, with_progress
+from bdamper.util.statement import Statement
 from bdamper.util.storage import FilePath, Recorded, Storable
 from bdamper.util.tables import Hertz, Numbers, RadiansPerSecond, Tabular
 
@@ -152,27 +153,32 @@ class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
         return tuple(
             Fact(
                 f"order {order:g}, mode {mode:g}",
-                f"free at {_place(free)}, stuck at {_place(stuck)}",
+                f"free {_place(free)}, stuck {_place(stuck)}",
             )
             for order, mode, free, stuck in self.met
         )
 
-    def _headline(self) -> str:
-        # orders and modes, each once
-        pairs = dict.fromkeys(
-            (order, mode) for order, mode, *speeds in self.met if np.isfinite(speeds).any()
-        )
-        crossings = ", ".join(f"order {order:g} with mode {mode:g}" for order, mode in pairs)
-        low = _place(self.speed[0])
-        high = _place(self.speed[-1])
-        return f"Engine orders that cross modes from {low} to {high}: {crossings or 'none'}."
+    def _statement(self) -> Statement:
+        table = [("Order and mode", "Free", "Stuck")]
+        for order, mode, free, stuck in self.met:
+            if np.isfinite([free, stuck]).any():
+                table.append((f"{order:g}, mode {mode:g}", _place(free), _place(stuck)))
+        low, high = self.speed[0], self.speed[-1]
+        interval = f"from {low * RPM:.0f} to {high * RPM:.0f} rpm"
+        orders = ", ".join(str(order) for order in self.engine_order)
+        n_crossings = len(table) - 1
+        plural = "s" if len(self.engine_order) > 1 else ""
+        n_text = sentence(counted(n_crossings, "crossing"))
+        verdict = f"{n_text} {interval}: engine order{plural} {orders}"
+        remark = "Not covered: amplitudes (study.resonance_crossings), Coriolis forces"
+        return Statement([verdict], remarks=[remark], table=table if n_crossings else ())
 
 
 def _place(speed: float) -> str:
     """Return a speed as text."""
     if not np.isfinite(speed):
-        return "no speed of the range"
-    return f"{speed:.5g} rad/s ({speed * RPM:.0f} rpm)"
+        return "no crossing"
+    return f"{speed * RPM:.0f} rpm"
 
 
 def line_crossings(speed: NDArray, frequency: NDArray, engine_order: int) -> NDArray:

@@ -23,8 +23,9 @@ from bdamper.response.optimal_curve import preload_values
 from bdamper.util import validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import COMPLETE, INCOMPLETE, with_reason
-from bdamper.util.formatting import amount, counted, short_repr
+from bdamper.util.formatting import amount, short_repr
 from bdamper.util.progress import one_thread, progress_stages, shows_progress
+from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Tabular
 
@@ -88,23 +89,27 @@ class Flutter(Plottable, Tabular, Recorded, Storable, kind="bdamper-flutter", ro
                 safe[i] = 0.0
         return safe
 
-    def _headline(self) -> str:
+    def _statement(self) -> Statement:
         safe = self.safe
         least = int(np.argmin(safe))
-        n_cycles = int(np.count_nonzero(self.amplitude))
-        cycles = f"{counted(n_cycles, 'limit cycle')} found"
-        stable = self.amplitude[self.stable]
-        if stable.any():
-            cycles += f", stable ones up to {amount(stable.max(), 'm')}"
-        if np.isinf(safe[least]):
-            return (
-                f"No flutter: vibration below {amount(self.highest, 'm')} stays bounded, {cycles}."
-            )
         preload = amount(self.preload[least], "N")
-        where = f"a preload of {preload} and nodal diameter {self.nodal_diameter[least]}"
-        if safe[least] == 0.0:
-            return f"Flutter: at {where} vibration grows from rest, {cycles}."
-        return f"Flutter above {amount(safe[least], 'm')} (least value, at {where}), {cycles}."
+        where = f"preload {preload}, nodal diameter {self.nodal_diameter[least]}"
+        highest = amount(self.highest, "m")
+        if np.isinf(safe[least]):
+            verdict = f"No flutter: vibration below {highest} stays bounded"
+        elif safe[least] == 0.0:
+            verdict = f"Flutter from rest: {where}"
+        else:
+            verdict = f"Flutter above {amount(safe[least], 'm')}: {where}"
+        n_cycles = int(np.count_nonzero(self.amplitude))
+        stable = self.amplitude[self.stable & (self.amplitude > 0.0)]
+        largest = f"stable up to {amount(stable.max(), 'm')}" if stable.size else ""
+        rows = [
+            Row("Limit cycles", str(n_cycles), largest),
+            Row("Amplitudes", f"up to {highest}", "searched"),
+        ]
+        table, further = self._few_rows()
+        return Statement([verdict], rows, remarks=further, table=table)
 
 
 class _Motion(NamedTuple):

@@ -54,6 +54,7 @@ from bdamper.util.errors import COMPLETE, FAILED, ModelError, SettingError, with
 from bdamper.util.formatting import amount, peak_text, percent, short_repr
 from bdamper.util.progress import one_thread
 from bdamper.util.records import named_fields
+from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import FilePath, Recorded, Storable
 from bdamper.util.tables import ROW, Column, Quantity, Tabular
 
@@ -272,25 +273,36 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
     def _facts(self) -> tuple[Fact, ...]:
         return super()._facts() if self.single else ()
 
-    def _headline(self) -> str:
+    def _statement(self) -> Statement:
         if not self.single:
             i = int(np.argmax(self.damping_ratio))
             peak = peak_text(self.amplitude[i], self.frequency[i])
-            return (
-                f"Largest damping ratio of the contacts {percent(self.damping_ratio[i])}, with "
-                f"{peak}, preload {amount(self.preload[i], 'N')}."
+            subject = f"{peak}, preload {amount(self.preload[i], 'N')}"
+            ratio = percent(self.damping_ratio[i])
+            table, further = self._few_rows()
+            return Statement(
+                [f"Largest damping ratio of the contacts {ratio}: {subject}"],
+                remarks=further,
+                table=table,
             )
         share = self.lost / self.excitation if self.excitation else float("nan")
-        where = ""
-        if self.lost > NOTHING * self.excitation:
-            dissipated = self.by_interface
-            most = max(dissipated, key=lambda name: dissipated[name], default="")
-            where = f", most of it at {most}"
-        return (
-            f"The contacts dissipate {percent(share)} of the work of the excitation{where}: "
-            f"equivalent damping ratio {percent(self.damping_ratio)} with "
-            f"{peak_text(self.amplitude, self.frequency)}."
-        )
+        subject = peak_text(self.amplitude, self.frequency)
+        rows = [
+            Row("Work of the excitation", amount(self.excitation, "J"), "in a period"),
+            Row("Modal damping", amount(self.damping, "J")),
+            Row("Contacts", amount(self.lost, "J"), f"{percent(share)} of the work"),
+            *self._interface_rows(),
+            Row("Damping ratio", percent(self.damping_ratio), "equivalent, of the contacts"),
+            Row("Stiffness", amount(self.stiffness, "N/m"), "equivalent, of the contacts"),
+        ]
+        verdict = f"The contacts dissipate {percent(share)} of the work of the excitation"
+        return Statement([f"{verdict}: {subject}, preload {amount(self.preload, 'N')}"], rows)
+
+    def _interface_rows(self) -> list[Row]:
+        """Return the energy that each of several interfaces dissipates."""
+        if len(self.by_interface) < 2:
+            return []
+        return [Row(f"  {name}", amount(lost, "J")) for name, lost in self.by_interface.items()]
 
 
 def _solutions(problem: Problem, result: Solved) -> tuple[Solutions, NDArray]:

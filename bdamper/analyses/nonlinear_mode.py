@@ -34,8 +34,9 @@ from bdamper.response.events import ContinuationOptions, Path
 from bdamper.util import validation
 from bdamper.util.display import Comparable, InContact, Result
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, SettingError
-from bdamper.util.formatting import amount, peak_text, short_repr
+from bdamper.util.formatting import amount, short_repr, span
 from bdamper.util.progress import Cost, CostMeter, one_thread, progress_bar, shows_progress
+from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import (
     ROW,
@@ -164,24 +165,28 @@ class NonlinearMode(
             linear_to=factor * self.linear_to,
         )
 
-    def _headline(self) -> str:
+    def _statement(self) -> Statement:
         if not len(self):
-            return f"No motion of mode {self.mode} was found: {self.reason}."
+            return Statement([f"No motion of mode {self.mode} was found: {self.reason}"])
         highest = int(np.argmax(self.damping_ratio))
         at_end = highest in (0, len(self) - 1)
-        preload = amount(self.preload, "N")
         damping = amount(100.0 * self.damping_ratio[highest], "%")
-        peak = peak_text(self.amplitude[highest], self.frequency[highest])
-        edge = ", an end of the range" if at_end else ""
-        lowest_frequency = amount(self.frequency.min(), "Hz")
-        highest_frequency = amount(self.frequency.max(), "Hz")
-        text = (
-            f"Damping of mode {self.mode} under a preload of {preload}: at most {damping}, with "
-            f"{peak}{edge}; the frequency lies between {lowest_frequency} and {highest_frequency}."
-        )
+        subject = f"mode {self.mode}, preload {amount(self.preload, 'N')}"
+        place = amount(self.amplitude[highest], "m")
+        frequency = f"{amount(self.frequency[highest], 'Hz')} at the largest damping"
+        edge = "largest damping at an end" if at_end else ""
+        rows = [
+            Row("Amplitude", span(self.amplitude.min(), self.amplitude.max(), "m"), edge),
+            Row("Frequency", span(self.frequency.min(), self.frequency.max(), "Hz"), frequency),
+        ]
+        if np.isfinite(self.linear_to):
+            rows.append(Row("Linear", f"to {amount(self.linear_to, 'm')}", "all contacts stick"))
+        remarks = []
         if not self.complete:
-            text += f" The mode is {self.status}: {self.reason}."
-        return text
+            remarks.append(f"The mode is {self.status}: {self.reason}")
+        return Statement(
+            [f"Largest damping ratio {damping} at {place}: {subject}"], rows, remarks=remarks
+        )
 
 
 # ---- Equations of nonlinear modes ----

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.util.display import InContact
-from bdamper.util.formatting import amount, counted, percent, short_repr
+from bdamper.util.formatting import amount, area_text, counted, percent, short_repr
 from bdamper.util.progress import Cost
+from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import Storable
 from bdamper.util.tables import (
     EachRow,
@@ -113,21 +114,48 @@ class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="con
             return self.state
         return tuple(np.array(self.state)[self.on_friction_face].tolist())
 
-    def _headline(self) -> str:
+    def _statement(self) -> Statement:
         states = self.friction_state
-        n = len(states)
-        points = counted(n, "contact point" if n == len(self.status) else "friction point")
-        forces = [f"{name} {amount(force, 'N')}" for name, force in self.normal_force.items()]
-        text = (
-            f"Under a load of {amount(self.load, 'N')}, of {points}: "
-            f"{states.count('stick')} in stick, {states.count('slip')} in slip, "
-            f"{states.count('open')} open; normal forces: {', '.join(forces)}."
-        )
-        if self.edges:
-            text += f" Edge contact: {self.edges}."
+        counts = [states.count(name) for name in ("stick", "slip", "open")]
+        points = counted(len(states), f"{self._kind_of_points} point")
+        # as verbs of one and of several points
+        verbs = {"sticks": "stick", "slips": "slip", "is open": "are open"}
+        of_all = [verb for verb, count in zip(verbs, counts) if count == len(states)]
         if not self.converged:
-            text += f" Not converged: {self.note}."
-        return text
+            verdict = f"Not converged: {self.note}"
+        elif of_all and len(states) == 1:
+            verdict = f"The {self._kind_of_points} point {of_all[0]}"
+        elif of_all:
+            verdict = f"All {points} {verbs[of_all[0]]}"
+        else:
+            verdict = f"{counts[1]} of {points} slip"
+        rows = [Row("Points", ", ".join(map(str, counts)), "stick, slip, open")]
+        rows += [
+            Row(name, amount(force, "N"), self._contact_text(name, force))
+            for name, force in self.normal_force.items()
+        ]
+        outcome = "pass" if self.converged else "FAIL"
+        checks = [Row("Equilibrium", outcome, f"residual {self.residual:.2g}")]
+        remarks = [f"Edge contact: {self.edges}"] if self.edges else []
+        remarks.append("Not covered: other states that friction allows")
+        subject = f"static state under {amount(self.load, 'N')}"
+        return Statement([f"{verdict}: {subject}"], rows, checks, remarks)
+
+    @property
+    def _kind_of_points(self) -> str:
+        return "contact" if len(self.friction_state) == len(self.status) else "friction"
+
+    def _contact_text(self, name: str, force: float) -> str:
+        """Return the area in contact on an interface and the mean pressure there."""
+        if force == 0.0:
+            return "normal force, no contact"
+        area = self.contact_area.get(name, 0.0)
+        # contacts of lumped masses have no faces, and areas of one
+        has_faces = self.area is not None and np.any(self.area != 1.0)
+        if not has_faces or not area > 0.0:
+            return "normal force"
+        pressure = amount(force / area, "Pa")
+        return f"normal force, {area_text(area)} in contact, mean pressure {pressure}"
 
     @property
     def edges(self) -> str:

@@ -21,11 +21,13 @@ from bdamper.fatigue.haigh_table import at_points
 from bdamper.fatigue.stress_cycle import AtPoints, StressCycle
 from bdamper.harmonic_balance.checks import Solutions, SomeResult, solutions_of
 from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.subject import about
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Plottable, draw
 from bdamper.util.errors import BdamperError
-from bdamper.util.formatting import UNITS, amount, counted, short_repr
+from bdamper.util.formatting import UNITS, amount, counted, sentence, short_repr
 from bdamper.util.records import Reason
+from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import FilePath, Recorded, Storable
 from bdamper.util.tables import (
     ROW,
@@ -59,8 +61,9 @@ class Rule(validation.Checked):
     on: Annotated[str, partial(validation.choice, choices=ON)] = "amplitude"
 
     def __str__(self) -> str:
-        text = self.criterion.replace("_", " ")
+        text = "Findley"
         if self.criterion != "findley":
+            text = f"{self.criterion.replace('_', ' ').replace('mises', 'Mises')}"
             text += f", {self.line.capitalize()}"
         what = "amplitude and mean" if self.on == "both" else "amplitude"
         return f"{text}, factor on {what}"
@@ -199,19 +202,28 @@ class Margins(
         """
         return draw(self, "figure", "plot_critical", path, model)
 
-    def _headline(self) -> str:
+    def _statement(self) -> Statement:
         i = self.critical
-        scaled = any(note.startswith(over_cycle.SCALED) for note in self.notes)
-        how = "" if scaled else " by harmonic balance alone"
-        judged = "the limit is exceeded"
-        if self.least >= 1.0:
-            judged = "the vibration is below the limit"
-        stress = f"{amount(self.amplitude[i], 'Pa')} about a mean of {amount(self.mean[i], 'Pa')}"
-        text = f"Margin against fatigue {self.least:.3g}{how}: {judged}. "
-        text += f"Least at {self.names[i]}, {stress}."
-        if self.yields:
-            text += " It yields in the first cycle."
-        return text + over_cycle.doubts(self.notes)
+        in_time = any(note.startswith(over_cycle.SCALED) for note in self.notes)
+        margin = f"margin against fatigue {self.least:.3g} at {self.names[i]}"
+        if self.least < 1.0 or self.yields:
+            verdict = f"Not for design: {margin}"
+        else:
+            verdict = sentence(margin)
+        rows = [
+            Row("Stress amplitude", amount(self.amplitude[i], "Pa"), str(self.rule)),
+            Row("Mean stress", amount(self.mean[i], "Pa"), self.material.name),
+        ]
+        alone = "the vibration is that of the harmonic balance alone"
+        checks = [
+            Row("Fatigue limit", "pass" if self.least >= 1.0 else "FAIL", "margin of 1 or more"),
+            Row("No yield", "FAIL" if self.yields else "pass", "in the first cycle"),
+            Row("Time integration", "run" if in_time else "not run", "" if in_time else alone),
+        ]
+        subject = about(self.settings, self.preload, amount(self.frequency, "Hz"))
+        table, further = self._few_rows()
+        remarks = [*further, *over_cycle.doubts(self.notes)]
+        return Statement([f"{verdict}{subject}"], rows, checks, remarks, table)
 
 
 @short_repr
@@ -323,39 +335,52 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
         """
         return {self._dimension(): Column(self.values, self.unit), **super().columns()}
 
-    def _headline(self) -> str:
+    def _statement(self) -> Statement:
         if np.isnan(self.margin).all():
-            return (
-                f"No margin against fatigue was found at any of {len(self)} values of {self.over}."
-            )
-        i = self.least
-        j = self.greatest
-        best_value = self.values[j]
-        best_margin = self.margin[j]
-        if not np.isnan(self.best_value):
-            best_value = self.best_value
-            best_margin = self.best_margin
-        how = "" if self.in_time else " by harmonic balance alone"
-        point = self.names[self.critical[i]]
-        sentences = [
-            f"Margin against fatigue over {self.over}{how}: "
-            f"largest {best_margin:.3g} at {amount(best_value, self.unit)}, "
-            f"least {self.margin[i]:.3g} at {amount(self.values[i], self.unit)} ({point})."
+            places = f"{len(self)} values of {self.over}"
+            return Statement([f"No margin against fatigue was found at any of {places}"])
+        least = self.least
+        best_value, best_margin = self.best_value, self.best_margin
+        if np.isnan(best_value):
+            best_value, best_margin = self.values[self.greatest], self.margin[self.greatest]
+        # of preloads and masses one is chosen; the others all occur
+        is_chosen = self.over not in ("frequency", "speed")
+        value, margin = (self.values[least], self.margin[least])
+        if is_chosen:
+            value, margin = best_value, best_margin
+        point = self.names[self.critical[least]]
+        name = "largest" if is_chosen else "least"
+        text = f"{name} margin against fatigue {margin:.3g} at {amount(value, self.unit)}"
+        if not is_chosen:
+            text += f", {point}"
+        failed = margin < 1.0 or any(margins.least < 1.0 for margins in self.in_time)
+        how = "by time integration, below" if self.in_time else "by harmonic balance alone"
+        if is_chosen:
+            place = f"at {amount(self.values[least], self.unit)}, {point}"
+            other = Row("Least margin", f"{self.margin[least]:.3g}", place)
+        else:
+            other = Row("Largest margin", f"{best_margin:.3g}", amount(best_value, self.unit))
+        rows = [other, *self._rows_in_time()]
+        lowest = min([self.margin[least], *(margins.least for margins in self.in_time)])
+        checks = [
+            Row("Fatigue limit", "pass" if lowest >= 1.0 else "FAIL", "margin of 1 or more"),
+            Row("Time integration", "run" if self.in_time else "not run", how),
         ]
+        verdict = f"Not for design: {text}" if failed else sentence(text)
+        remarks = [*over_cycle.doubts(self.notes), f"{self.rule}; {self.material.name}"]
+        return Statement([f"{verdict}{about(self.settings)}"], rows, checks, remarks)
 
-        # notes of the time integrations that the curve does not have
+    def _rows_in_time(self) -> list[Row]:
+        """Return the margin of each time integration, with the notes that the curve lacks."""
         starts = (over_cycle.SCALED, over_cycle.UNSETTLED, over_cycle.APART)
-        least = self.margin[i]
+        rows = []
         for margins in self.in_time:
             notes = [
                 note for note in margins.notes if note.startswith(starts) and note not in self.notes
             ]
-            preload = amount(margins.preload, "N")
-            sentences.append(f"At {preload} it is {margins.least:.3g} in time, {'; '.join(notes)}.")
-            least = min(least, margins.least)
-        if least < 1.0:
-            sentences.append("Below 1 the limit is exceeded.")
-        return " ".join(sentences) + over_cycle.doubts(self.notes)
+            place = f"at {amount(margins.preload, 'N')}"
+            rows.append(Row("Time integration", f"{margins.least:.3g}", "; ".join([place, *notes])))
+        return rows
 
 
 def margin(

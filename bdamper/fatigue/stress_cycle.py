@@ -24,13 +24,15 @@ from bdamper.fatigue import criteria
 from bdamper.harmonic_balance.checks import Solutions, SomeResult, solutions_of
 from bdamper.harmonic_balance.contact_setup import without_separation
 from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.subject import about
 from bdamper.model.gauges import gauge_point, gauge_weights
 from bdamper.model.loads import Direction
 from bdamper.model.structure import Body, ModalBasis, StressSet
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Plottable
 from bdamper.util.errors import SettingError, warn_implausible
-from bdamper.util.formatting import amount, peak_text, short_repr
+from bdamper.util.formatting import amount, peak_text, sentence, short_repr
+from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import Numbers, Pascals, PerRow, Quantity, Tabular
 
@@ -121,14 +123,17 @@ class StressCycle(
     def _order(self) -> NDArray:
         return np.lexsort((-self.amplitude, ~self.counted))
 
-    def _headline(self) -> str:
+    def _statement(self) -> Statement:
         i = self.critical
         cycle = self.amplitude_and_mean()
-        stress = f"{amount(cycle.amplitude[i], 'Pa')} about a mean of {amount(cycle.mean[i], 'Pa')}"
-        solution = f"{amount(self.frequency, 'Hz')}, preload {amount(self.preload, 'N')}"
-        return (
-            f"Largest stress amplitude (von Mises) {stress} at {self.names[i]} ({solution})."
-            f"{doubts(self.notes)}"
+        largest = f"{amount(cycle.amplitude[i], 'Pa')} at {self.names[i]}"
+        subject = about(self.settings, self.preload, amount(self.frequency, "Hz"))
+        table, further = self._few_rows()
+        return Statement(
+            [f"Largest stress amplitude {largest}{subject}"],
+            [Row("Mean stress", amount(cycle.mean[i], "Pa"), MEASURES)],
+            remarks=[*further, *doubts(self.notes)],
+            table=table,
         )
 
 
@@ -193,6 +198,7 @@ def _highest(result: Any, solutions: Solutions) -> int:
 
 
 DOUBTED_LOAD = "the centrifugal stress belongs to a preload of "
+MEASURES = "trace of the mean tensor; the amplitude is by von Mises"
 SCALED = "vibration scaled by "
 UNSETTLED = "the amplitude in time is "
 APART = "elements at "
@@ -260,14 +266,10 @@ def check_ends(result: SomeResult) -> None:
         warn_implausible("result", "an optimal curve with its optimum inside the range", found)
 
 
-def doubts(notes: Sequence[str]) -> str:
-    """Return the notes that qualify the largest stress or the least margin as sentences."""
+def doubts(notes: Sequence[str]) -> list[str]:
+    """Return the notes that qualify the largest stress or the least margin."""
     starts = (DOUBTED_LOAD, SCALED, UNSETTLED, APART)
-    text = ""
-    for note in notes:
-        if note.startswith(starts) or note.endswith(SMALLER):
-            text += f" {note[0].upper()}{note[1:]}."
-    return text
+    return [sentence(note) for note in notes if note.startswith(starts) or note.endswith(SMALLER)]
 
 
 def chosen_sets(problem: Problem, sets: str | Sequence[str] | None = None) -> tuple[StressSet, ...]:

@@ -131,6 +131,10 @@ class Fact(NamedTuple):
         )
 
 
+SHOWN_ROWS = 8
+"""Rows of a table that ``print`` shows; ``summary()`` shows all."""
+
+
 class Summarised:
     """Mixin of results that print a summary.
 
@@ -262,6 +266,13 @@ class Summarised:
         lines = [*lines[:9], f"{left}summary() has the rest"]
         rest = "\n".join(f"  {line.removeprefix('  ')}" for line in lines)
         return "\n".join([*first, self._in_unit_of_response(rest)])
+
+    def _few_rows(self) -> tuple[list[tuple[str, ...]], list[str]]:
+        """Return the header and the first rows, and a remark that counts the others."""
+        rows = self._rows()
+        shown = rows[: SHOWN_ROWS + 1]
+        n_further = len(rows) - len(shown)
+        return shown, [f"{counted(n_further, 'further row')} in the summary"] * (n_further > 0)
 
     def _rows(self) -> list[tuple[str, ...]]:
         """Return the header and rows of the table of a tabular result; otherwise an empty list."""

@@ -104,8 +104,16 @@ def span(low: float, high: float, unit: str, near: float | None = None) -> str:
     scale = 1.0
     if reference:
         scale = 10.0 ** round(np.log10(float(number) / reference))
-    # numbers without a unit of their own have all digits before the decimal point
+    # all digits before the decimal point
     return f"{amount(scale * low)} to {amount(scale * high)} {prefixed_unit}"
+
+
+def area_text(area: float) -> str:
+    """Return an area (m2) in mm², cm² or m²."""
+    for size, unit in ((1.0, "m²"), (1e-4, "cm²")):
+        if area >= 10.0 * size or (unit == "m²" and area >= 0.1):
+            return f"{area / size:.3g} {unit}"
+    return f"{area / 1e-6:.3g} mm²"
 
 
 def extent(low: float, high: float, unit: str) -> str:

@@ -12,6 +12,7 @@ from bdamper.harmonic_balance import problem
 from bdamper.model.modal_basis import SpeedBasis
 from bdamper.response.linear_limits import free_and_stuck
 from tests.plain import plain_study
+from tests.printed import said
 from tests.turning import turning_disk
 
 
@@ -49,7 +50,8 @@ def test_a_spinning_oscillator_in_closed_form():
         found.met[:, 2], np.sqrt(4e5 / (np.array([4.0, 9.0]) - 3.5))[[1, 1]] * [np.nan, 1.0]
     )
     np.testing.assert_allclose(found.met[1, 3], np.sqrt(5.5e5 / (9.0 - 3.5)), rtol=1e-12)
-    assert "order 3, mode 1  free at 269.68 rad/s (2575 rpm)" in found.summary()
+    assert "3, mode 1 2575 rpm 3020 rpm" in said(found)
+    assert "order 2, mode 1  free no crossing, stuck no crossing" in found.summary()
 
 
 def test_orders_meet_the_modes_of_their_nodal_diameter_alone(tmp_path):

@@ -19,6 +19,7 @@ from tests.certificate import certify, worst
 from tests.each import each
 from tests.models import wedge_model
 from tests.plain import plain_study
+from tests.printed import said
 
 
 def coupling_of(model, engine_order):
@@ -252,8 +253,9 @@ def test_points_of_axial_stops_are_no_friction_points(tmp_path):
     ]
     counts = tuple(on_faces.count(name) for name in ("stick", "slip", "open"))
     assert len(on_faces) == 18 < len(state.state) == 26
-    expected = "of 18 friction points: {} in stick, {} in slip, {} open;".format(*counts)
-    assert expected in state._headline() and counts[2] == 0
+    assert "18 friction points slip: static state under 200 N" in state._headline()
+    assert f"Points {', '.join(map(str, counts))} stick, slip, open" in said(state)
+    assert counts[2] == 0
     state.save(tmp_path / "state.h5")
     assert bd.load(tmp_path / "state.h5")._headline() == state._headline()
     found = bd.microslip(study, 200.0, [1.0, 5.0])

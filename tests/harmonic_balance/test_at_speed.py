@@ -17,6 +17,7 @@ from bdamper.util.errors import PlausibilityWarning
 from tests.each import each
 from tests.fatigue.test_margins import with_stress
 from tests.plain import plain_study
+from tests.printed import said
 from tests.turning import turning_disk
 
 SPEED = 400.0
@@ -331,9 +332,7 @@ def test_stress_and_margin_of_a_contradiction_repeat_it_in_the_headline(quick):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         results = at.stress(found), at.margin(found, AISI_1050)
-    assert all(
-        "2000 N: a damper of 0.418 times the mass" in result._headline() for result in results
-    )
+    assert all("2000 N: a damper of 0.418 times the mass" in said(result) for result in results)
 
 
 def test_an_optimum_that_contradicts_the_speed_of_the_study_is_named_once(quick, peak):
@@ -359,11 +358,11 @@ def test_a_preload_that_contradicts_the_speed_of_the_engine_order_is_in_the_answ
     curve = quick.optimal_curve((1000.0, LOW), 2, check=False)
     results = quick.stress(peak), quick.margin(peak, AISI_1050), quick.margin(curve, AISI_1050)
     for result in results[:2]:
-        assert words in result._headline() and "found 2000 N" in result._headline()
-    assert "found 1000 to 2000 N" in results[2]._headline()
+        assert words in said(result) and "found 2000 N" in said(result)
+    assert "found 1000 to 2000 N" in said(results[2])
     bare = replace(quick.model, stress={"root": replace(quick.model.stress["root"], static=None)})
     other = quick.replace(model=bare)
-    assert "belongs" not in other.stress(other.peak(LOW))._headline(), (
+    assert "belongs" not in said(other.stress(other.peak(LOW))), (
         "without centrifugal stress it does not matter"
     )
 

@@ -19,6 +19,7 @@ from bdamper.time_domain import time_response
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import amount
 from tests.fatigue.test_margins import with_stress
+from tests.printed import said
 
 
 @pytest.fixture(scope="module")
@@ -79,16 +80,16 @@ def test_what_a_blade_keeps_has_a_margin_of_its_own(study, curve, tmp_path):
     )
     highest = amount(1.2 * top, "m")  # a single period, above the mean
     scaled = f"vibration scaled by 1.2: the highest blade reaches {highest}"
-    said = f"At {amount(p, 'N')} it is {one.least:.3g} in time, {scaled}"
-    assert said in found._headline() and said in replace(curve, margins=(found,)).summary()
+    text = f"Time integration {one.least:.3g} at {amount(p, 'N')}; {scaled}"
+    assert text in said(found)
     assert "highest blade in time" in found.plot().axes[0].get_legend_handles_labels()[1]
     plt.close("all")
     found.save(tmp_path / "margins.h5")
     assert bd.load(tmp_path / "margins.h5").in_time[0].least == one.least
     assert curve.margins[0].in_time == ()
-    assert found.margin[found.least] > 1.0 and "exceeded" not in found._headline()
+    assert found.margin[found.least] > 1.0 and "FAIL" not in said(found)
     weak = replace(found, in_time=(replace(one, factor=0.9 / one.least * one.factor),))
-    assert "in time, " in weak._headline() and "Below 1 the limit is exceeded." in weak._headline()
+    assert weak._headline().startswith("Not for design: ") and "Fatigue limit FAIL" in said(weak)
 
 
 def test_the_margin_is_asked_for_after_the_time_integration(study, curve, monkeypatch):
