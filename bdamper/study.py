@@ -438,7 +438,7 @@ class Study(Comparable):
         options : ContinuationOptions, optional
             Step sizes and tolerances of the continuation.
         progress : bool, optional
-            Show a progress bar; by default in a terminal and a notebook.
+            Show progress: a bar, or without a terminal lines after ten seconds; on by default.
         stability : bool
             Determine the stability of each point (:meth:`with_stability`), even if the study's
             ``stability`` is off.
@@ -480,8 +480,7 @@ class Study(Comparable):
             amplitude to 5 %. Undecided points, and all points after Ctrl-C, keep the label of the
             harmonics (``curve.labels``).
         progress : bool, optional
-            Show a progress bar of the points integrated in time; by default in a terminal and a
-            notebook.
+            Show the progress in the points integrated in time; on by default.
 
         Returns
         -------
@@ -526,7 +525,7 @@ class Study(Comparable):
             1,024 by default, 256 with ``frequency``; four times this number if the energy
             does not balance.
         progress : bool, optional
-            Show a progress bar; by default in a terminal and a notebook.
+            Show progress: a bar, or without a terminal lines after ten seconds; on by default.
 
         Returns
         -------
@@ -585,8 +584,7 @@ class Study(Comparable):
         steps_per_period : int, optional
             256 by default.
         progress : bool, optional
-            Show a progress bar of the periods of the excitation; by default in a terminal and a
-            notebook.
+            Show the progress in the periods of the excitation; on by default.
 
         Returns
         -------
@@ -642,7 +640,7 @@ class Study(Comparable):
             (their numbers are the seeds of the phases) and friction without traction, or at its
             limit in either direction.
         progress : bool, optional
-            Show a progress bar; by default in a terminal and a notebook.
+            Show progress: a bar, or without a terminal lines after ten seconds; on by default.
 
         Returns
         -------
@@ -691,7 +689,7 @@ class Study(Comparable):
         options : PeakOptions, optional
             Tolerances of the peak.
         progress : bool, optional
-            Show a progress bar; by default in a terminal and a notebook.
+            Show progress: a bar, or without a terminal lines after ten seconds; on by default.
 
         Returns
         -------
@@ -748,7 +746,7 @@ class Study(Comparable):
             divided by 1.35.  With "range" it includes both ends of ``curve.near_best``: the
             preloads with at most 1.2 times the lowest amplitude by harmonic balance.
         progress : bool, optional
-            Show the current step and the remaining time; by default in a terminal and a notebook.
+            Show the current step and the remaining time; on by default.
         resume : path, optional
             File for all finished curves; interrupted work continues from it.
         quantity : {"amplitude", "margin"}
@@ -871,7 +869,7 @@ class Study(Comparable):
         preload : sequence of float, N, optional
             By default the optimum and a preload 1.35 times as large.
         progress : bool, optional
-            Show a progress bar of each preload; by default in a terminal and a notebook.
+            Show the progress in each preload; on by default.
 
         Returns
         -------
@@ -964,7 +962,7 @@ class Study(Comparable):
         n : int
             Number of preloads between two limits.
         progress : bool, optional
-            Show a progress bar; by default in a terminal and a notebook.
+            Show progress: a bar, or without a terminal lines after ten seconds; on by default.
 
         Returns
         -------
@@ -1201,7 +1199,7 @@ class Study(Comparable):
         tolerance : float
             Allowed relative change of amplitude or frequency by all omitted effects together.
         progress : bool, optional
-            Show a progress bar; by default in a terminal and a notebook.
+            Show progress: a bar, or without a terminal lines after ten seconds; on by default.
 
         Returns
         -------
@@ -1348,7 +1346,7 @@ class Study(Comparable):
         damped : SweepResult or sequence of SweepResult, optional
             Damped crossings from :meth:`resonance_crossings`, to be drawn.
         progress : bool, optional
-            Whether to show a progress bar; by default in a terminal and a notebook.
+            Show progress: a bar, or without a terminal lines after ten seconds; on by default.
         friction, temperature, excitation
             Conditions over speed, see :meth:`at_speed`.
 
@@ -1460,7 +1458,7 @@ class Study(Comparable):
         options : ContinuationOptions
             Coarse by default; the highest point is refined.
         progress : bool, optional
-            Show a progress bar; by default in a terminal and a notebook.
+            Show progress: a bar, or without a terminal lines after ten seconds; on by default.
         friction, temperature, excitation
             Conditions over speed, see :meth:`at_speed`.
 
@@ -1521,7 +1519,7 @@ class Study(Comparable):
         tolerance : float
             Relative change of the amplitude up to which the sequence counts as converged.
         progress : bool, optional
-            Show a progress bar; by default in a terminal and a notebook.
+            Show progress: a bar, or without a terminal lines after ten seconds; on by default.
 
         Returns
         -------

@@ -222,6 +222,7 @@ def test_runs_as_a_module():
 
 def test_the_demo_leaves_no_file_unasked(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("bdamper.util.progress.FIRST_LINE", 0.0)
     assert main(["response", "--demo", "--harmonics", "1", *QUICK["response"]]) == 0
     assert not list(tmp_path.iterdir())
     told = (

@@ -670,7 +670,7 @@ def sweep(
         Results file: finished points are appended to it, and an interrupted sweep continues from
         it.
     progress : bool, optional
-        Whether to show a progress bar; by default in a terminal and a notebook.
+        Show progress: a bar, or without a terminal lines after ten seconds; on by default.
 
     Returns
     -------
@@ -891,7 +891,7 @@ def compare(
         Returns the response curve or optimal curve of a study, for example ``lambda study:
         study.frequency_response(500.0, (280.0, 380.0))``.
     progress : bool, optional
-        Whether to show a progress bar; by default in a terminal and a notebook.
+        Show progress: a bar, or without a terminal lines after ten seconds; on by default.
 
     Returns
     -------

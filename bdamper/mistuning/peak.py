@@ -311,7 +311,7 @@ def peak(
         Band of the sweep; ``bdamper.mistuning.peak_search.band`` by default.  If no blade has a
         peak in the default band, it is extended to 1.5 times the frequency of the tuned peak.
     options, progress : DiskPeakOptions, bool
-        Progress bars are shown by default in a terminal and a notebook.
+        Progress is shown by default.
 
     Returns
     -------

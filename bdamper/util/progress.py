@@ -105,10 +105,10 @@ def raise_if_stopped() -> None:
 def shows_progress(progress: bool | None) -> bool:
     """Return whether to show progress.
 
-    By default in a terminal and a notebook, outside of longer work.
+    By default everywhere but inside longer work, which shows its own progress.
     """
     if progress is None:
-        return _is_watched() and not is_part_of_work()
+        return not is_part_of_work()
     return validation.flag("progress", progress)
 
 
@@ -184,10 +184,15 @@ def progress_bar(
         yield report_point if show else None
 
 
+FIRST_LINE = 10.0
+"""Seconds of work before the first line if there is neither a terminal nor a notebook."""
+
+
 def _bar(*items: Any, **options: Any) -> Any:
     """Return a progress bar of tqdm.
 
-    If nobody watches it, it prints a line at each tenth and every half minute.
+    If nobody watches it, as in a batch job, it prints lines instead: the first after
+    :data:`FIRST_LINE`, then one at each tenth and every half minute.
     """
     from tqdm.auto import tqdm
 
@@ -196,8 +201,9 @@ def _bar(*items: Any, **options: Any) -> Any:
         return tqdm(*items, **options, delay=1.0)
 
     class Lines(tqdm):  # type: ignore[misc]
-        tenths = 0
-        printed = time.monotonic()
+        tenths = -1
+        started = time.monotonic()
+        printed = started
 
         def set_description(self, desc: str | None = None, refresh: bool | None = True) -> None:
             super().set_description(desc, refresh=False)
@@ -205,11 +211,17 @@ def _bar(*items: Any, **options: Any) -> Any:
 
         def display(self, msg: str | None = None, pos: int | None = None) -> None:
             # a tenth that rounding leaves just below its number counts
-            tenth = int(10.0 * self.n / self.total + 1e-9) if self.total else 0
-            if tenth <= self.tenths and time.monotonic() <= self.printed + 30.0:
+            if not self.total:
+                return
+            tenth = int(10.0 * self.n / self.total + 1e-9)
+            now = time.monotonic()
+            # short work prints nothing
+            if now < self.started + FIRST_LINE:
+                return
+            if tenth <= self.tenths and now <= self.printed + 30.0:
                 return
             self.tenths = tenth
-            self.printed = time.monotonic()
+            self.printed = now
             # tqdm appends a colon to some descriptions
             description = self.desc if self.desc.endswith(": ") else f"{self.desc}: "
             self.fp.write(f"{description}{10 * tenth} %\n")

@@ -300,7 +300,8 @@ class TestClaims:
 
 
 class TestOptimalCurve:
-    def test_has_it_at_its_optimum(self, study, curve, tmp_path, capsys):
+    def test_has_it_at_its_optimum(self, study, curve, tmp_path, capsys, monkeypatch):
+        monkeypatch.setattr("bdamper.util.progress.FIRST_LINE", 0.0)
         found = room.with_convergence(study.problem, curve, lambda: curve, progress=True)
         assert "harmonic convergence: 7 harmonics: " in capsys.readouterr().err
         more = found.convergence

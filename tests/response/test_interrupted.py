@@ -155,7 +155,8 @@ def test_a_file_of_another_search_is_refused(tmp_path):
             optimal_curve(other.problem, **asked | changes, resume=path)
 
 
-def test_progress_tells_what_is_done(capsys):
+def test_progress_tells_what_is_done(capsys, monkeypatch):
+    monkeypatch.setattr("bdamper.util.progress.FIRST_LINE", 0.0)
     optimal_curve(new_study().problem, (2e3, 4e3), 3, frequency=(250.0, 400.0), progress=True)
     shown = capsys.readouterr().err
     told = [int(share) for share in re.findall(r"^optimal curve: \d{4} N: +(\d+) %$", shown, re.M)]

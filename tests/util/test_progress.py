@@ -114,15 +114,28 @@ def test_ctrl_c_in_a_report(name, monkeypatch):
         done(name, progress=True)
 
 
-def test_work_without_parts_or_with_fewer_than_expected(capsys):
+def test_work_without_parts_or_with_fewer_than_expected(capsys, monkeypatch):
+    monkeypatch.setattr(progress, "FIRST_LINE", 0.0)
     with progress_stages(True, "work", "part"):
         pass
     assert capsys.readouterr().err == ""
     with progress_stages(True, "work", "part") as report:
         report("first", 1, 10)
-    assert capsys.readouterr().err == "work: first: 10 %\nwork: 100 %\n"
+    assert capsys.readouterr().err == "work: first: 0 %\nwork: first: 10 %\nwork: 100 %\n"
     assert list(with_progress([1, 2], True, "work", "part")) == [1, 2]
-    assert capsys.readouterr().err == "work: 50 %\nwork: 100 %\n"
+    assert capsys.readouterr().err == "work: 0 %\nwork: 50 %\nwork: 100 %\n"
+
+
+def test_a_batch_job_has_lines_after_ten_seconds_unless_they_are_off(capsys, monkeypatch):
+    """Twenty steps of 0.9 s: the first line at the twelfth, then one at each tenth."""
+    for asked, expected in ((None, ["50", "60", "70", "80", "90"]), (False, [])):
+        clock = count(0.0, 0.9)
+        monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: next(clock)))
+        for _ in with_progress(range(20), progress.shows_progress(asked), "work", "part"):
+            pass
+        lines = capsys.readouterr().err.splitlines()
+        told = [line.removeprefix("work: ").removesuffix(" %") for line in lines]
+        assert [tenth for tenth in told if tenth != "100"] == expected
 
 
 def test_where_there_is_no_terminal_a_line_comes_every_half_minute(capsys, monkeypatch):
