@@ -25,3 +25,9 @@ def test_fragments_of_the_changelog_have_a_part():
         if path.name not in ("README.md", "template.jinja"):
             assert re.fullmatch(r"[\w-]+\.(\w+)\.md", path.name)[1] in parts
             assert len(path.read_text().split()) <= 40
+
+
+def test_the_readme_has_at_most_350_words_with_the_terms_of_the_field():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(text.split()) <= 350
+    assert "under-platform damper" in text and "bladed disk" in text
