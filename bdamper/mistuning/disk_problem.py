@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC, LAW_NORMAL, PointArrays
 from bdamper.contact.static_state import AT_LIMIT, SHORTEST, linear_range
 from bdamper.harmonic_balance.checks import StudyLike, in_type_of, problem_of
+from bdamper.harmonic_balance.effects import MAX_HARMONIC
 from bdamper.harmonic_balance.equations import OK
 from bdamper.harmonic_balance.model_sizes import Sizes
 from bdamper.harmonic_balance.problem import Problem
@@ -350,6 +351,10 @@ def disk_system(
 # ---- Problem ----
 
 
+MORE_HARMONICS = 2
+"""Number of further harmonics that estimate the error of a peak: an even and an odd one."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class DiskProblem(Summarised):
     """Bladed disk and its equations; for the parameters see
@@ -359,6 +364,7 @@ class DiskProblem(Summarised):
     mistuning: Mistuning | ArrayLike | None = None
     dampers: DamperVariation | None = None
     _tuned_peaks: dict[float, Peak] = field(default_factory=dict, repr=False)
+    _tuned_changes: dict[float, float] = field(default_factory=dict, repr=False)
     _states: dict[float, Loaded] = field(default_factory=dict, init=False, repr=False)
     _structure: Structure | None = field(default=None, repr=False)
     """Structure with nominal blades and dampers."""
@@ -463,6 +469,28 @@ class DiskProblem(Summarised):
                 peak = replace(peak, amplitude=np.nan)
             self._tuned_peaks[preload] = peak
         return self._tuned_peaks[preload]
+
+    @one_thread
+    def tuned_change(self, preload: float) -> float:
+        """Return the relative change of the tuned peak by more harmonics (:data:`MORE_HARMONICS`).
+
+        It is NaN if one of both peaks is unknown.
+        """
+        if preload not in self._tuned_changes:
+            tuned = self.structure.tuned
+            n_harmonics = tuned.harmonic_numbers[-1] + MORE_HARMONICS
+            change = np.nan
+            if n_harmonics <= MAX_HARMONIC:
+                try:
+                    richer = highest_peak(tuned.replace(harmonics=n_harmonics), preload)
+                # sampled contact forces may be too coarse for more harmonics
+                except SettingError:
+                    pass
+                else:
+                    # an amplitude without a complete search is NaN
+                    change = richer.amplitude / self.tuned_peak(preload).amplitude - 1.0
+            self._tuned_changes[preload] = change
+        return self._tuned_changes[preload]
 
     def record(self) -> dict[str, Any]:
         """Return the settings and the model hash that all results store."""

@@ -10,6 +10,10 @@ Continuation of the tuned peak into mistuning loses the highest blade's peak too
 4. If large blades were reduced to a few shapes, correct the peaks that may be the highest on the
    full disk.  The change is part of the error estimate.
 
+The error estimate also contains the change by two more harmonics: of the highest peak, at constant
+phase on the disk of the search, and of the tuned peak.  A resonance without damping that the
+friction does not limit has no amplitude, as on one sector (:mod:`bdamper.response.resolution`).
+
 A peak of the harmonic balance need not be a steady state in time.  The curve of a lumped disk of
 six blades (300 N, ``tests/mistuning/test_in_time.py``) continues from its first maximum of 2.2 mm
 through some ninety folds to others of 5.4 to 12 mm.  In time the first persists; the other tested
@@ -26,7 +30,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.mistuning.disk_equations import DiskSystem
+from bdamper.mistuning.disk_equations import DiskSystem, of_blade
 from bdamper.mistuning.disk_problem import DiskProblem, disk_system
 from bdamper.mistuning.peak_search import (
     FAR,
@@ -40,12 +44,15 @@ from bdamper.mistuning.peak_search import (
     reduced_state,
 )
 from bdamper.model.structure import Model
+from bdamper.response.branches import NO_DIGITS, UNBOUNDED, LeftOut
 from bdamper.response.peak import Peak
+from bdamper.response.resolution import why_unresolved
 from bdamper.util import validation
 from bdamper.util.display import Plottable, Result, draw
 from bdamper.util.errors import COMPLETE, HELD, INCOMPLETE, NOT_FOUND, warn
 from bdamper.util.formatting import amount, peak_text, short_repr
 from bdamper.util.progress import Cost, CostMeter, one_thread, shows_progress, with_progress
+from bdamper.util.records import Data
 from bdamper.util.storage import FilePath, Recorded, Storable
 
 
@@ -61,7 +68,8 @@ class DiskPeak(Result, Plottable, Recorded, Storable, kind="bdamper-wheel-peak")
     preload : float, N
     frequency : float, Hz
     amplitude : float, m
-        Amplitude of the first harmonic; NaN if no peak was found.
+        Amplitude of the first harmonic; NaN if no peak was found or no digits of it are left,
+        infinite if it is unbounded.
     blade : int
         Number of the highest blade; -1 if no peak was found.
     tuned_amplitude : float, m
@@ -83,9 +91,11 @@ class DiskPeak(Result, Plottable, Recorded, Storable, kind="bdamper-wheel-peak")
         Holding springs on the mean of dampers, relative to their stuck stiffness; 0 if dampers are
         free.
     error : float
-        Relative estimate of how much higher the highest peak with free dampers may be.  It combines
-        the changes by weaker springs, the error of the reduced disk, and peaks missed by the local
-        searches.  It is 0 if dampers are free and all maxima of the sweep were examined.
+        Relative estimate of how much higher the highest peak with free dampers may be.  It is the
+        largest of the changes by weaker springs, the error of the reduced disk, and peaks missed by
+        the local searches, plus ``harmonics_error``.
+    harmonics_error : float
+        Relative change, of either sign, by two more harmonics; NaN if it is unknown.
     interval : (low, high), Hz
         Band of the sweep.
     cost : Cost
@@ -108,6 +118,7 @@ class DiskPeak(Result, Plottable, Recorded, Storable, kind="bdamper-wheel-peak")
     unknowns: NDArray
     springs: float = 0.0
     error: float = 0.0
+    harmonics_error: Annotated[float, Data(derived=True)] = float("nan")
     interval: tuple[float, float] = (np.nan, np.nan)
     cost: Cost = field(default_factory=Cost)
     _summary_fields = (
@@ -323,7 +334,7 @@ def peak(
         * "held": found only with holding springs on the dampers (``springs``), or only on the
           reduced disk.
         * "incomplete": a lower bound.  The sweep has a gap, or no blade is as high as on the tuned
-          disk.
+          disk; or the resonance is unbounded, or sharper than double precision resolves.
         * "not found": no local search converges; the amplitude is NaN.
 
         Peaks outside the band are ignored.
@@ -340,6 +351,25 @@ def peak(
         frequency = validation.interval("frequency", frequency)
     equations = _Equations.of(disk, preload)
     tuned = disk.tuned_peak(preload)
+    not_found = DiskPeak(
+        preload=float(preload),
+        frequency=np.nan,
+        amplitude=np.nan,
+        blade=-1,
+        tuned_amplitude=tuned.amplitude,
+        response=np.zeros((disk.n_blades, 0)),
+        climbs=np.zeros((0, 5)),
+        sweep_frequency=np.zeros(0),
+        status=NOT_FOUND,
+        reason="",
+        residual=np.nan,
+        error=np.nan,
+        unknowns=np.zeros(equations.whole.structure.shape),
+        **disk.record(),
+    )
+    unresolved = _unresolved_tuned(tuned)
+    if unresolved and (frequency is None or frequency[0] <= tuned.frequency <= frequency[1]):
+        return _without_amplitude(replace(not_found, frequency=tuned.frequency), unresolved)
     begin, end, width = band(disk, preload)
     bands = [(begin, end), (begin, max(end, FAR * tuned.frequency))]
     if frequency is not None:
@@ -367,43 +397,80 @@ def peak(
     tuned_higher = _tuned_higher(top, tuned, low, high)
     counts = f"{len(peaks)} peaks from {len(solutions)} of {n_points} points"
     climbs = [(c.blade, c.at.y[-1] / tau, c.heights[0], c.springs[-1], c.height) for c in peaks]
-    not_found = DiskPeak(
-        preload=float(preload),
-        frequency=np.nan,
-        amplitude=np.nan,
-        blade=-1,
-        tuned_amplitude=tuned.amplitude,
-        response=np.zeros((disk.n_blades, 0)),
+    not_found = replace(
+        not_found,
         climbs=np.array(climbs).reshape(-1, 5),
         sweep_frequency=np.array([y[-1] for y in solutions]) / tau,
-        status=NOT_FOUND,
         reason=_reason(top, gap, changed, equations, counts) + tuned_higher,
-        residual=np.nan,
-        error=np.nan,
         interval=(low, high),
-        unknowns=np.zeros(equations.whole.structure.shape),
         cost=meter.read(),
-        **disk.record(),
     )
     if top is None:
         return not_found
     reduced_only = equations.is_reduced and changed is None
     solved = search if reduced_only else whole
-    structure = solved.held(top.springs[-1]).structure
+    system = solved.held(top.springs[-1])
+    structure = system.structure
     u = top.at.y[:-1]
     is_lower_bound = bool(tuned_higher or gap)
-    return replace(
+    harmonics_error = _harmonics_error(disk, preload, search, top, peaks)
+    search_error = _error(top, peaks, changed, equations, all_climbed)
+    reason = not_found.reason
+    if np.isnan(harmonics_error):
+        reason += "; the error does not contain that of harmonics: no solution with more of them"
+    found = replace(
         not_found,
         frequency=float(top.at.y[-1]) / tau,
         amplitude=top.height,
         blade=top.blade,
         response=structure.responses(u),
         status=_status(top, is_lower_bound, reduced_only),
+        reason=reason,
         residual=top.at.residual,
         springs=top.springs[-1],
-        error=_error(top, peaks, changed, equations, all_climbed),
+        error=search_error if np.isnan(harmonics_error) else search_error + harmonics_error,
+        harmonics_error=harmonics_error,
         unknowns=structure.array(u),
+        cost=meter.read(),
     )
+    of_highest = of_blade(system, top.blade)
+    why = why_unresolved(of_highest, top.at.y, structure.structure.damping_ratio)
+    if why:
+        at_peak = LeftOut(found.frequency, found.frequency, why).at_middle
+        return _without_amplitude(found, at_peak)
+    return found
+
+
+def _unresolved_tuned(tuned: Peak) -> str:
+    """Return why the tuned peak is unbounded or has no digits; "" if it has an amplitude.
+
+    Blades that differ have the same damping and friction, so their peaks have no amplitude either.
+    """
+    has_no_amplitude = tuned.reason.startswith((UNBOUNDED, NO_DIGITS))
+    return tuned.reason if has_no_amplitude else ""
+
+
+def _without_amplitude(peak: DiskPeak, why: str) -> DiskPeak:
+    """Return a peak as unbounded or without digits."""
+    amplitude = np.inf if why.startswith(UNBOUNDED) else np.nan
+    reason = f"{why}; {peak.reason}" if peak.reason else why
+    return replace(peak, amplitude=amplitude, status=INCOMPLETE, reason=reason, error=np.nan)
+
+
+def _harmonics_error(
+    disk: DiskProblem, preload: float, search: Search, top: Climbed, peaks: list[Climbed]
+) -> float:
+    """Return the larger relative change by more harmonics, of the highest and of the tuned peak.
+
+    It is NaN if both are unknown.
+    """
+    # the peak of the search from which the highest one was corrected
+    of_search = min(
+        peaks, key=lambda peak: (peak.blade != top.blade, abs(peak.at.y[-1] - top.at.y[-1]))
+    )
+    changes = np.array([search.change_by_harmonics(of_search), disk.tuned_change(preload)])
+    known = np.abs(changes[np.isfinite(changes)])
+    return float(known.max()) if len(known) else np.nan
 
 
 def _corrected(

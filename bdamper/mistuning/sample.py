@@ -671,6 +671,8 @@ def mistuned_sample(
     audited = audit_disks(numbers, audit, seed)
     # computed once, then sent to the workers with the disk
     tuned = [disk.tuned_peak(value) for value in over["preload"]]
+    for value in over["preload"]:
+        disk.tuned_change(value)
 
     results: AbstractContextManager[ResultsFile | None] = nullcontext()
     if resume is not None:

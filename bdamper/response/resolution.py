@@ -40,16 +40,31 @@ def unresolved_resonance(
     if not len(y):
         return None
     top = int(np.argmax(np.abs(system.rows.value(y))))
-    if frequency_rounding(system, y[top]) <= LOOSEST:
+    # modes of the static residual flexibility have no mass
+    mass_or_one = np.where(basis.mass > 0.0, basis.mass, 1.0)
+    damping_ratio = basis.damping / (2.0 * y[top, -1] * mass_or_one)
+    why = why_unresolved(system, y[top], float(damping_ratio.max()))
+    if not why:
         return None
     neighbours = range(max(top - 1, 0), min(top + 2, len(y)))
     of_branch = [i for i in neighbours if branch[i] == branch[top]]
     frequency = y[of_branch, -1] / (2.0 * np.pi)
-    # modes of the static residual flexibility have no mass
-    mass_or_one = np.where(basis.mass > 0.0, basis.mass, 1.0)
-    damping_ratio = basis.damping / (2.0 * y[top, -1] * mass_or_one)
-    why = EXCEEDS_FRICTION if damping_ratio.max() <= UNDAMPED else TOO_SHARP
     return LeftOut(float(frequency.min()), float(frequency.max()), why)
+
+
+def why_unresolved(system: Equations, y: NDArray, damping_ratio: float) -> str:
+    """Return why the amplitude of a resonance is unbounded or has no digits; "" if it has some.
+
+    Parameters
+    ----------
+    system : Equations
+    y : (n_unknowns + 1,) float
+        Highest point of the resonance.
+    damping_ratio : float
+    """
+    if frequency_rounding(system, y) <= LOOSEST:
+        return ""
+    return EXCEEDS_FRICTION if damping_ratio <= UNDAMPED else TOO_SHARP
 
 
 def frequency_rounding(system: Equations, y: NDArray) -> float:

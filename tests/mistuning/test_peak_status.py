@@ -9,6 +9,7 @@ from bdamper.mistuning import BladedDisk, DiskPeakOptions
 from bdamper.mistuning.peak_search import Search
 from bdamper.mistuning.peak_search import band as band_of
 from bdamper.util.errors import BdamperWarning
+from tests.mistuning.lumped import lumped_study
 from tests.mistuning.test_symmetry import PATTERN, study
 
 
@@ -73,3 +74,52 @@ def test_candidates_are_of_different_blades_or_frequencies_and_gaps_part_neighbo
     swept = [None if h is None else np.array([*h, float(i)]) for i, h in enumerate(heights)]
     found = [(at[-1], blade) for at, blade in Search(system, 1.0, (0.0, 9.0)).candidates(swept, 5)]
     assert found == [(1.0, 0), (1.0, 1), (4.0, 0), (5.0, 1)]
+
+
+@pytest.mark.parametrize("preload", [1500.0, 2000.0])
+def test_the_error_covers_more_harmonics(preload):
+    """Of the highest blade, and of the tuned disk; the searches with three harmonics are
+    independent."""
+    options = DiskPeakOptions(least=40, most=60, climbs=60)
+    one, three = (
+        BladedDisk(study(harmonics=n), mistuning=PATTERN).peak(preload, options=options)
+        for n in (1, 3)
+    )
+    assert one.converged and three.converged and one.blade == three.blade
+    change = abs(three.amplitude / one.amplitude - 1.0)
+    tuned = abs(three.tuned_amplitude / one.tuned_amplitude - 1.0)
+    # all maxima of the sweep were examined, so that no other error remains
+    assert one.error == one.harmonics_error
+    assert 0.01 < max(change, tuned) <= 1.001 * one.harmonics_error < 1.5 * max(change, tuned)
+
+
+def test_without_a_solution_the_error_of_harmonics_is_unknown(monkeypatch):
+    monkeypatch.setattr(Search, "change_by_harmonics", lambda *_: np.nan)
+    monkeypatch.setattr(BladedDisk, "tuned_change", lambda *_: np.nan)
+    options = DiskPeakOptions(least=12, most=12, climbs=60)
+    top = BladedDisk(study(), mistuning=PATTERN).peak(2000.0, options=options)
+    assert top.error == 0.0 and np.isnan(top.harmonics_error)
+    assert "does not contain that of harmonics" in top.reason
+
+
+@pytest.mark.parametrize(
+    ("damping", "amplitude", "words"), [(0.0, np.inf, "unbounded"), (1e-8, np.nan, "no digits")]
+)
+def test_a_resonance_without_an_amplitude_is_no_peak(damping, amplitude, words):
+    """Bonded contacts dissipate nothing: what limits the amplitude is damping."""
+    bonded = lumped_study(6, 1, zeta=damping, friction_law="bonded")
+    disk = BladedDisk(bonded, mistuning=PATTERN)
+    top = disk.peak(100.0)
+    assert top.status == "incomplete" and top.reason.startswith(words)
+    np.testing.assert_equal(top.amplitude, amplitude)
+    assert top._headline().startswith("No peak of the bladed disk")
+    assert disk.optimal_curve([100.0]).status[0].startswith(f"failed: incomplete: {words}")
+
+
+def test_a_peak_sharper_than_rounding_has_no_amplitude(monkeypatch):
+    """The tuned peak may lie outside the band."""
+    monkeypatch.setattr("bdamper.mistuning.peak._unresolved_tuned", lambda _: "")
+    monkeypatch.setattr("bdamper.response.resolution.frequency_rounding", lambda *_: 1e-6)
+    options = DiskPeakOptions(least=12, most=12, climbs=1)
+    top = BladedDisk(study(), mistuning=PATTERN).peak(2000.0, options=options)
+    assert np.isnan(top.amplitude) and top.reason.startswith("no digits are left at ")
