@@ -132,7 +132,7 @@ def resonance_crossings(study: bd.Study, given: argparse.Namespace) -> tuple[Any
 def margin(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
     """Return the fatigue margins at the highest peak of a preload, and whether there is a peak."""
     peak = study.peak(given.preload, given.band, mode=given.mode)
-    if not peak.converged:
+    if not peak.ok:
         return peak, False
     response = None
     if given.check:

@@ -251,8 +251,8 @@ class Study(Comparable):
             State at the last load factor.
         """
         state = self.problem.static(preload, history)
-        if not state.converged:
-            warn(f"{state.note}; the result is the last state that was found")
+        if not state.ok:
+            warn(f"{state.reason}; the result is the last state that was found")
         return state
 
     @partial(validation.check_arguments, name="response_at")

@@ -40,7 +40,7 @@ def main() -> None:
     for i, one in enumerate(drawn):
         study = one.study(harmonics=HARMONICS)
         curve, peak = study.frequency_response(0.0, one.band), study.peak(0.0, one.band)
-        heights[:, i] = curve.peak.amplitude, peak.amplitude if peak.converged else np.nan
+        heights[:, i] = curve.peak.amplitude, peak.amplitude if peak.ok else np.nan
         flank[i] = curve.peak_at_end
     apart = np.abs(swept[:, 0] / swept[:, 1] - 1.0) > TOLERANCE
     print(f"{len(drawn)} studies, of which {apart.sum()} have other heights upward than downward")

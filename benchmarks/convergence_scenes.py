@@ -93,7 +93,7 @@ def run(scene: Scene) -> Outcome:
     found = scene.study.harmonic_convergence(peak, harmonics=ASKED, tolerance=scene.tolerance)
     seconds = time.process_time() - begin
     full = scene.study.replace(harmonics=REFERENCE).peak(scene.preload, scene.interval)
-    whole = full.converged and full.search_status.startswith("complete")
+    whole = full.ok and full.search_status == "complete"
     return Outcome(scene, found, full.amplitude if whole else np.nan, seconds)
 
 
@@ -115,15 +115,14 @@ def table(first: int = 0, last: int = SCENES - 1) -> str:
         )
     checked = [o for o in outcomes if np.isfinite(o.reference)]
     kinds = {
-        "converged": [o for o in checked if o.convergence.converged],
+        "converged": [o for o in checked if o.convergence.ok],
         "not converged": [
             o for o in checked if len(o.convergence.settled) < len(o.convergence.peaks)
         ],
         "agrees so far": [
             o
             for o in checked
-            if 1 < len(o.convergence.peaks) == len(o.convergence.settled)
-            and not o.convergence.converged
+            if 1 < len(o.convergence.peaks) == len(o.convergence.settled) and not o.convergence.ok
         ],
         "not known": [o for o in checked if len(o.convergence.peaks) == 1],
     }

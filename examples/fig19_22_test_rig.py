@@ -97,13 +97,13 @@ curves["bladed disk"] = wheel.optimal_curve(
 )
 for name, curve in curves.items():
     ratio, slip = at_normalised_load(curve, 100.0)
-    what = "optimum" if curve.optimum.verified else "least, not verified,"
+    what = "optimum" if curve.optimum.ok else "least, not verified,"
     print(
         f"{name:14} {what} {1e3 * curve.optimum.amplitude:.4f} mm at {curve.optimum.preload:6.1f} N, shift "
         f"{curve.stuck_shift_percent:.1f} %; at 100 times that load: {ratio:.2f} of the stuck amplitude, slip "
         f"{100 * slip:.1f} %"
     )
-shown = {name: curve for name, curve in curves.items() if curve.optimum.verified}
+shown = {name: curve for name, curve in curves.items() if curve.optimum.ok}
 with plt.rc_context(STYLE):
     axes = [plt.subplots(figsize=(5.6, 3.6))[1] for _ in range(2)]
     for (name, curve), look in zip(shown.items(), looks(len(shown))):

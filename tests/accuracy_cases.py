@@ -103,7 +103,7 @@ def compare(number: int) -> Compared | None:
 
 def known_amplitude(peak: Peak) -> float:
     """Amplitude of a peak, or of the highest maximum beside a higher end of the interval."""
-    return peak.amplitude if peak.converged else peak.lower_bound
+    return peak.amplitude if peak.ok else peak.lower_bound
 
 
 def highest_of_richer(
@@ -160,4 +160,4 @@ def apart_from(study: bd.Study, richer: bd.Study, preload: float, own: Peak) -> 
     found = find_peak(
         richer.problem.system(preload), embed(study.problem, richer.problem, preload, own.y)
     )
-    return found if found.converged else None
+    return found if found.ok else None

@@ -113,7 +113,7 @@ def scene(study: bd.Study, case: Case) -> tuple[float, tuple[float, float]] | No
     of the stuck resonance any more.
     """
     state = study.static(100.0)
-    if not state.converged:
+    if not state.ok:
         return None
     stuck, free = study.stuck((150.0, 1500.0)), resonances(study.free((150.0, 1500.0)))
     found = resonances(stuck)

@@ -40,7 +40,7 @@ def _next(family, known, value):
                       reach=0.5)  # fmt: skip
     n = system.n_mean
     near = np.linalg.norm((found.y - guess)[n:-1]) < NEAR * np.linalg.norm(last.y[n:-1])
-    return (found if found.converged and near else None), found.status
+    return (found if found.ok and near else None), found.status
 
 
 def follow_peak(family, start, values):
@@ -66,8 +66,8 @@ def follow_peak(family, start, values):
 def find_start(problem, preload, omega, options, meter):
     """A solution (n_unknowns + 1,) at one frequency (rad/s), None where there is none, and what was tried."""
     case = problem.at(preload)
-    if not case.static.converged:
-        return None, [f"static state: {case.static.note}"]
+    if not case.static.ok:
+        return None, [f"static state: {case.static.reason}"]
     system = case.equations
     meter.watch(system)
     found, log, last = first_point(system, case.static, case.stuck_springs(), omega, options, meter)

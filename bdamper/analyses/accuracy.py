@@ -80,7 +80,7 @@ from bdamper.response.peak import Peak, PeakOptions, check_peak, peak_of_sign, s
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import Convergence, HarmonicPeak, Meeting
 from bdamper.util import validation
-from bdamper.util.display import Fact, Plottable
+from bdamper.util.display import Fact, Plottable, Result
 from bdamper.util.errors import (
     INCOMPLETE,
     INTERRUPTED,
@@ -217,7 +217,7 @@ def _peak_at_optimum(problem: Problem, curve: OptimalCurve) -> Peak:
     """
     optimum = curve.optimum
     peak = highest_peak(problem, optimum.preload, tuple(curve.settings["frequency"]))
-    if not peak.converged:
+    if not peak.ok:
         raise BdamperError(f"the highest peak is {peak.status_text}")
     difference = abs(peak.amplitude / optimum.amplitude - 1.0)
     if not difference <= NEAR_HIGHEST:
@@ -535,7 +535,7 @@ class Forecast:
 
 @short_repr
 @dataclass(frozen=True)
-class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy"):
+class AccuracyCost(Result, Plottable, Tabular, Storable, kind="bdamper-accuracy"):
     """Errors and times of settings.
 
     The error of a run consists of its difference from the most detailed run and the uncertainty of
@@ -839,7 +839,7 @@ class _Runs:
 
         The time excludes the static state and the contact stiffness, which are computed before.
         """
-        if problem.static(self.preload).converged:
+        if problem.static(self.preload).ok:
             problem.system(self.preload)
         return evaluate_peak(problem, solve)
 

@@ -45,7 +45,7 @@ from bdamper.response.linear_limits import free_and_stuck
 from bdamper.response.peak import Peak
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
-from bdamper.util.display import Fact, Plottable, draw
+from bdamper.util.display import Fact, Plottable, Result, draw
 from bdamper.util.errors import INCOMPLETE, BdamperError
 from bdamper.util.formatting import amount, counted, percent, sentence, short_repr
 from bdamper.util.progress import CostMeter, one_thread, shows_progress, with_progress
@@ -56,7 +56,7 @@ from bdamper.util.tables import Hertz, Numbers, RadiansPerSecond, Tabular
 
 @short_repr
 @dataclass(frozen=True)
-class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
+class Campbell(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
     """Natural frequencies over rotor speed.
 
     ``plot`` draws the Campbell diagram (:func:`bdamper.plot.plot_campbell`), ``plot_safe`` the

@@ -41,7 +41,7 @@ from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.model.kinematics import RIGID_NAMES
 from bdamper.util import validation
-from bdamper.util.display import Plottable
+from bdamper.util.display import Plottable, Result
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.formatting import amount, percent, short_repr
 from bdamper.util.progress import one_thread, progress_stages, shows_progress
@@ -99,7 +99,7 @@ class EffectRow:
 
 @short_repr
 @dataclass(frozen=True)
-class EffectSignificance(Plottable, Tabular, Storable, kind="bdamper-effect-significance"):
+class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-effect-significance"):
     """Change of the peak without each effect, and the significant effects.
 
     ``plot`` draws bars of the changes (:func:`bdamper.plot.plot_effect_significance`).
@@ -263,7 +263,7 @@ class _Reference:
         """
         on = present.without(name) != present
         leaner = self.problem.replace(**self.effects.without(name))
-        if not leaner.static(self.preload).converged:
+        if not leaner.static(self.preload).ok:
             return EffectRow(name, on, *Change()[:3], "unknown", np.nan, reason="no static state")
         system = leaner.system(self.preload)
         peak = self.curve.peak

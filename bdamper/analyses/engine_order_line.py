@@ -378,7 +378,7 @@ def at_fixed_speed(
     n_steps = PeakOptions().max_iterations
     for _ in range(n_steps):
         peak = peak_at(omega / order, guess)
-        if not peak.converged:
+        if not peak.ok:
             if before is None:
                 return f"no peak at fixed speed: from the highest point on the line, {peak.status_text}"
             omega = 0.5 * (omega + before[0])
@@ -552,7 +552,7 @@ def refined(
         shorter = family.along(low, high, NODES)
         meter.watch(shorter)
         peak = find_peak(shorter, solution.y, tangent=solution.tangent, scale=solution.scale)
-        if not peak.converged:
+        if not peak.ok:
             break
         equations = shorter
         top = replace(peak, parameter=float(peak.y[-1]) / shorter.structure.engine_order)

@@ -455,8 +455,8 @@ def solve_other(
     Solution
     """
     state = other.static(preload)
-    if not state.converged:
-        return Solution(Change(how=f"no static state: {state.note}"))
+    if not state.ok:
+        return Solution(Change(how=f"no static state: {state.reason}"))
     peak = tops.peaks[0]
     if by_newton:
         system = other.system(preload)
@@ -638,7 +638,7 @@ def _watched_solution(
     problem: Problem, other: Problem, preload: float, tops: Tops, meter: CostMeter
 ) -> Solution:
     """Compute the highest peak of another problem, and count its work."""
-    if other.static(preload).converged:
+    if other.static(preload).ok:
         meter.watch(other.system(preload))
     more_harmonics = other.harmonic_numbers != problem.harmonic_numbers
     return solve_other(problem, other, preload, tops, by_newton=more_harmonics)
@@ -723,7 +723,7 @@ def _of_time(
     except BdamperError as error:
         return SourceError(TIME, np.nan, np.nan, np.inf, str(error))
     meter.add(response.cost)
-    if not response.settled:
+    if not response.ok:
         return SourceError(TIME, np.nan, np.nan, np.inf, response.status)
     changes = [end / highest.amplitude - 1.0 for end in (response.lowest, response.highest)]
     amplitude = max(changes, key=abs)

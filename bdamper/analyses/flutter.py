@@ -21,7 +21,7 @@ from bdamper.response.continuation import TWO_PI
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.optimal_curve import preload_values
 from bdamper.util import validation
-from bdamper.util.display import Plottable
+from bdamper.util.display import Plottable, Result
 from bdamper.util.errors import COMPLETE, INCOMPLETE, with_reason
 from bdamper.util.formatting import amount, short_repr
 from bdamper.util.progress import one_thread, progress_stages, shows_progress
@@ -32,7 +32,7 @@ from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Tabul
 
 @short_repr
 @dataclass(frozen=True)
-class Flutter(Plottable, Tabular, Recorded, Storable, kind="bdamper-flutter", row="cycle"):
+class Flutter(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-flutter", row="cycle"):
     """Equilibria and limit cycles of a blade in a flow, over preload and nodal diameter.
 
     ``plot`` draws them over the preload (:func:`bdamper.plot.plot_flutter`).

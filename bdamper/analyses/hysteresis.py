@@ -49,7 +49,7 @@ from bdamper.response.peak import Peak
 from bdamper.response.response_curve import check_curve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
-from bdamper.util.display import Comparable, Fact, Plottable, draw
+from bdamper.util.display import Fact, Plottable, Result, draw
 from bdamper.util.errors import COMPLETE, FAILED, ModelError, SettingError, with_reason
 from bdamper.util.formatting import amount, peak_text, percent, short_repr
 from bdamper.util.progress import one_thread
@@ -70,7 +70,7 @@ Solved = ResponseCurve | Peak | OptimalCurve
 
 @short_repr
 @dataclass(frozen=True)
-class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-hysteresis"):
+class Hysteresis(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-hysteresis"):
     """Energies, equivalent stiffness and damping of the contacts, and loops for a single solution.
 
     For a single solution the fields are numbers, or arrays over the contact points. For several
@@ -524,8 +524,8 @@ def microslip(
     )
     validation.choice("microslip location", location, sorted(problem.model.locations))
     seat = problem.static(preload)
-    if not seat.converged:
-        raise ModelError(f"microslip: no static state under {preload:g} N: {seat.note}")
+    if not seat.ok:
+        raise ModelError(f"microslip: no static state under {preload:g} N: {seat.reason}")
     modes = problem.coupling.location_modes(location, 0).real
     # residual modes move no location
     n_residual = problem.static_basis.n_modes - modes.shape[1]
@@ -550,7 +550,7 @@ def microslip(
     for force in steps:
         if force > 0.0:
             state = static_state(system, float(force), start=state, steps=2)
-        if not state.converged:
+        if not state.ok:
             break
         on_friction = replace(state, on_friction_face=problem.friction_points).friction_state
         n_open = on_friction.count("open")

@@ -14,7 +14,7 @@ does not reach the upper amplitude, another branch is followed downward from the
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
@@ -32,7 +32,7 @@ from bdamper.response.branches import Piece, evaluation_budget, in_order
 from bdamper.response.continuation import TWO_PI, follow
 from bdamper.response.events import ContinuationOptions, Path
 from bdamper.util import validation
-from bdamper.util.display import Comparable, InContact, Result
+from bdamper.util.display import InContact, Result
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, SettingError
 from bdamper.util.formatting import amount, short_repr, span
 from bdamper.util.progress import Cost, CostMeter, one_thread, progress_bar, shows_progress
@@ -56,7 +56,6 @@ from bdamper.util.tables import (
 class NonlinearMode(
     Result,
     InContact,
-    Comparable,
     FrequencySeries,
     Tabular,
     Recorded,
@@ -108,8 +107,9 @@ class NonlinearMode(
     preload: float
     mode: int
     scales_to: float
-    status: str
-    reason: str
+    # without a default, unlike that of the base class
+    status: str = field()
+    reason: str = field()
     cost: Cost
     _summary_fields = ("mode", "preload", "status", "folds", "linear_to", "scales_to")
 

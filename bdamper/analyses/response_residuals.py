@@ -1002,7 +1002,7 @@ def of_resonances(varied: Variations, data: Measured, noise: float) -> Separatio
         return np.log([free.amplitude, free.frequency])
 
     peaks = [computed[load] for load in data.load[order]]
-    lost = np.array([peak is None or not peak.converged for peak in peaks])
+    lost = np.array([peak is None or not peak.ok for peak in peaks])
     units = np.full((n, 2), noise)
     model = np.full((n, 2), np.nan)
     for i, peak in enumerate(peaks):

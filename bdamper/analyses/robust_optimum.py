@@ -993,7 +993,7 @@ class _MarginSearch:
             neighbour = find_peak(
                 system, peak.y, parameter=preload, tangent=peak.tangent, scale=peak.scale
             )
-        if not neighbour.converged:
+        if not neighbour.ok:
             return np.nan
         return self._height(neighbour, preload)
 

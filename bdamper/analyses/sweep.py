@@ -41,7 +41,7 @@ from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import plausible_ranges, validation
-from bdamper.util.display import Differences, Plottable
+from bdamper.util.display import Differences, Plottable, Result
 from bdamper.util.errors import (
     COMPLETE,
     FAILED,
@@ -115,9 +115,9 @@ class PeakTask(validation.Checked):
         if search != COMPLETE:
             warning = f"scan {search}"
         return {
-            "amplitude": peak.amplitude if peak.converged else np.nan,
+            "amplitude": peak.amplitude if peak.ok else np.nan,
             "lower_bound": peak.lower_bound,
-            "frequency": peak.frequency if peak.converged else np.nan,
+            "frequency": peak.frequency if peak.ok else np.nan,
             "residual": peak.residual,
             "stick": float(stick),
             "slip": float(slip),
@@ -607,7 +607,7 @@ def _with_followed_peaks(job: _Job, task: PeakTask, points: NDArray, records: Re
 
         def peak_at(preload: float, problem: Problem = problem) -> Peak | None:
             peak = highest_peak(problem, preload, task.frequency, mode=task.mode)
-            return peak if peak.converged and not peak.corner else None
+            return peak if peak.ok and not peak.corner else None
 
         higher_peaks = followed_peaks(problem, height, lambda _: True, peak_at)
         for preload, followed in higher_peaks.items():
@@ -717,7 +717,7 @@ def sweep(
 
 @short_repr
 @dataclass(frozen=True)
-class Comparison(Plottable, Tabular, Storable, kind="bdamper-comparison"):
+class Comparison(Result, Plottable, Tabular, Storable, kind="bdamper-comparison"):
     """Response curves or optimal curves of several studies.
 
     ``plot`` draws all of them in the same axes (:func:`bdamper.plot.plot_comparison`).

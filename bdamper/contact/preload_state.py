@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from bdamper.util.display import InContact
 from bdamper.util.formatting import amount, area_text, counted, percent, short_repr
 from bdamper.util.progress import Cost
+from bdamper.util.records import Data
 from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import Storable
 from bdamper.util.tables import (
@@ -56,9 +57,10 @@ class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="con
         Largest residual of modal equilibrium, relative to the modal load.
     steps, iterations : int
         Number of load steps and of Newton iterations.
-    converged : bool
-    note : str
-        Reason if not converged.
+    ok : bool
+        Whether an equilibrium was found.
+    reason : str
+        Reason if there is none.
     cost : Cost
     interface : tuple of str
         Interface of each contact point; empty if unknown.
@@ -85,8 +87,8 @@ class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="con
     residual: float
     steps: int
     iterations: int
-    converged: bool
-    note: str = ""
+    ok: Annotated[bool, Data(file="converged")]
+    reason: Annotated[str, Data(file="note")] = ""
     cost: Cost = field(default_factory=Cost)
     interface: Annotated[tuple[str, ...], Quantity()] = ()
     memory: NDArray | None = None
@@ -121,8 +123,8 @@ class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="con
         # as verbs of one and of several points
         verbs = {"sticks": "stick", "slips": "slip", "is open": "are open"}
         of_all = [verb for verb, count in zip(verbs, counts) if count == len(states)]
-        if not self.converged:
-            verdict = f"Not converged: {self.note}"
+        if not self.ok:
+            verdict = f"Not converged: {self.reason}"
         elif of_all and len(states) == 1:
             verdict = f"The {self._kind_of_points} point {of_all[0]}"
         elif of_all:
@@ -134,7 +136,7 @@ class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="con
             Row(name, amount(force, "N"), self._contact_text(name, force))
             for name, force in self.normal_force.items()
         ]
-        outcome = "pass" if self.converged else "FAIL"
+        outcome = "pass" if self.ok else "FAIL"
         checks = [Row("Equilibrium", outcome, f"residual {self.residual:.2g}")]
         remarks = [f"Edge contact: {self.edges}"] if self.edges else []
         remarks.append("Not covered: other states that friction allows")
@@ -163,7 +165,7 @@ class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="con
 
         The text has the mean pressure there; it is empty without such faces.
         """
-        if not self.converged or self.area is None or self.friction is None:
+        if not self.ok or self.area is None or self.friction is None:
             return ""
         names = np.array(self.interface)
         texts = []

@@ -312,7 +312,7 @@ class _Equilibrium:
     residual: float
 
     @property
-    def converged(self) -> bool:
+    def ok(self) -> bool:
         """Whether the residual is small enough; not if it is NaN."""
         return self.residual <= EQUILIBRIUM
 
@@ -487,7 +487,7 @@ def _before_loading(system: StaticSystem) -> PreloadState:
         residual=0.0,
         steps=0,
         iterations=0,
-        converged=True,
+        ok=True,
     )
 
 
@@ -576,7 +576,7 @@ def static_state(
     Returns
     -------
     PreloadState
-        If a load step has no solution, the last solved state with ``converged`` False and a note.
+        If a load step has no solution, the last solved state with ``ok`` False and a reason.
     """
     if start is not None:
         return _loaded(system, load, start, steps)
@@ -591,7 +591,7 @@ def static_state(
         return _loaded(system, load, unloaded, steps)
 
     assembled = replace(_loaded(assembly, 1.0, unloaded, steps), load=0.0)
-    if assembled.converged:
+    if assembled.ok:
         return _loaded(system, load, assembled, steps)
     if load <= 0.0:
         return assembled
@@ -662,7 +662,7 @@ class _LoadPath:
     def advance(self) -> None:
         """Make a load step, or shorten the next one if this one is too long.
 
-        Without equilibrium ``state`` has ``converged`` False and a note.
+        Without equilibrium ``state`` has ``ok`` False and a reason.
         """
         step = min(self.step, self.longest)
         if step > self.left - SHORTEST:
@@ -671,7 +671,7 @@ class _LoadPath:
         before = _slider_memory(self.system, self.state)
         end = self._solve(load, step, before)
 
-        if not end.converged:
+        if not end.ok:
             if step > self.least:
                 self.step = max(1e-3 * step, self.least)
                 return
@@ -712,7 +712,7 @@ class _LoadPath:
         for states in different.values():
             end = load_step.solve(states)
             iterations += end.iterations
-            if end.converged:
+            if end.ok:
                 break
         return replace(end, iterations=iterations)
 
@@ -730,14 +730,14 @@ class _LoadPath:
         for step in tried:
             load = self._load_after(step)
             end, reached = _creep(self.system, load, self.state, self.unit)
-            if end.converged:
+            if end.ok:
                 break
-        if not end.converged:
+        if not end.ok:
             note = (
                 "static contact found no equilibrium beyond a load of "
                 f"{self.state.load:.6g} N (residual {end.residual:.2g})"
             )
-            self.state = replace(self.state, converged=False, note=note)
+            self.state = replace(self.state, ok=False, reason=note)
             self.lost = True
             return
         x = self.system.G @ end.q + self.system.shift_at(load)
@@ -771,7 +771,7 @@ class _LoadPath:
             residual=end.residual,
             steps=self.state.steps + 1,
             iterations=self.state.iterations + end.iterations,
-            converged=True,
+            ok=True,
             memory=contacts.memory,
         )
         self.left = self.left - step
@@ -790,7 +790,7 @@ def scaled_state(system: StaticSystem, state: PreloadState, load: float) -> Prel
     state : PreloadState
     load : float, N
     """
-    if not (state.converged and state.load > 0.0 and load > 0.0):
+    if not (state.ok and state.load > 0.0 and load > 0.0):
         return None
     if not system.scales or np.any(system.cubic) or system.own:
         return None

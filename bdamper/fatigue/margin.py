@@ -23,8 +23,8 @@ from bdamper.harmonic_balance.checks import Solutions, SomeResult, solutions_of
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.subject import about
 from bdamper.util import validation
-from bdamper.util.display import Comparable, Plottable, draw
-from bdamper.util.errors import BdamperError
+from bdamper.util.display import Plottable, Result, draw
+from bdamper.util.errors import COMPLETE, BdamperError
 from bdamper.util.formatting import UNITS, amount, counted, sentence, short_repr
 from bdamper.util.records import Reason
 from bdamper.util.statement import Row, Statement
@@ -130,8 +130,8 @@ class SteadyAmplitude(Protocol):
 @dataclass(frozen=True)
 class Margins(
     AtPoints,
+    Result,
     Plottable,
-    Comparable,
     Tabular,
     Recorded,
     Storable,
@@ -228,7 +228,7 @@ class Margins(
 
 @short_repr
 @dataclass(frozen=True)
-class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-margin-curve"):
+class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-margin-curve"):
     """Margin over frequency, preload, rotor speed or damper mass.
 
     ``plot`` draws it with the response amplitude (:func:`bdamper.plot.plot_margin`).
@@ -298,6 +298,16 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
 
     def __len__(self) -> int:
         return len(self.values)
+
+    @property
+    def status(self) -> str:
+        """Status of the search for the largest margin; "complete" without a search."""
+        return self.best_status or COMPLETE
+
+    @property
+    def reason(self) -> str:
+        """Reason for the status."""
+        return self.best_reason
 
     @property
     def least(self) -> int:

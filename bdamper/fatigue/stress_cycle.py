@@ -29,7 +29,7 @@ from bdamper.model.gauges import gauge_point, gauge_weights
 from bdamper.model.loads import Direction
 from bdamper.model.structure import Body, ModalBasis, StressSet
 from bdamper.util import validation
-from bdamper.util.display import Comparable, Plottable
+from bdamper.util.display import Plottable, Result
 from bdamper.util.errors import SettingError, warn_implausible
 from bdamper.util.formatting import amount, peak_text, sentence, short_repr
 from bdamper.util.statement import Row, Statement
@@ -73,8 +73,8 @@ class AtPoints:
 @dataclass(frozen=True)
 class StressCycle(
     AtPoints,
+    Result,
     Plottable,
-    Comparable,
     Tabular,
     Recorded,
     Storable,

@@ -135,7 +135,7 @@ def unknowns_of(problem: Problem, result: SomeResult) -> NDArray:
     """
     given: Any = result
     if hasattr(given, "y"):
-        if not given.converged:
+        if not given.ok:
             raise SettingError(
                 f"result: expected a converged peak, found status {given.status_text!r}"
             )
@@ -458,7 +458,7 @@ def check_interval(case: LoadCase, frequency: tuple[float, float]) -> None:
     These are the free and the stuck resonance of a mode.  An interval that contains resonances as
     given is accepted, unless the response there is far weaker.
     """
-    if not case.static.converged:
+    if not case.static.ok:
         return
     sector = case.sector
     _check_direction(case.problem, sector, frequency)

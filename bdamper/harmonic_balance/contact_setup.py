@@ -176,7 +176,7 @@ def approach(
         bonded=system.bonded & ~apart,
     )
     state = static_state(held, 0.0)
-    validation.check(state.converged, item, "a structure that can carry them at rest", state.note)
+    validation.check(state.ok, item, "a structure that can carry them at rest", state.reason)
 
     # e = N/kn - v
     motion = system.G @ state.q

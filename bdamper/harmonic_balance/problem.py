@@ -670,7 +670,7 @@ class Problem:
         state = None
         for factor in factors:
             state = static_state(system, factor * preload, start=state, offset=offset)
-            if not state.converged:
+            if not state.ok:
                 break
         assert state is not None
         return state
@@ -771,9 +771,9 @@ class LoadCase:
     @property
     def equilibrium(self) -> PreloadState:
         """Static state; StaticError if there is none."""
-        if not self.static.converged:
+        if not self.static.ok:
             raise StaticError(
-                f"expected a static state under {self.preload:g} N, found none: {self.static.note}"
+                f"expected a static state under {self.preload:g} N, found none: {self.static.reason}"
             )
         return self.static
 

@@ -465,7 +465,7 @@ class DiskProblem(Summarised):
         found."""
         if preload not in self._tuned_peaks:
             peak = highest_peak(self.structure.tuned, preload)
-            if not peak.converged:
+            if not peak.ok:
                 peak = replace(peak, amplitude=np.nan)
             self._tuned_peaks[preload] = peak
         return self._tuned_peaks[preload]

@@ -112,8 +112,9 @@ class DiskPeak(Result, Plottable, Recorded, Storable, kind="bdamper-wheel-peak")
     response: NDArray
     climbs: NDArray
     sweep_frequency: NDArray
-    status: str
-    reason: str
+    # without a default, unlike that of the base class
+    status: str = field()
+    reason: str = field()
     residual: float
     unknowns: NDArray
     springs: float = 0.0
@@ -130,11 +131,6 @@ class DiskPeak(Result, Plottable, Recorded, Storable, kind="bdamper-wheel-peak")
         "error",
         "springs",
     )
-
-    @property
-    def converged(self) -> bool:
-        """Whether the peak was found with free dampers."""
-        return self.status == COMPLETE
 
     @property
     def found(self) -> bool:
@@ -178,7 +174,7 @@ class DiskPeak(Result, Plottable, Recorded, Storable, kind="bdamper-wheel-peak")
         if is_lower_bound:
             doubt = "Not for design: a higher blade may exist; try DiskPeakOptions(least=240). "
         warning = ""
-        if not self.converged:
+        if not self.ok:
             warning = f" {self.status.capitalize()}: {self.reason}."
         n_blades = len(self.response)
         head = f"Highest of {n_blades} blades at a preload of {amount(self.preload, 'N')}"

@@ -284,7 +284,7 @@ class Search:
                 options=EXACT,
                 reach=reach,
             )
-            if top.converged:
+            if top.ok:
                 c = replace(c, y=top.y, tangent=top.tangent, residual=top.residual)
         response = system.structure.responses(c.y[:-1])
         height = float(np.abs(response[peak.blade, 1]))

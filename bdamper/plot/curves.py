@@ -470,7 +470,7 @@ def _mark_optimum(ax: Axes, result: OptimalCurve) -> None:
     if not np.isfinite(optimum.preload):
         note(ax, result._headline())
         return
-    fill = OPTIMUM if optimum.verified else "w"
+    fill = OPTIMUM if optimum.ok else "w"
     ax.plot(
         optimum.preload,
         optimum.amplitude,
@@ -496,13 +496,13 @@ def _lines_of_optimum(result: OptimalCurve) -> list[str]:
     }
     if optimum.kind in kinds_at_an_end:
         name = kinds_at_an_end[optimum.kind]
-    elif not optimum.verified:
+    elif not optimum.ok:
         name = "least value"
     elif optimum.kind == "jump":
         name = "optimum at a jump"
     else:
         name = "optimum"
-    if not optimum.verified:
+    if not optimum.ok:
         name += ", not verified"
     lines = [f"{name}: {amount(optimum.preload, 'N')}, {amount(optimum.amplitude, 'm')}"]
     in_time = result.optimum_in_time
@@ -749,8 +749,8 @@ def _star_of_optimum(ax: Axes, result: OptimalCurve, colour: Any) -> None:
         "*",
         color=colour,
         markersize=8.0,
-        markerfacecolor=colour if optimum.verified else "w",
-        label=once(ax, "optimum" if optimum.verified else "least value, not verified"),
+        markerfacecolor=colour if optimum.ok else "w",
+        label=once(ax, "optimum" if optimum.ok else "least value, not verified"),
     )
 
 

@@ -287,7 +287,7 @@ def _at_optimum(
     peak = highest_peak(problem, preload, band)
     limits = [linear_limits.free(problem, band), linear_limits.stuck(problem, band, preload)]
     figures = [(f"Response over frequency at {load}", _picture(tracked, limits=limits))]
-    if not peak.converged:
+    if not peak.ok:
         return figures, []
     contacts = _picture(peak, "plot_contacts", problem)
     figures.append((f"Stick, slip and separation over a cycle of the peak at {load}", contacts))

@@ -281,7 +281,7 @@ def plot_convergence(convergence: Convergence, ax: Axes = NEW) -> None:
     ax.set(xlabel="Highest harmonic", ylabel="Resonance amplitude (m)", xticks=harmonics)
     if len(peaks) == 1:
         note(ax, convergence._headline(), 0.05)
-    state = "converged" if convergence.converged else "not converged"
+    state = "converged" if convergence.ok else "not converged"
     tolerance = percent(convergence.tolerance)
     ax.set_title(f"preload {amount(convergence.preload, 'N')}, {state} to {tolerance}")
     ax.margins(y=0.25)

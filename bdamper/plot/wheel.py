@@ -142,13 +142,13 @@ def plot_wheel_peak(peak: DiskPeak, ax: Axes = NEW) -> None:
         return
     _bars(ax, peak.amplitudes, peak.blade)
     ax.axhline(peak.tuned_amplitude, color="k", linewidth=1.0, label="tuned peak")
-    bound = "" if peak.converged else "at least "
+    bound = "" if peak.ok else "at least "
     ax.set_title(_of_peak(peak, f"amplification factor {bound}{peak.amplification:.3f}"))
 
 
 def _of_peak(peak: DiskPeak, result: str) -> str:
     """Return a title: preload, frequency, a result, and a warning if a peak has not converged."""
-    if peak.converged:
+    if peak.ok:
         warning = ""
     elif peak.springs:
         warning = ", dampers held"

@@ -117,7 +117,7 @@ def follow_upward(
         new = find_peak(
             system, guess, options=options, parameter=next_preload, reach=REACH, **shape
         )
-        same = new.converged and abs(np.log(new.amplitude / here.amplitude)) < CHANGE
+        same = new.ok and abs(np.log(new.amplitude / here.amplitude)) < CHANGE
         if not same:
             step *= 0.5
             continue
@@ -292,7 +292,7 @@ def _coarse_at(
     """Return the highest point of one coarse curve, from which a peak can be followed."""
     meter = CostMeter()
     case = problem.at(preload)
-    if case.static.converged:
+    if case.static.ok:
         meter.watch(case.equations)
     coarse = coarse_options()
     curve = uninterrupted(frequency_response(problem, preload, frequency, options=coarse))

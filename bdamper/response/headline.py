@@ -95,7 +95,7 @@ def _within_range(curve: OptimalCurve) -> Check:
 def _verified(curve: OptimalCurve) -> Check:
     """Report an optimum below which a value may exist, or whose preload is uncertain."""
     best = curve.optimum
-    if not best.verified:
+    if not best.ok:
         colour = "red"
     elif GOOD < best.uncertainty < np.inf:
         colour = "amber"
@@ -218,7 +218,7 @@ def _more_harmonics(curve: OptimalCurve) -> Check:
     if convergence is None:
         return Check("white", "More harmonics", "not run", rule)
     first, *others = convergence.peaks
-    if convergence.converged:
+    if convergence.ok:
         colour = "green"
     else:
         changes = [abs(peak.amplitude / first.amplitude - 1.0) for peak in others]

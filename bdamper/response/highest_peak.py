@@ -259,7 +259,7 @@ class _Refined:
             )
             # a lower maximum belongs to another part of the curve
             reached = peak.amplitude >= (1.0 - LEVEL) * self.curve.amplitude[i]
-            if peak.converged and reached and self._within(peak):
+            if peak.ok and reached and self._within(peak):
                 return Highest(peak, "corner" if peak.corner else "peak", i)
 
         kind = "fold" if self.curve.point_kind[i] == "fold" else "corner"
@@ -454,7 +454,7 @@ def found_at(
     """
     meter = CostMeter()
     case = problem.at(preload)
-    if case.static.converged:
+    if case.static.ok:
         meter.watch(case.equations)  # the curves use the same equations
     coarse: tuple[ResponseCurve, Highest] | None = None
     for continuation in (coarse_options(), ContinuationOptions()):

@@ -246,7 +246,7 @@ def linear_peak(case: LoadCase, frequency: tuple[float, float], *, stuck: bool) 
 
     The stuck resonance is also NaN at a preload without a static state.
     """
-    if stuck and not case.static.converged:
+    if stuck and not case.static.ok:
         return Limit(np.nan, np.nan)
     if stuck:
         sector = case.sector

@@ -595,7 +595,7 @@ def smooth_minimum(
             parameter=parameter,
             reach=REACH,
         )
-        if not peak.converged or peak.corner:
+        if not peak.ok or peak.corner:
             raise ArithmeticError("the peak is lost")
         peaks[x] = peak
         by_parameter = amplitude_sensitivity(peak, family, parameter)

@@ -105,11 +105,6 @@ class OptimumPoint(WithStatus):
         object.__setattr__(self, "status", words.get(self.status, self.status))
 
     @property
-    def verified(self) -> bool:
-        """Whether the status is complete: no information indicates a lower value elsewhere."""
-        return self.ok
-
-    @property
     def known_to(self) -> str:
         """Uncertainty of the preload in words; "" if it is negligible or unknown."""
         if 1e-5 < self.uncertainty < np.inf:
@@ -122,7 +117,7 @@ class OptimumPoint(WithStatus):
         text = KINDS[self.kind]
         if self.known_to:
             text += f", {self.known_to}"
-        if not self.verified:
+        if not self.ok:
             text += f", {self.status_text}"
         return text
 
@@ -294,7 +289,7 @@ class OptimalCurve(
         best = self.optimum
         if best.kind in ENDS:
             texts.append(f"optimum: least value at the {ENDS[best.kind]}")
-        if best.kind != "flat" and not best.verified:
+        if best.kind != "flat" and not best.ok:
             uncertainty = f", {best.known_to}" if best.known_to else ""
             texts.append(f"optimum {best.status_text}{uncertainty}")
         return tuple(texts)

@@ -41,7 +41,7 @@ from bdamper.response.continuation import Follower
 from bdamper.response.events import AtLeastTwo, ContinuationOptions, Step
 from bdamper.response.motion_range import exceeds
 from bdamper.util import validation
-from bdamper.util.display import Comparable, Fact, InContact, Result
+from bdamper.util.display import Fact, InContact, Result
 from bdamper.util.errors import COMPLETE, NOT_FOUND, with_reason
 from bdamper.util.formatting import amount, peak_text, sentence, short_repr
 from bdamper.util.progress import Cost
@@ -106,7 +106,7 @@ class PeakOptions(validation.Checked):
 
 @short_repr
 @dataclass(frozen=True)
-class Peak(Result, InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-peak"):
+class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
     """Maximum of the amplitude along a response curve, or the point at which the search ended.
 
     :func:`bdamper.plot.plot_peak` draws it.
@@ -185,14 +185,9 @@ class Peak(Result, InContact, Comparable, Tabular, Recorded, Storable, kind="bda
         "search_status",
     )
 
-    @property
-    def converged(self) -> bool:
-        """Whether this maximum solves the equations, and no higher one is known or possible."""
-        return self.ok
-
     def _facts(self) -> tuple[Fact, ...]:
         """Return the peak and its reliability, or only the reason if there is none."""
-        if not self.converged:
+        if not self.ok:
             return (Fact("peak", self.status_text),)
         facts = super()._facts()
         if exceeds(self.half_range, self.amplitude):
@@ -209,7 +204,7 @@ class Peak(Result, InContact, Comparable, Tabular, Recorded, Storable, kind="bda
 
     def _statement(self) -> Statement:
         remarks = [sentence(note) for note in self.notes]
-        if not self.converged:
+        if not self.ok:
             rows = []
             if np.isfinite(self.lower_bound):
                 rows.append(lower_bound_row(self.lower_bound, self.frequency))
@@ -525,7 +520,7 @@ def check_peak(problem: Problem, peak: Peak, name: str = "peak") -> None:
     validation.instance(
         name, peak, Peak, "a Peak, as Study.peak returns it or ResponseCurve.peak is"
     )
-    validation.check(peak.converged, name, "a converged one", f"status '{peak.status_text}'")
+    validation.check(peak.ok, name, "a converged one", f"status '{peak.status_text}'")
     if peak.model_hash:
         check_result(problem, peak, name)
     check_solution(problem, peak.parameter, peak.y, peak.residual, name)
@@ -592,7 +587,7 @@ def peak_of_sign(
             continue
         peak = find_peak(system, c.y, tangent=c.tangent, options=options, parameter=parameter)
         iterations += peak.iterations
-        if not peak.converged:
+        if not peak.ok:
             reason = peak.status_text
         elif sign_of_jacobian(system, peak.y) != sign:
             reason = ANOTHER

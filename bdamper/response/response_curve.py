@@ -345,8 +345,8 @@ def frequency_response(
         options = ContinuationOptions()
     validation.instance("options", options, ContinuationOptions)
     with single_thread():
-        if not case.static.converged:
-            reason = f"static state: {case.static.note}"
+        if not case.static.ok:
+            reason = f"static state: {case.static.reason}"
             return without_points(problem, case.preload, reason, options, case.static.cost)
         if case.preload == 0.0:
             free_response = free_of_contact(problem, frequency, options)

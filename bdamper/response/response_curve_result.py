@@ -11,7 +11,7 @@ available.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 import numpy as np
@@ -22,7 +22,7 @@ from bdamper.harmonic_balance.subject import about, not_covered
 from bdamper.response.branches import NO_DIGITS, NO_SOLUTION, UNBOUNDED, LeftOut
 from bdamper.response.motion_range import exceeds, half_range
 from bdamper.response.peak import AT_END, IN_TIME, Peak, contact_rows, half_range_rows, unchecked
-from bdamper.util.display import Comparable, Fact, InContact, Result
+from bdamper.util.display import Fact, InContact, Result
 from bdamper.util.errors import INCOMPLETE, INTERRUPTED, BdamperError, Ending
 from bdamper.util.formatting import amount, counted, peak_text, sentence, short_repr, span
 from bdamper.util.progress import Cost
@@ -61,7 +61,6 @@ LOCKED = "is self-locking: its static normal load is not unique"
 class ResponseCurve(
     Result,
     InContact,
-    Comparable,
     FrequencySeries,
     Tabular,
     Recorded,
@@ -138,8 +137,9 @@ class ResponseCurve(
     branch: Numbers
     point_kind: Kinds
     preload: float
-    status: str
-    reason: str
+    # without a default, unlike that of the base class
+    status: str = field()
+    reason: str = field()
     cost: Cost
     missing_ranges: tuple[LeftOut, ...] = ()
     start_log: tuple[str, ...] = ()

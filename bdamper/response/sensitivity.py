@@ -48,7 +48,7 @@ from bdamper.response.peak import DIFFERENCE, Family, Peak, check_peak, slope_al
 from bdamper.response.response_curve import check_curve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
-from bdamper.util.display import Plottable
+from bdamper.util.display import Plottable, Result
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import peak_text, percent, spaced, table_lines
 from bdamper.util.progress import one_thread
@@ -96,7 +96,7 @@ class PeakSensitivity:
     reason: str = ""
 
 
-class Sensitivities(Plottable, dict[str, PeakSensitivity]):
+class Sensitivities(Result, Plottable, dict[str, PeakSensitivity]):
     """Derivatives of a peak by parameter.
 
     ``plot`` draws the change for one per cent of each (:func:`bdamper.plot.plot_sensitivities`).
@@ -549,7 +549,7 @@ def _finite(value: float, peak: Peak) -> float:
 
 
 def _check(peak: Peak) -> None:
-    validation.check(peak.converged, "sensitivities", "a converged peak", f"status '{peak.status}'")
+    validation.check(peak.ok, "sensitivities", "a converged peak", f"status '{peak.status}'")
     validation.check(
         not peak.corner,
         "sensitivities",

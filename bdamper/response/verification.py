@@ -13,7 +13,7 @@ from bdamper.harmonic_balance.subject import about, has_more_points
 from bdamper.response.motion_range import exceeds
 from bdamper.response.peak import half_range_row
 from bdamper.util import validation
-from bdamper.util.display import Fact, Plottable, Result, Summarised, draw
+from bdamper.util.display import Fact, Plottable, Result, draw
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, WithStatus
 from bdamper.util.formatting import (
     amount,
@@ -253,14 +253,6 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         return sum(abs(amplitude / self.mean - 1.0) > ALIKE for amplitude in self.starts.values())
 
     @property
-    def settled(self) -> bool:
-        """Whether all ``answers`` agree, and nothing indicates a higher motion: status "complete".
-
-        Single periods may still differ, from ``lowest`` to ``highest``.
-        """
-        return self.ok
-
-    @property
     def largest(self) -> float:
         """Amplitude (m) for the stress: the larger of ``highest`` and ``highest_period``."""
         return float(np.fmax(self.highest, self.highest_period))
@@ -297,7 +289,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
             verdict = f"No amplitude by time integration, {reason}{subject}"
             remedy = "Remedy: nothing confirms the peak; choose another preload"
             return Statement([verdict], [balance], remarks=[remedy])
-        if self.settled:
+        if self.ok:
             largest = amount(self.largest, "m")
             verdict = f"Highest amplitude by time integration {largest}{subject}"
         else:
@@ -306,7 +298,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         remark = f"{balance.remark}; time integration {change}"
         rows = [*self._time_rows(), balance._replace(remark=remark), *self._motion_rows()]
         remarks = [f"Not covered: {', '.join(self._open_effects())}"]
-        if not self.settled:
+        if not self.ok:
             frequency = f"{self.frequency:.6g}"
             remedy = f"examine study.motion_in_time(curve, frequency={frequency}, periods=400)"
             remarks.insert(0, f"Remedy: {remedy}")
@@ -337,7 +329,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         """Return the outcome of the other time steps and structures, and of the other starts."""
         rows = []
         if self.answers:
-            outcome = "pass" if self.settled else "FAIL"
+            outcome = "pass" if self.ok else "FAIL"
             means = extent(min(self.answers.values()), max(self.answers.values()), "m")
             rows.append(Row("Other integrations", outcome, f"{means}: {', '.join(self.answers)}"))
         if self.starts:
@@ -767,7 +759,7 @@ class Convergence(Result, Plottable, Tabular):
         return min(amplitudes), max(amplitudes)
 
     @property
-    def converged(self) -> bool:
+    def ok(self) -> bool:
         """Whether the peak agrees with all peaks with more harmonics, at least two."""
         if self.status != COMPLETE or len(self.peaks) <= 2:
             return False
@@ -790,7 +782,7 @@ class Convergence(Result, Plottable, Tabular):
         settled = self.settled
         if 1 < len(settled) < len(more):
             result += f", {_heights(settled)} from {settled[0].harmonics} on"
-        if self.converged:
+        if self.ok:
             return f"{result}: converged to {percent(self.tolerance)}"
         if self._all_agree:
             return f"{result}: agrees so far"
@@ -814,7 +806,7 @@ class Convergence(Result, Plottable, Tabular):
         subject = f"{amount(own.amplitude, 'm')}{self._others_text()}"
         if np.isfinite(self.preload):
             subject += f", preload {amount(self.preload, 'N')}"
-        if self.converged:
+        if self.ok:
             verdict = f"Converged with {harmonics}: {subject}"
         elif not self.peaks[1:]:
             verdict = f"Not known with more than {harmonics}: {subject}"
@@ -837,7 +829,7 @@ class Convergence(Result, Plottable, Tabular):
             if text
         ]
         settled = self.settled
-        if not self.converged and 1 < len(settled) < len(self.peaks):
+        if not self.ok and 1 < len(settled) < len(self.peaks):
             remarks.append(f"Remedy: use harmonics={settled[0].harmonics}")
         remarks.append("Not covered: motion in time, more blade modes, more contact points")
         return Statement([verdict], rows, self._spread_checks(), remarks, table)
@@ -927,7 +919,7 @@ class SourceError:
 
 @short_repr
 @dataclass(frozen=True)
-class ErrorEstimates(Summarised):
+class ErrorEstimates(Result):
     """Estimated errors of a peak, by source.
 
     Parameters

@@ -10,7 +10,7 @@ the rate, so a sweep at twice the rate estimates the error.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 import numpy as np
@@ -96,8 +96,9 @@ class TimeSweep(
     memory: float
     steps_per_period: int
     sectors: int
-    status: str
-    reason: str
+    # without a default, unlike that of the base class
+    status: str = field()
+    reason: str = field()
     cost: Cost
 
     @property

@@ -418,7 +418,7 @@ def _add_refinements(
 def _curve_of_peak(problem: Problem, peak: Peak) -> ResponseCurve:
     """Return the response curve of a peak in its interval."""
     expected = "the highest peak of this study at its preload"
-    if not peak.converged or "frequency" not in peak.settings:
+    if not peak.ok or "frequency" not in peak.settings:
         raise validation.invalid("result", "a peak at a preload", peak.status)
     if peak.model_hash != problem.model.hash:
         raise validation.invalid("result", expected, "a peak of another model")

@@ -394,10 +394,6 @@ def _html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     )
 
 
-class Result(WithStatus, Summarised):
-    """Base class of results: status, reason, and ``ok``; they print themselves."""
-
-
 class Plottable(Summarised):
     """Mixin of objects with a figure."""
 
@@ -494,7 +490,7 @@ def _change(a: Any, b: Any) -> str:
 
 
 class Comparable(Summarised):
-    """Mixin of studies and results that can be compared."""
+    """Base class of studies and results, which can be compared."""
 
     def diff(self, other: Any) -> Differences:
         """Compare the settings, the model and the values with another study or result.
@@ -555,3 +551,7 @@ def _flat(settings: Mapping[str, Any], before: str = "") -> dict[str, Any]:
             else {f"{before}{name}": value}
         )
     return out
+
+
+class Result(WithStatus, Comparable):
+    """Base class of results: they print themselves, can be compared, and have ``ok``."""

@@ -23,7 +23,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from bdamper.util.formatting import truncate
 
@@ -209,10 +209,22 @@ def status_word(status: str) -> str:
 
 
 class WithStatus:
-    """Mixin of dataclasses with a status, one of :data:`STATUSES`, and the reason for it."""
+    """Mixin of dataclasses with a status, one of :data:`STATUSES`, and the reason for it.
 
-    status: str
-    reason: str
+    The status is "complete" unless the class has fields or properties of these names.
+    """
+
+    if TYPE_CHECKING:
+        # read-only, so that a class may have fields or properties
+
+        @property
+        def status(self) -> str: ...
+        @property
+        def reason(self) -> str: ...
+
+    else:
+        status = COMPLETE
+        reason = ""
 
     @property
     def ok(self) -> bool:

@@ -44,7 +44,7 @@ def advice(full):
 def changes(study, effects, advice):
     """Relative change of the peak from that of an advice to that of a study with other effects."""
     a, b = advice, study.replace(**effects).peak(PRELOAD, INTERVAL)
-    known = b.amplitude if b.converged else b.lower_bound  # an end of the interval may be higher
+    known = b.amplitude if b.ok else b.lower_bound  # an end of the interval may be higher
     return known / a.amplitude - 1.0, b.frequency / a.frequency - 1.0
 
 

@@ -75,7 +75,7 @@ def differences(study, name, family, value, peak, steps=STEPS):
             for s, system in systems.items()
         ]
         found = None
-        if all(side.converged and not side.corner for side in sides):
+        if all(side.ok and not side.corner for side in sides):
             high, low = sides
             found = np.array([high.amplitude - low.amplitude, high.frequency - low.frequency]) / (
                 2.0 * step * value
@@ -93,7 +93,7 @@ def differences(study, name, family, value, peak, steps=STEPS):
 def compare(study, preload, parameters):
     """Names of parameters whose derivatives differ from those of whole peaks, and how many could be compared."""
     peak = study.peak(preload)
-    assert peak.converged
+    assert peak.ok
     wrong, compared = {}, 0
     for name, found in study.peak_sensitivities(peak, parameters).items():
         family = (

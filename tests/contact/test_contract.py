@@ -106,7 +106,7 @@ def test_every_row_of_parameters_is_tested():
 
 
 def test_a_law_that_keeps_the_contract():
-    assert joint(slider()).static(0.0).converged
+    assert joint(slider()).static(0.0).ok
 
 
 ENDS = """

@@ -26,7 +26,7 @@ def study(monkeypatch):
         if load <= LAST:
             return found(system, load, **options)
         return replace(
-            found(system, LAST, **options), converged=False, note="no equilibrium beyond 500 N"
+            found(system, LAST, **options), ok=False, reason="no equilibrium beyond 500 N"
         )
 
     monkeypatch.setattr(problem_module, "static_state", failing)
@@ -65,7 +65,7 @@ def test_a_curve_has_no_start(study, options):
 
 def test_a_peak_is_not_that_of_another_load(study):
     peak = study.peak(800.0, INTERVAL)
-    assert np.isnan([peak.amplitude, peak.frequency, peak.lower_bound]).all() and not peak.converged
+    assert np.isnan([peak.amplitude, peak.frequency, peak.lower_bound]).all() and not peak.ok
     assert (
         peak.status_text.startswith("not found: ")
         and "no equilibrium beyond 500 N" in peak.summary()

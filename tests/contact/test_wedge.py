@@ -69,7 +69,7 @@ def test_history_of_loads():
     s = study(friction_coefficient=0.5)
     up, down = s.static(400.0), s.static(1000.0, history=(0.2, 1.0, 0.4))
     assert down.load == pytest.approx(400.0)
-    assert down.converged
+    assert down.ok
     assert down.residual < 1e-9
     assert np.abs(down.force - up.force).max() > 1e-3 * up.force.max()
     # from rest the state is proportional to the load, whatever the steps
@@ -95,7 +95,7 @@ def test_unloading_to_nothing(mu, locks):
     )
     assert s.wedge_friction().self_locking == locks
     found = s.static(1000.0, history=(1.0, 0.0))
-    assert found.converged
+    assert found.ok
     assert found.load == 0.0
     assert (found.force[:, 2].sum() > 10.0) == locks
 
@@ -148,7 +148,7 @@ def test_a_misfit_shrinks_the_contact_and_closes_under_load():
     gap = {"left": bd.face_gap(model.interfaces["left"], angle=2e-4)}
     fit, bad = study(), study(gap=gap)
     for load in (20.0, 2e5):
-        assert bad.static(load).converged
+        assert bad.static(load).ok
     area = [s.static(20.0).contact_area["left"] for s in (fit, bad)]
     assert area[1] < area[0]
     assert bad.static(2e5).contact_area["left"] > area[1]
@@ -172,7 +172,7 @@ def test_answers_warn_of_edge_contact(ask, monkeypatch):
 
 def test_a_state_that_has_not_converged_is_warned_of(monkeypatch):
     s = study()
-    lost = replace(s.static(20.0), converged=False, note="found no equilibrium")
+    lost = replace(s.static(20.0), ok=False, reason="found no equilibrium")
     monkeypatch.setattr(type(s.problem), "static", lambda *_: lost)
     with pytest.warns(
         BdamperWarning, match="found no equilibrium; the result is the last state that was found"
@@ -190,7 +190,7 @@ def test_edge_contact_is_named_with_its_pressure_once(recwarn):
     pressure = state.normal_force["left"] / state.contact_area["left"]
     words = f"'left' touches with {100.0 * part:.2g} % of its area, where the mean pressure is {amount(pressure, 'Pa')}"
     assert 0.0 < part < 0.3 and state.edges == words and f"Edge contact: {words}" in said(state)
-    assert not replace(state, converged=False).edges, "a state at a smaller load"
+    assert not replace(state, ok=False).edges, "a state at a smaller load"
     assert not replace(state, friction=0.0 * state.friction).edges, (
         "an axial stop may touch at one point"
     )
@@ -216,7 +216,7 @@ def test_line_contact_of_the_reduced_model(kind):
     )
     for history in ((1.0,), (0.1, 1.0, 0.2, 1.5)):
         found = s.static(1000.0, history=history)
-        assert found.converged
+        assert found.ok
         assert found.residual < 1e-9
         friction = 0.3 * found.force[:, 2:]
         assert np.all(np.abs(found.force[:, :2]) <= friction + 1e-9 * found.force.max())
@@ -324,10 +324,10 @@ def test_every_answer_about_a_self_locking_wedge_says_so(angle, locks):
     assert (np.tan(np.radians(angle)) <= 0.3) == locks
     peak = study.peak(200.0)
     optimum = study.optimal_curve([150.0, 200.0, 250.0], check=False)
-    assert peak.converged
+    assert peak.ok
     assert np.isfinite(optimum.optimum.preload)
     curve = study.frequency_response(200.0, tuple(peak.settings["frequency"]))
     incomplete = study.peak(200.0, (250.0, 300.0))
-    assert not incomplete.converged
+    assert not incomplete.ok
     for answer in (curve, peak, optimum, incomplete):
         assert ("is self-locking" in answer.summary()) == locks

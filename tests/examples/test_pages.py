@@ -58,7 +58,7 @@ def how_to(seen, page, folder):
     assert len(seen) == 12 and max(len(block.splitlines()) for block in blocks(page)) <= 10
     chosen, robust, _, compared, swept, resumed = seen[1:7]
     space = seen[-1]
-    assert chosen["best"].verified and chosen["low"] < chosen["best"].preload < chosen["high"]
+    assert chosen["best"].ok and chosen["low"] < chosen["best"].preload < chosen["high"]
     assert (
         robust["robust"].amplitude < 1.1 * chosen["best"].amplitude
         and robust["robust"].status == "complete"

@@ -22,7 +22,7 @@ def test_loads_at_rest_are_the_prescribed_ones(study):
     target = np.linspace(-5.0, 60.0, 24)
     pressed = study.replace(constant_loads={"platform": target})
     state = pressed.static(0.0)
-    assert state.converged and np.abs(state.q).max() > 0.0
+    assert state.ok and np.abs(state.q).max() > 0.0
     assert state.force[:, 2] == pytest.approx(np.maximum(target, 0.0), abs=1e-7)
     kn = pressed.problem.stiffness["platform"].stiffness[:, 2]
     # negative loads are gaps of that size

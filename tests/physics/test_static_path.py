@@ -34,7 +34,7 @@ def through(system, load_per_preload, **options):
     state = None
     for load in load_per_preload:
         state = static_state(system, load, start=state, **options)
-        assert state.converged, state.note
+        assert state.ok, state.reason
     return state
 
 

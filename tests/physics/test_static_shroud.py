@@ -18,7 +18,7 @@ def shrouded(load, **settings):
 def check(study, preload, load):
     """Equilibrium and the limits of friction, from the state alone; the shroud has its load before the dampers have any."""
     state, system = study.static(preload), study.problem.static_system(preload)
-    assert state.converged, f"{preload:g} N, {load:g} N: {state.note}"
+    assert state.ok, f"{preload:g} N, {load:g} N: {state.reason}"
     pulled = np.einsum("pdm,pd->m", system.G, state.force) + system.stiffness * state.q
     applied = preload * system.force + system.constant_force
     terms = np.abs(system.G * state.force[..., None]).sum(axis=(0, 1)).max()

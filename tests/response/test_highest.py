@@ -122,9 +122,7 @@ def test_an_end_of_the_interval_counts_where_there_is_no_maximum_and_is_named(st
     assert peak.lower_bound == pytest.approx(curve.peak.amplitude, rel=1e-8) and np.isnan(
         peak.amplitude
     )
-    assert (
-        not peak.converged and peak.status_text == f"incomplete: {AT_END}, without a maximum in it"
-    )
+    assert not peak.ok and peak.status_text == f"incomplete: {AT_END}, without a maximum in it"
     assert peak._headline().startswith(
         "No peak: incomplete: highest at an end"
     ) and "Resonance" not in str(peak)
@@ -179,7 +177,7 @@ def test_a_preload_without_a_maximum_has_no_value(study):
     assert set(result.status) == {f"incomplete: {AT_END}, without a maximum in it"} and set(
         result.kind
     ) == {""}
-    assert np.isnan(result.amplitude).all() and not result.optimum.verified
+    assert np.isnan(result.amplitude).all() and not result.optimum.ok
     assert result.lower_bound[1] == pytest.approx(
         study.peak(1000.0, (250.0, 270.0)).lower_bound, rel=1e-9
     )
@@ -231,9 +229,7 @@ def test_an_optimum_whose_curve_was_given_up_is_not_verified(study, monkeypatch)
     preloads = [30.0, 100.0, 300.0]
     whole = study.optimal_curve(preloads, frequency=INTERVAL, check=False)
     in_time = tuple(TimeResponse(*(1e-5,) * 3, 300.0, p, 1e-5) for p in (30.0, 40.0))
-    assert (
-        whole.optimum.verified and "search" not in replace(whole, time_response=in_time)._headline()
-    )
+    assert whole.optimum.ok and "search" not in replace(whole, time_response=in_time)._headline()
     optimal = sys.modules["bdamper.response.optimal_curve"]
     with monkeypatch.context() as context:
         plain = optimal.at_preload
@@ -242,7 +238,7 @@ def test_an_optimum_whose_curve_was_given_up_is_not_verified(study, monkeypatch)
         )(plain(*asked))
         context.setattr(optimal, "at_preload", ended)
         beyond = study.optimal_curve(preloads, frequency=INTERVAL, check=False)
-    assert not beyond.optimum.verified and "widen frequency" in beyond.optimum.reason
+    assert not beyond.optimum.ok and "widen frequency" in beyond.optimum.reason
     doubt = replace(beyond, time_response=in_time)._headline()
     assert doubt.startswith(f"No optimum: {beyond.optimum.status_text}")
     module = sys.modules["bdamper.response.highest_peak"]
@@ -396,7 +392,7 @@ def test_a_peak_of_a_part_of_a_curve_is_incomplete(monkeypatch):
         and part.lower_bound < 0.9 * x.max()
     )
     assert part._headline().startswith("No peak: incomplete: ") and "Lower bound" in str(part)
-    assert not part.converged and np.isnan(part.amplitude)
+    assert not part.ok and np.isnan(part.amplitude)
 
 
 STUDIES = Path(__file__).resolve().parents[3] / "shared" / "fixtures" / "studies"
@@ -455,7 +451,7 @@ def test_a_curve_of_closed_branches_alone_has_no_peak(study, monkeypatch):
     monkeypatch.setattr(module, "highest_of_curve", unreachable)
     peak = study.peak(30.0, INTERVAL)
     assert peak.status_text.startswith("not found: ") and "connected with an end" in peak.reason
-    assert np.isnan(peak.amplitude) and not peak.converged
+    assert np.isnan(peak.amplitude) and not peak.ok
     found = bd.sweep(study, {"preload": [30.0, 100.0]}, frequency=INTERVAL)
     assert found.status[0] == peak.status_text and found.status[1] == "complete"
     assert np.isnan(found.array("amplitude")[0]) and np.isfinite(found.array("amplitude")[1])

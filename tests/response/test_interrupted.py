@@ -53,9 +53,7 @@ class Here(Executor):
 def whole():
     """With an optimum between preloads."""
     curve = optimal_curve(new_study().problem, **ASKED)
-    assert (
-        curve.complete and curve.optimum.verified and len(curve.curves) == len(curve) > ASKED["n"]
-    )
+    assert curve.complete and curve.optimum.ok and len(curve.curves) == len(curve) > ASKED["n"]
     return curve
 
 
@@ -101,7 +99,7 @@ def test_an_interrupted_curve_has_the_values_that_were_finished(whole, tmp_path)
         and not curve.complete
     )
     assert curve.interrupted and curve.optimum.kind == "unknown"
-    assert curve.optimum.amplitude == np.nanmin(curve.amplitude) and not curve.optimum.verified
+    assert curve.optimum.amplitude == np.nanmin(curve.amplitude) and not curve.optimum.ok
     curve.save(tmp_path / "part.h5")
     assert bd.load(tmp_path / "part.h5").interrupted
 

@@ -39,9 +39,9 @@ def beside(study, peak):
 def test_a_peak_beyond_the_reach_is_refused(study, peak, beside):
     """By Newton's method, and by the search along the curve as well."""
     ways = {"tangent": beside.tangent, "scale": peak.scale, "curvature": peak.curvature}
-    assert find_peak(study.problem.system(1000.0), beside.y, reach=0.2, **ways).converged
+    assert find_peak(study.problem.system(1000.0), beside.y, reach=0.2, **ways).ok
     assert (
-        find_peak(study.problem.system(1000.0), beside.y, reach=0.01, **ways).status
+        find_peak(study.problem.system(1000.0), beside.y, reach=0.01, **ways).status_text
         == f"not found: {FAR}"
     )
 
@@ -49,7 +49,7 @@ def test_a_peak_beyond_the_reach_is_refused(study, peak, beside):
 def test_a_poor_curvature_does_not_lead_far_away(study, peak, beside):
     """Its secant step would be 1e7 times the vibration; steps along the curve are limited."""
     found = find_peak(study.problem.system(1000.0), beside.y, scale=peak.scale, curvature=-1e-9)
-    assert found.converged
+    assert found.ok
     assert found.amplitude == pytest.approx(peak.amplitude, rel=1e-9)
 
 
@@ -70,7 +70,7 @@ def test_the_search_leaves_a_minimum_uphill(curvature):
     system = study.problem.system(18.94)
     scale = system.units(y, abs(after[-1] - y[-1]))
     found = find_peak(system, y, scale=scale, curvature=curvature)
-    assert found.converged
+    assert found.ok
     assert found.curvature < 0.0
     assert found.amplitude > 1.0001 * a[i]
 
@@ -90,7 +90,7 @@ def test_a_converged_peak_has_a_residual_within_the_tolerance(study, peak, besid
         beside.y,
         options=PeakOptions(tolerance=1e-12, position_tolerance=1e-2),
     )
-    assert found.converged
+    assert found.ok
     assert found.residual <= 1e-12
     assert np.isfinite(found.curvature)
 
@@ -120,7 +120,7 @@ def test_a_residual_above_the_estimate_of_rounding_is_accepted(monkeypatch):
     # out of reach, and the estimate says that it is not
     monkeypatch.setattr(peak_module, "rounding", lambda *_: 2e-15)
     found = find_peak(system, usual.y, options=PeakOptions(tolerance=1e-15))
-    assert found.converged
+    assert found.ok
     assert found.amplitude == pytest.approx(usual.amplitude, rel=1e-9)
     monkeypatch.setattr(peak_module, "rounding", lambda *_: 1e-17)
-    assert not find_peak(system, usual.y, options=PeakOptions(tolerance=1e-15)).converged
+    assert not find_peak(system, usual.y, options=PeakOptions(tolerance=1e-15)).ok

@@ -90,7 +90,7 @@ class TestOptimalCurve:
         small = study.optimal_curve((25.0, 60.0), 5, frequency=INTERVAL, check=False)
         o = small.optimum
         assert (o.kind, o.status) == ("smooth", "complete")
-        assert o.kind == "smooth" and o.verified
+        assert o.kind == "smooth" and o.ok
         at = study.peak(o.preload, INTERVAL)
         assert at.amplitude == pytest.approx(o.amplitude, rel=1e-8)
         rise = []
@@ -160,7 +160,7 @@ class TestFindPeak:
         y = peak.y.copy()
         y[:-1] *= 1e6
         found = find_peak(system, y)
-        assert not found.converged
+        assert not found.ok
         assert found.status == "not found" and found.reason
 
     def test_from_a_point_beside_the_peak(self, study, peak):
@@ -171,7 +171,7 @@ class TestFindPeak:
             )
             assert c.status == 0
             found = find_peak(system, c.y, tangent=c.tangent, scale=peak.scale)
-            assert found.converged
+            assert found.ok
             assert found.amplitude == pytest.approx(peak.amplitude, rel=1e-9)
             assert found.frequency == pytest.approx(peak.frequency, rel=1e-8)
 
@@ -299,7 +299,7 @@ def test_static_states_scale_with_the_load(study):
     first = study.static(500.0)
     scaled = study.static(1250.0)
     fresh = plain_study(study.model, excitation=study.excitation, engine_order=5).static(1250.0)
-    assert scaled.converged
+    assert scaled.ok
     assert scaled.residual < 1e-10
     for name in ("q", "slider", "force", "closing"):
         a, b = getattr(scaled, name), getattr(fresh, name)
@@ -334,7 +334,7 @@ def test_peaks_are_found_on_the_rippled_curves_of_sampled_friction():
     for friction in (0.38, 0.42):
         s = study.replace(friction_coefficient=friction)
         peak, curve = s.peak(500.0, interval), s.frequency_response(500.0, interval)
-        assert peak.converged
+        assert peak.ok
         assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=5e-4)
         assert amplitude_at(s.problem.system(500.0), peak.y) == pytest.approx(
             peak.amplitude, rel=1e-12
@@ -590,5 +590,5 @@ def test_few_preloads_lead_to_the_same_optimum_as_many(n):
         contact_stiffness="residual_modes",
     )  # fmt: skip
     best = study.optimal_curve((60.0, 20e3), n, check=False).optimum
-    assert best.verified
+    assert best.ok
     assert (best.preload, best.amplitude) == pytest.approx((191.2543, 1.398973e-4), rel=1e-5)

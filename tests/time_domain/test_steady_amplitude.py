@@ -107,7 +107,7 @@ def test_three_masses_beside_an_own_program(seed, below):
     assert np.ptp(sweep) < 0.01 * sweep.mean() and found.mean == pytest.approx(
         sweep.mean(), rel=0.02
     )
-    assert found.mean == pytest.approx(curve.peak.amplitude, rel=0.02) and found.settled
+    assert found.mean == pytest.approx(curve.peak.amplitude, rel=0.02) and found.ok
     if below is None:
         assert found.status == "complete"
     else:

@@ -1,5 +1,8 @@
 """Statuses: one set of words."""
 
+import json
+from dataclasses import replace
+
 import h5py
 
 import bdamper as bd
@@ -79,3 +82,17 @@ def test_files_of_version_0_10(tmp_path):
         "status": "incomplete",
         "reason": "+1 % in 5 periods",
     }
+
+
+def test_files_with_a_static_state_of_version_0_10(tmp_path):
+    """They have the outcome of the static state as ``converged`` and ``note``."""
+    contact = bd.Contact(normal=0, kn=3.0, preload=5.0)
+    study = bd.lumped([1.0], [0.3], [1.0], contacts=[contact], forces={0: 0.1}, harmonics=1)
+    state = replace(study.static(0.0), ok=False, reason="no equilibrium")
+    path = tmp_path / "static.h5"
+    state.save(path)
+    with h5py.File(path) as file:
+        assert json.loads(file["converged"][()]) is False
+        assert file.attrs["note"] == b"no equilibrium"
+    again = bd.load(path)
+    assert not again.ok and again.reason == "no equilibrium"
