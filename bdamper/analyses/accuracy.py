@@ -99,6 +99,7 @@ from bdamper.util.progress import (
     shows_progress,
     stopped_by,
 )
+from bdamper.util.statement import Statement
 from bdamper.util.storage import Storable
 from bdamper.util.tables import Column, Cycles, Metre, Second, Tabular, columns_of_rows
 from bdamper.util.workers import on_threads
@@ -626,13 +627,15 @@ class AccuracyCost(Result, Plottable, Tabular, Storable, kind="bdamper-accuracy"
             return float(sum(self.last_steps.values()))
         return float(sum(source.size for source in self.sources if source.known or source.needed))
 
-    def _headline(self) -> str:
-        texts = [self._answer_text(), self._reference_text()]
+    def _statement(self) -> Statement:
+        remarks = [self._reference_text()]
         if not self.reached and np.isfinite(self.uncertainty):
-            texts.append(self._forecast_text())
+            remarks.append(self._forecast_text())
         if self.interrupted:
-            texts.append("Interrupted: other runs may suffice.")
-        return " ".join(texts)
+            remarks.append("Interrupted: other runs may suffice.")
+        table, further = self._few_rows()
+        verdict = self._answer_text().removesuffix(".")
+        return Statement([verdict], remarks=[*further, *remarks], table=table)
 
     def _answer_text(self) -> str:
         """Return a sentence on the cheapest settings within the tolerance."""

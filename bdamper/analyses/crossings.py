@@ -46,9 +46,10 @@ from bdamper.response.peak import Peak
 from bdamper.response.sensitivity import sensitivities
 from bdamper.util import validation
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, SettingError
-from bdamper.util.formatting import amount, counted, peak_text, percent, short_repr
+from bdamper.util.formatting import amount, counted, extent, peak_text, percent, short_repr
 from bdamper.util.progress import CostMeter
 from bdamper.util.records import named_fields, numbers_of, row_of
+from bdamper.util.statement import Row, Statement
 
 NUMBERS = (
     "amplitude",
@@ -214,36 +215,61 @@ class Crossings(SweepResult, kind="bdamper-crossings"):
     :func:`bdamper.plot.plot_crossings` draws them.
     """
 
-    def _headline(self) -> str:
+    def _statement(self) -> Statement:
         amplitude = numbers_of(self.values, "amplitude")
         if not np.isfinite(amplitude).any():
             reasons = [
                 text for text in (*self.warnings, *self.status) if text not in ("", COMPLETE)
             ]
-            return f"No crossing: {'; '.join(dict.fromkeys(reasons))}."
+            return Statement([f"No crossing: {'; '.join(dict.fromkeys(reasons))}"])
         highest = self._highest_by_mass()
+        best = "Highest crossing"
+        among = np.full(len(self), True)
+        rows = []
         if len(highest) > 1:
-            best = min(highest, key=lambda mass: highest[mass])
-            of_best = self.points[MASS] == best
-            others = [value for mass, value in highest.items() if mass != best]
-            sentences = [
-                f"Best damper mass factor: {best:g}.",
-                *self._highest_text(of_best),
-                _others_text(others),
-            ]
-        else:
-            of_best = np.full(len(self), True)
-            sentences = self._highest_text(of_best)
-        sentences += self._least_margin_text(of_best)
-        sentences.append("Not checked in time or with more blade modes and contact points.")
+            mass = min(highest, key=lambda mass: highest[mass])
+            among = self.points[MASS] == mass
+            best = f"Best damper mass factor {mass:g}: highest crossing"
+            others = [value for other, value in highest.items() if other != mass]
+            reached = extent(min(others), max(others), "m")
+            rows.append(Row("Other masses", reached, "highest crossings"))
+        i = int(np.nanargmax(np.where(among, amplitude, np.nan)))
+        top = row_of(self.values, i)
+        peak = peak_text(top["amplitude"], top["frequency"])
+        verdict = f"{best} {peak}, {as_words(row_of(self.points, i))}"
+        speed = Row("Speed", f"{top['speed'] * RPM:.0f} rpm", f"{top['speed']:.5g} rad/s")
+        rows = [speed, Row("Preload", amount(top["preload"], "N")), *rows]
+        rows += self._margin_rows(among)
+        remarks = []
+        if top["warning"]:
+            doubt = "Note" if top["kind"] == COMPLETE else "There may be a higher point"
+            remarks.append(f"{doubt}: {top['warning']}")
         missing = np.flatnonzero(~np.isfinite(amplitude))
         if len(missing):
-            first = missing[0]
-            reason = self.warnings[first] or self.status[first]
-            sentences.append(
-                f"No crossing at {len(missing)} of {counted(len(self), 'point')}: {reason}."
-            )
-        return " ".join(sentences)
+            reason = self.warnings[missing[0]] or self.status[missing[0]]
+            points = counted(len(self), "point")
+            remarks.append(f"No crossing at {len(missing)} of {points}: {reason}")
+        remarks.append("Not covered: mistuning, wear, more blade modes and contact points")
+        in_time = Row("Time integration", "not run", "study.at_speed, then time_response")
+        return Statement([verdict], rows, [in_time], remarks, self._crossing_table())
+
+    def _crossing_table(self) -> list[tuple[str, ...]]:
+        """Return one row for each damper mass and engine order."""
+        names = ("Mass factor", "Order", "Speed", "Preload", "Frequency", "Peak", "Remark")
+        table: list[tuple[str, ...]] = [names]
+        for i in range(len(self)):
+            point, value = row_of(self.points, i), row_of(self.values, i)
+            found = ("", "", "", "")
+            if np.isfinite(value["amplitude"]):
+                found = (
+                    f"{value['speed'] * RPM:.0f} rpm",
+                    amount(value["preload"], "N"),
+                    amount(value["frequency"], "Hz"),
+                    amount(value["amplitude"], "m"),
+                )
+            remark = "" if value["kind"] == COMPLETE else str(value["kind"])
+            table.append((f"{point[MASS]:g}", f"{point['engine_order']}", *found, remark))
+        return table
 
     def _highest_by_mass(self) -> dict[float, float]:
         """Return the highest amplitude (m) of each damper mass whose crossings are all known.
@@ -266,38 +292,14 @@ class Crossings(SweepResult, kind="bdamper-crossings"):
                 highest[value] = float(amplitude[rows].max())
         return highest
 
-    def _highest_text(self, among: NDArray) -> list[str]:
-        """Return sentences about the highest of some crossings."""
-        amplitude = np.where(among, numbers_of(self.values, "amplitude"), np.nan)
-        i = int(np.nanargmax(amplitude))
-        top = row_of(self.values, i)
-        peak = peak_text(top["amplitude"], top["frequency"])
-        speed = f"{top['speed']:.5g} rad/s ({top['speed'] * RPM:.0f} rpm)"
-        point = as_words(row_of(self.points, i))
-        preload = amount(top["preload"], "N")
-        sentences = [f"Highest crossing: {peak}, {speed}, {point}, under a preload of {preload}."]
-        if top["warning"]:
-            doubt = "Note" if top["kind"] == COMPLETE else "There may be a higher point"
-            sentences.append(f"{doubt}: {top['warning']}.")
-        return sentences
-
-    def _least_margin_text(self, among: NDArray) -> list[str]:
-        """Return a sentence about the least margin of some crossings; none without margins."""
+    def _margin_rows(self, among: NDArray) -> list[Row]:
+        """Return the row of the least margin of some crossings; none without margins."""
         margins = np.where(among, numbers_of(self.values, "margin"), np.nan)
         if not np.isfinite(margins).any():
             return []
         i = int(np.nanargmin(margins))
-        point = as_words(row_of(self.points, i))
-        return [f"Least margin against fatigue {margins[i]:.3g} ({point})."]
-
-
-def _others_text(amplitudes: Sequence[float]) -> str:
-    """Return a sentence about the highest crossings of all masses but the best."""
-    low = amount(min(amplitudes), "m")
-    high = amount(max(amplitudes), "m")
-    reached = low if low == high else f"{low} to {high}"
-    crossings = "crossings" if len(amplitudes) > 1 else "crossing"
-    return f"Highest {crossings} of the other masses: {reached}."
+        place = as_words(row_of(self.points, i))
+        return [Row("Margin", f"{margins[i]:.3g}", f"least against fatigue, {place}")]
 
 
 def resonance_crossings(

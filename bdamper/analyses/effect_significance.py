@@ -43,8 +43,9 @@ from bdamper.model.kinematics import RIGID_NAMES
 from bdamper.util import validation
 from bdamper.util.display import Plottable, Result
 from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.formatting import amount, percent, short_repr
+from bdamper.util.formatting import amount, percent, sentence, short_repr
 from bdamper.util.progress import one_thread, progress_stages, shows_progress
+from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import Storable
 from bdamper.util.tables import Column, Tabular, columns_of_rows
 
@@ -152,15 +153,18 @@ class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-eff
         """Names of the effects that are not significant."""
         return tuple(e.name for e in self.effects if not e.significant)
 
-    def _headline(self) -> str:
+    def _statement(self) -> Statement:
         n = len(self.effects)
         n_significant = n - len(self.left_out)
         left_out = ", ".join(self.left_out) or "none"
-        return (
-            f"At a preload of {amount(self.preload, 'N')}, {n_significant} of {n} effects are "
-            f"significant. Without the others ({left_out}) the peak changes by "
-            f"{percent(self.amplitude_change, True)} and the work is {self.work:.2g} times as much."
-        )
+        rows = [
+            Row("Peak", percent(self.amplitude_change, True), f"without the others: {left_out}"),
+            Row("Work", f"{self.work:.2g} times", "that of all effects"),
+        ]
+        verdict = f"{n_significant} of {n} effects are significant"
+        subject = f"preload {amount(self.preload, 'N')}, tolerance {percent(self.tolerance)}"
+        remarks = [sentence(note) for note in self.notes]
+        return Statement([f"{verdict}: {subject}"], rows, remarks=remarks, table=self._rows())
 
     def _rows(self) -> list[tuple[str, ...]]:
         rows: list[tuple[str, ...]] = []

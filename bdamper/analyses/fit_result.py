@@ -20,8 +20,9 @@ from bdamper.harmonic_balance.parameters import present_name, vary
 from bdamper.util import validation
 from bdamper.util.display import Plottable, Result
 from bdamper.util.errors import COMPLETE
-from bdamper.util.formatting import percent, short_repr, spaced
+from bdamper.util.formatting import percent, sentence, short_repr, spaced
 from bdamper.util.records import Reason
+from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import Column, Tabular
 
@@ -254,58 +255,47 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
         """Reasons why the fit is incomplete, without :attr:`wrong`; empty for a complete fit."""
         return self.reason.removeprefix(self.wrong).removeprefix("; ")
 
-    def _headline(self) -> str:
+    def _statement(self) -> Statement:
         model_is_wrong = self.misfit > 1.5
-        constants = f"{_capitalised(self._estimates_text())}, with intervals for 95 %."
-        texts = []
-        if self.wrong:
-            texts.append(f"{_capitalised(self.wrong)}.")
-        if model_is_wrong:
-            texts += [self._misfit_text(model_is_wrong), constants]
-        else:
-            texts += [constants, self._misfit_text(model_is_wrong)]
-        if np.isfinite(self.predictions).any():
-            texts.append(self._prediction_text())
-        for note in self.notes:
-            if note.startswith("correlated"):
-                texts.append(f"{_capitalised(note)}.")
-        if model_is_wrong:
-            texts.append(
-                "True constants may lie outside of the intervals: compare a fit with richer "
-                "settings (widen)."
-            )
-        texts.append(f"The constants belong to {self._settings_text()}, and to no other settings.")
-        if self.doubts:
-            texts.append(f"The fit is incomplete: {self.doubts}.")
-        return " ".join(texts)
-
-    def _estimates_text(self) -> str:
-        """Return the parameters with their intervals."""
-        texts = []
-        for i, name in enumerate(self.names):
-            value = f"{self.values[i]:.3g}" if np.isfinite(self.deviation[i]) else UNKNOWN
-            texts.append(f"{spaced(name)} {value} ({self.low[i]:.3g} to {self.high[i]:.3g})")
-        return "; ".join(texts)
-
-    def _misfit_text(self, model_is_wrong: bool) -> str:
-        """Return a sentence on the misfit and the test in which it is largest."""
         misfits = self.misfits
         worst = int(np.argmax(misfits))
-        wrong = ": the model is wrong by more than the noise" if model_is_wrong else ""
-        largest = f"most in {self.tests[worst]} ({misfits[worst]:.2g})"
-        return f"Misfit {self.misfit:.2g} times the noise{wrong}, {largest}."
+        size = f"{self.misfit:.2g} times the noise"
+        if self.wrong:
+            verdict = sentence(self.wrong)
+        elif model_is_wrong:
+            verdict = f"Misfit {size}: the model is wrong by more than the noise"
+        else:
+            verdict = f"Fitted to {size}"
+        finding = f"{size}, most in {self.tests[worst]} ({misfits[worst]:.2g})"
+        checks = [Row("Misfit", "FAIL" if model_is_wrong else "pass", finding)]
+        if np.isfinite(self.predictions).any():
+            checks.append(Row("Prediction", "run", self._prediction_text()))
+        remarks = [sentence(note) for note in self.notes if note.startswith("correlated")]
+        if model_is_wrong:
+            remarks.append(
+                "True constants may lie outside of the intervals: compare a fit with richer "
+                "settings (widen)"
+            )
+        remarks.append(f"The constants belong to {self._settings_text()}, and to no other settings")
+        if self.doubts:
+            remarks.append(f"The fit is incomplete: {self.doubts}")
+        return Statement([verdict], self._estimate_rows(), checks, remarks)
+
+    def _estimate_rows(self) -> list[Row]:
+        """Return the parameters with their intervals of 95 %."""
+        rows = []
+        for i, name in enumerate(self.names):
+            value = f"{self.values[i]:.3g}" if np.isfinite(self.deviation[i]) else UNKNOWN
+            interval = f"{self.low[i]:.3g} to {self.high[i]:.3g}"
+            rows.append(Row(sentence(spaced(name)), value, f"95 %: {interval}"))
+        return rows
 
     def _prediction_text(self) -> str:
-        """Return a sentence on the errors of the predictions of tests."""
+        """Return the errors of the predictions of tests."""
         errors = self.predictions
         worst = int(np.nanargmax(errors))
         return (
-            f"Tests left out of the fit are predicted within {np.nanmin(errors):.2g} to "
+            f"tests left out of the fit are predicted within {np.nanmin(errors):.2g} to "
             f"{errors[worst]:.2g} times the noise ({percent(errors[worst] * self.noise)}) in "
-            f"{self.tests[worst]}."
+            f"{self.tests[worst]}"
         )
-
-
-def _capitalised(text: str) -> str:
-    """Return a text with a capital first letter."""
-    return text[:1].upper() + text[1:]

@@ -37,7 +37,8 @@ from bdamper.importers.measurements import FORCES, LENGTHS, read_columns
 from bdamper.util import validation
 from bdamper.util.display import Plottable, Result
 from bdamper.util.errors import COMPLETE, INCOMPLETE
-from bdamper.util.formatting import amount, percent, short_repr
+from bdamper.util.formatting import amount, percent, sentence, short_repr
+from bdamper.util.statement import Row, Statement
 
 REVERSAL = 10.0
 """Least reversal of the displacement as a multiple of its noise; as a fraction of its range it is
@@ -125,20 +126,21 @@ class FittedLoop(Result, Plottable):
     notes: tuple[str, ...] = ()
     _summary_fields = ("kt", "mu", "spread", "backlash", "misfit", "status", "notes")
 
-    def _headline(self) -> str:
+    def _statement(self) -> Statement:
         kt, mu, spread, clearance = self.deviation
-        backlash = ""
+        rows = [
+            Row("Friction coefficient", f"{self.mu:.3g}", f"deviation {mu:.2g}"),
+            Row("Tangential stiffness", amount(self.kt, "N/m"), f"deviation {amount(kt, 'N/m')}"),
+            Row("Spread of the limits", f"{self.spread:.2g}", f"deviation {spread:.2g}"),
+        ]
         if self.backlash:
-            backlash = f", backlash {amount(self.backlash, 'm')} ({amount(clearance, 'm')})"
-        text = (
-            f"Tangential stiffness {amount(self.kt, 'N/m')} (deviation {amount(kt, 'N/m')}), "
-            f"friction coefficient {self.mu:.3g} ({mu:.2g}), spread of the limits "
-            f"{self.spread:.2g} ({spread:.2g}){backlash}; misfit {percent(self.misfit)} beyond the "
-            "noise."
-        )
+            deviation = f"deviation {amount(clearance, 'm')}"
+            rows.append(Row("Backlash", amount(self.backlash, "m"), deviation))
+        rows.append(Row("Misfit", percent(self.misfit), "beyond the noise"))
+        verdict = "Contact law fitted to the measured loop"
         if self.reason:
-            return f"{self.reason[:1].upper()}{self.reason[1:]}. {text}"
-        return text
+            verdict = sentence(self.reason)
+        return Statement([verdict], rows, remarks=[sentence(note) for note in self.notes])
 
 
 @validation.check_arguments

@@ -73,6 +73,7 @@ from bdamper.util.errors import (
 )
 from bdamper.util.formatting import amount, counted, percent, short_repr, spaced
 from bdamper.util.progress import Cost, LongWork, one_thread, progress_stages
+from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, Column, Newtons, Quantity, Tabular
 from bdamper.util.workers import on_threads
@@ -181,7 +182,7 @@ def _draws_needed(percentile: float) -> float:
 
 
 def _failed_text(failed: Mapping[int, str], n: int) -> str:
-    """Return a sentence that names the draws that do not count, by index and reason.
+    """Return a text that names the draws that do not count, by index and reason.
 
     It is empty without such draws.
     """
@@ -191,7 +192,7 @@ def _failed_text(failed: Mapping[int, str], n: int) -> str:
     first = min(failed)
     return (
         f"{len(failed)} of {counted(n, 'draw')} failed and {verb} not count, first draw {first}: "
-        f"{failed[first]}. "
+        f"{failed[first]}"
     )
 
 
@@ -261,21 +262,19 @@ class RobustOptimum(Result):
     draws: int = 0
     failed: Mapping[int, str] = field(default_factory=dict)
 
-    def __str__(self) -> str:
-        failed = _failed_text(self.failed, self.draws + len(self.failed))
-        edge = ", an end of the range," if self.kind == "end" else ""
+    def _statement(self) -> Statement:
+        edge = ", an end of the range" if self.kind == "end" else ""
         draws = _draws_text(self.percentile, self.draws)
         too_few = _too_few_text(self.percentile, self.draws)
-        text = (
-            f"{failed}At a preload of {amount(self.preload, 'N')}{edge} {draws} reach at most "
-            f"{amount(self.amplitude, 'm')}{too_few}: least of all preloads, known to "
-            f"{percent(self.uncertainty)}."
-        )
+        at_most = f"{draws} reach at most {amount(self.amplitude, 'm')}{too_few}"
+        verdict = f"Best preload {amount(self.preload, 'N')}{edge}: {at_most}"
+        rows = [Row("Preload known to", percent(self.uncertainty), "least of all preloads")]
+        remarks = [_failed_text(self.failed, self.draws + len(self.failed))]
         if not self.ok:
-            text += f" The search is {self.status_text}."
+            remarks.append(f"The search is {self.status_text}")
         if self.warnings:
-            text += f" {self.warnings} of the last peaks are lower bounds."
-        return text
+            remarks.append(f"{self.warnings} of the last peaks are lower bounds")
+        return Statement([verdict], rows, remarks=[text for text in remarks if text])
 
 
 @short_repr
@@ -370,33 +369,38 @@ class OptimalCurveUncertainty(
             columns[f"sample_{name}"] = Column(values, "", ("draw",))
         return columns
 
-    def _headline(self) -> str:
+    def _statement(self) -> Statement:
         failed = {
             i: status.removeprefix(f"{FAILED}: ")
             for i, status in enumerate(self.status)
             if status_word(status) == FAILED
         }
-        failed_text = _failed_text(failed, len(self))
         n_counted = int(self._counted.sum())
+        remarks = [_failed_text(failed, len(self))] if failed else []
         if not np.isfinite(self.amplitude).any():
-            return f"{failed_text}No peak at any preload of {counted(n_counted, 'draw')}."
+            verdict = f"No peak at any preload of {counted(n_counted, 'draw')}"
+            return Statement([verdict], remarks=remarks)
         settings = ", ".join(map(spaced, self.samples))
         draws = _draws_text(95.0, n_counted)
         n_without_peak = int((~self._has_peak).any(axis=1).sum())
-        infinite = ""
         if n_without_peak:
             draws_without = f"{n_without_peak} of {counted(n_counted, 'draw')}"
-            infinite = f" Infinite where they have no peak: {draws_without}."
+            remarks.append(f"Infinite where they have no peak: {draws_without}")
         median, high = self.percentile([50.0, 95.0])
+        table: list[tuple[str, ...]] = [("Preload", "Half at most", "95 % at most")]
+        for values in zip(self.preload, median, high):
+            table.append(tuple(amount(x, unit) for x, unit in zip(values, ("N", "m", "m"))))
         if not np.isfinite(high).any():
-            return f"{failed_text}At no preload do {draws} of {settings} have a peak.{infinite}"
+            verdict = f"At no preload do {draws} of {settings} have a peak"
+            return Statement([verdict], remarks=remarks, table=table)
         best = int(np.argmin(high))
+        at_most = f"{draws} reach at most {amount(high[best], 'm')}"
+        verdict = f"Best preload {amount(self.preload[best], 'N')}: {at_most}"
         too_few = _too_few_text(95.0, n_counted)
-        return (
-            f"{failed_text}At a preload of {amount(self.preload[best], 'N')} {draws} of {settings} "
-            f"reach at most {amount(high[best], 'm')}{too_few}, half at most "
-            f"{amount(median[best], 'm')}: least of the preloads tried.{infinite}"
-        )
+        rows = [
+            Row("Draws", str(n_counted), f"of {settings}{too_few}"),
+        ]
+        return Statement([verdict], rows, remarks=remarks, table=table)
 
 
 @validation.check_arguments

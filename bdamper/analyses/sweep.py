@@ -68,6 +68,7 @@ from bdamper.util.formatting import (
 )
 from bdamper.util.progress import LongWork, one_thread, shows_progress, with_progress
 from bdamper.util.records import named_fields, names_of, row_of
+from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import INSTALLED, Recorded, ResultsFile, Storable
 from bdamper.util.tables import Column, Tabular, concatenate
 
@@ -388,24 +389,28 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
         parts += [f"{n} {what}" for what, n in counts.items() if n > 0]
         return ", ".join(parts)
 
-    def _headline(self) -> str:
+    def _statement(self) -> Statement:
         name = self._main_quantity()
         values = self.array(name).ravel() if name else np.empty(0)
         points = self._counts(values)
+        table, further = self._few_rows()
         if not np.isfinite(values).any():
             reasons = [warning for warning in self.warnings if warning]
-            return f"{points}: {reasons[0]}." if reasons else f"{points}."
+            verdict = f"{points}: {reasons[0]}" if reasons else points
+            return Statement([verdict], remarks=further, table=table)
 
-        def at_point(i: int) -> str:
-            value = amount(values[i], UNITS.get(name, ""))
-            return f"{value} ({as_words(row_of(self.points, i))})"
+        def value_text(i: int) -> str:
+            return amount(values[i], UNITS.get(name, ""))
 
         lowest = int(np.nanargmin(values))
         highest = int(np.nanargmax(values))
-        extent = at_point(lowest)
+        place = as_words(row_of(self.points, lowest))
+        verdict = f"Lowest {spaced(name)} {value_text(lowest)}: {place}"
+        rows = [Row("Points", points)]
         if highest != lowest:
-            extent = f"from {extent} to {at_point(highest)}"
-        return f"{spaced(name).capitalize()} {extent}; {points}."
+            place = as_words(row_of(self.points, highest))
+            rows.insert(0, Row("Highest", value_text(highest), place))
+        return Statement([verdict], rows, remarks=further, table=table)
 
 
 def as_words(point: Mapping[str, Any]) -> str:
@@ -792,26 +797,26 @@ class Comparison(Result, Plottable, Tabular, Storable, kind="bdamper-comparison"
             rows.append(row)
         return rows
 
-    def _headline(self) -> str:
+    def _statement(self) -> Statement:
         reference_name = self.names[0]
         reference = _outcome(self.results[reference_name])
+        table = self._rows()
         if not np.isfinite(reference.amplitude):
-            return f"No peak of '{reference_name}' to compare with: {reference.status}."
-        changes = [
-            f"'{name}' {percent(change, True)}" for name, change in self._known_changes().items()
-        ]
+            verdict = f"No peak of '{reference_name}' to compare with: {reference.status}"
+            return Statement([verdict], table=table)
+        known = {reference_name: 0.0, **self._known_changes()}
+        best = min(known, key=lambda name: known[name])
+        outcome = _outcome(self.results[best])
+        peak = peak_text(outcome.amplitude, outcome.frequency)
+        verdict = f"Lowest with '{best}': {peak}, preload {amount(outcome.preload, 'N')}"
+        if best != reference_name:
+            verdict += f", {percent(known[best], True)} from '{reference_name}'"
         doubts = [
-            f"'{name}': {_outcome(result).status}"
+            f"Not for design: '{name}': {_outcome(result).status}"
             for name, result in self.results.items()
             if _failed(result)
         ]
-        peak = peak_text(reference.amplitude, reference.frequency)
-        preload = amount(reference.preload, "N")
-        text = f"Changes from '{reference_name}' with {peak}, preload {preload}: "
-        text += f"{', '.join(changes) or 'none is known'}."
-        if doubts:
-            text += f" Not for design: {'; '.join(doubts)}."
-        return text
+        return Statement([*doubts, verdict], table=table)
 
 
 def _failed(result: ResponseCurve | OptimalCurve) -> list[str]:

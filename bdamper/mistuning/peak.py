@@ -50,9 +50,10 @@ from bdamper.response.resolution import why_unresolved
 from bdamper.util import validation
 from bdamper.util.display import Plottable, Result, draw
 from bdamper.util.errors import COMPLETE, HELD, INCOMPLETE, NOT_FOUND, warn
-from bdamper.util.formatting import amount, peak_text, short_repr
+from bdamper.util.formatting import amount, peak_text, percent, short_repr
 from bdamper.util.progress import Cost, CostMeter, one_thread, shows_progress, with_progress
 from bdamper.util.records import Data
+from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import FilePath, Recorded, Storable
 
 
@@ -161,25 +162,30 @@ class DiskPeak(Result, Plottable, Recorded, Storable, kind="bdamper-wheel-peak")
         (:func:`bdamper.plot.plot_wheel`)."""
         return draw(self, "figure", "plot_wheel", path, model, **options)
 
-    def _headline(self) -> str:
+    def _statement(self) -> Statement:
+        preload = f"preload {amount(self.preload, 'N')}"
         if not np.isfinite(self.amplitude):
-            load = amount(self.preload, "N")
-            return f"No peak of the bladed disk at a preload of {load}: {self.reason}."
+            return Statement([f"No peak of the bladed disk: {preload}, {self.reason}"])
+        peak = peak_text(self.amplitude, self.frequency)
+        subject = f"blade {self.blade} of {len(self.response)}, {preload}"
         is_lower_bound = self.status == INCOMPLETE
+        if is_lower_bound:
+            verdict = f"Not for design: a higher blade may exist, found {peak}: {subject}"
+        else:
+            verdict = f"Highest blade {peak}: {subject}"
         factor = f"{self.amplitude / self.tuned_amplitude:.3g} times"
-        if is_lower_bound:
-            factor = f"at least {factor}"
-        tuned = f"{factor} the tuned disk ({amount(self.tuned_amplitude, 'm')})"
-        doubt = ""
-        if is_lower_bound:
-            doubt = "Not for design: a higher blade may exist; try DiskPeakOptions(least=240). "
-        warning = ""
+        at_least = "at least, " if is_lower_bound else ""
+        tuned = f"{at_least}the tuned disk, {amount(self.tuned_amplitude, 'm')}"
+        rows = [Row("Amplification", factor, tuned)]
+        if self.error:
+            rows.append(Row("Error", percent(self.error), "estimated, may be higher by this much"))
+        remarks = []
         if not self.ok:
-            warning = f" {self.status.capitalize()}: {self.reason}."
-        n_blades = len(self.response)
-        head = f"Highest of {n_blades} blades at a preload of {amount(self.preload, 'N')}"
-        place = peak_text(self.amplitude, self.frequency)
-        return f"{doubt}{head}: number {self.blade}, {place}, {tuned}.{warning}"
+            remarks.append(f"{self.status.capitalize()}: {self.reason}")
+        if is_lower_bound:
+            remarks.append("Remedy: try DiskPeakOptions(least=240)")
+        remarks.append("Not covered: motion in time, wear")
+        return Statement([verdict], rows, remarks=remarks)
 
 
 MISSED = 0.045

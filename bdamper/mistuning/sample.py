@@ -50,6 +50,7 @@ from bdamper.util.errors import (
 from bdamper.util.formatting import amount, short_repr
 from bdamper.util.progress import one_thread, shows_progress
 from bdamper.util.records import numbers_of
+from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import INSTALLED, FilePath, Recorded, ResultsFile, Storable
 from bdamper.util.tables import (
     Hertz,
@@ -135,23 +136,23 @@ class Audit(Summarised, Tabular, row="search"):
         undecided = np.setdiff1d(self.disk[self.undecided], missed)
         return share(len(missed), len(np.setdiff1d(self.disk, undecided)))
 
-    def _headline(self) -> str:
+    def _statement(self) -> Statement:
         missed = self.missed
         n_disks = len(np.unique(self.disk))
-        n_missed = int(missed.sum())
-        n_beyond_error = int((missed & ~self.covered).sum())
-        n_undecided = int(self.undecided.sum())
-        low, percent, high = (100.0 * part for part in self.share)
+        low, share, high = (100.0 * part for part in self.share)
         numbers = ", ".join(map(str, np.unique(self.disk[missed])))
+        n_beyond_error = int((missed & ~self.covered).sum())
+        rows = [
+            Row("Disks", str(n_disks), self.kind),
+            Row("Thorough searches", str(len(missed)), f"{self.undecided.sum()} undecided"),
+            Row("Higher", str(missed.sum()), f"by more than {100.0 * self.tolerance:g} %"),
+            Row("", str(n_beyond_error), "by more than the error estimate"),
+        ]
         if numbers:
-            numbers = f": {numbers}"
-        return (
-            f"Audit of {n_disks} bladed disks ({self.kind}), {len(missed)} thorough searches: "
-            f"{n_missed} higher by more than {100.0 * self.tolerance:g} %, "
-            f"{n_beyond_error} of them by more than the error estimate, "
-            f"{n_undecided} undecided; {percent:.3g} % of the disks with a missed peak "
-            f"({low:.3g} to {high:.3g} %){numbers}."
-        )
+            rows.append(Row("Disks with a miss", "", numbers))
+        interval = f"{low:.3g} to {high:.3g} %"
+        verdict = f"{share:.3g} % of the disks have a missed peak ({interval}): audit of a sample"
+        return Statement([verdict], rows)
 
 
 @short_repr
@@ -189,14 +190,22 @@ class BestPreload(Summarised):
     tuned_amplitude: float
     disks: int
 
-    def __str__(self) -> str:
-        tuned = f"tuned {amount(self.tuned_preload, 'N')}, {amount(self.tuned_amplitude, 'm')}"
+    def _statement(self) -> Statement:
         preload = Interval(self.low, self.preload, self.high).to_text("N")
-        return (
-            f"Best preload for the highest blade in {self.percentile:g} % of {self.disks} bladed "
-            f"disks, standard deviation {100.0 * self.standard_deviation:g} %: {preload} "
-            f"({self.kind} of the preload range), {self.amplitude.to_text('m')}; {tuned}"
-        )
+        rows = [
+            Row("Amplitude", self.amplitude.to_text("m"), f"in {self.percentile:g} % of the disks"),
+            Row(
+                "Tuned disk",
+                amount(self.tuned_amplitude, "m"),
+                f"{amount(self.tuned_preload, 'N')}",
+            ),
+        ]
+        deviation = f"standard deviation {100.0 * self.standard_deviation:g} %"
+        remarks = []
+        if self.kind == "end":
+            remarks.append("The best preload is an end of the range, and may lie beyond")
+        verdict = f"Best preload {preload}: {self.disks} bladed disks, {deviation}"
+        return Statement([verdict], rows, remarks=remarks)
 
 
 @short_repr
@@ -462,25 +471,45 @@ class MistunedSample(
             Fact("processor", f"{of_peaks:.0f} s, {of_audit:.0f} s for the audit"),
         )
 
-    def _headline(self) -> str:
+    def _statement(self) -> Statement:
         # the last cell: largest standard deviation and preload
         _, median, _ = self.percentile(50.0)[:, -1, -1]
         low, upper, high = self.percentile(95.0)[:, -1, -1]
-        spread = f"{100.0 * float(self.standard_deviation[-1]):.3g} %"
-        load = amount(self.preload[-1], "N")
+        deviation = f"{100.0 * float(self.standard_deviation[-1]):.3g} %"
+        n_disks = f"{len(self)} disks"
+        subject = f"{self.n_blades} blades, preload {amount(self.preload[-1], 'N')}"
         if not np.isfinite(median):
-            return (
-                f"Mistuning with a standard deviation of {spread}: too few peaks of {len(self)} "
-                f"disks known at {load}."
-            )
-        ends = " (too few disks for an upper bound)"
+            return Statement([f"Too few peaks are known, deviation {deviation}: {subject}"])
+        ends = "too few disks for an upper bound"
         if np.isfinite([low, upper, high]).all():
-            ends = f" ({low:.3g} to {high:.3g})"
-        return (
-            f"Mistuning with a standard deviation of {spread} raises the highest amplitude by a "
-            f"factor of {median:.3g} in half of {len(self)} bladed disks and of {upper:.3g}{ends} "
-            f"in one of twenty, at a preload of {load}."
-        )
+            ends = f"{low:.3g} to {high:.3g}"
+        raised = f"raises the highest amplitude {median:.3g} times in half of {n_disks}"
+        verdict = f"Mistuning of {deviation} {raised}: {subject}"
+        rows = [Row("One of twenty disks", f"{upper:.3g} times", f"or more ({ends})")]
+        n_failed = sum(status_word(status) == FAILED for status in self.status)
+        rows.append(Row("Peaks", str(self.amplitude.size), f"{n_failed} not found"))
+        checks = []
+        for audit in (self.audit(), self.audit(tail=True)):
+            found = f"{audit.missed.sum()} of {len(audit.disk)} were missed"
+            checks.append(Row("Thorough searches", found, audit.kind))
+        return Statement([verdict], rows, checks, table=self._cell_table())
+
+    def _cell_table(self) -> list[tuple[str, ...]]:
+        """Return median and upper percentile of the amplification in each cell."""
+        _, middle, _ = self.percentile(50.0)
+        upper = self.percentile(95.0)
+        table: list[tuple[str, ...]] = [("Deviation", "Preload", "Median", "95 %")]
+        for i, deviation in enumerate(self.standard_deviation):
+            for j, preload in enumerate(self.preload):
+                high = str(Interval(*upper[:, i, j]))
+                cells = (
+                    f"{100.0 * deviation:g} %",
+                    amount(preload, "N"),
+                    f"{middle[i, j]:.4g}",
+                    high,
+                )
+                table.append(cells)
+        return table
 
 
 _AUDIT = 3

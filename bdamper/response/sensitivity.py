@@ -50,8 +50,9 @@ from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
 from bdamper.util.display import Plottable, Result
 from bdamper.util.errors import SettingError
-from bdamper.util.formatting import peak_text, percent, spaced, table_lines
+from bdamper.util.formatting import peak_text, percent, spaced
 from bdamper.util.progress import one_thread
+from bdamper.util.statement import Statement
 
 # ---- derivatives with respect to parameters of the equations ----
 
@@ -129,19 +130,12 @@ class Sensitivities(Result, Plottable, dict[str, PeakSensitivity]):
             changes[name] = amplitude, frequency
         return changes
 
-    def _headline(self) -> str:
-        """Return the three largest changes of the amplitude, and the unknown derivatives."""
-        changes = {name: amplitude for name, (amplitude, _) in self.changes().items()}
-        known = [name for name, change in changes.items() if np.isfinite(change)]
-        largest = sorted(known, key=lambda name: -abs(changes[name]))[:3]
-        named = [f"{spaced(name)} {percent(changes[name], True)}" for name in largest]
-        most = ", ".join(named) if named else "none is known"
+    def _statement(self) -> Statement:
         peak = peak_text(self.amplitude, self.frequency)
-        text = f"Change of the peak of {peak} for +1 % of a parameter: {most}."
         unknown = [f"{spaced(name)}: {item.reason}" for name, item in self.items() if item.reason]
-        if unknown:
-            text += f" Unknown: {'; '.join(unknown)}."
-        return text
+        remarks = [f"Unknown: {'; '.join(unknown)}"] if unknown else []
+        verdict = f"Change for +1 %: peak {peak}"
+        return Statement([verdict], remarks=remarks, table=self._rows())
 
     def _rows(self) -> list[tuple[str, ...]]:
         rows: list[tuple[str, ...]] = []
@@ -152,8 +146,8 @@ class Sensitivities(Result, Plottable, dict[str, PeakSensitivity]):
         return rows
 
     def summary(self) -> str:
-        """Return the headline and a table of all parameters."""
-        return "\n".join([self._headline(), *table_lines(self._rows(), "  ", whole=True)])
+        """Return the table of all parameters."""
+        return self._statement().text
 
 
 @dataclass(frozen=True)

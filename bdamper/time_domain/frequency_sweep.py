@@ -33,6 +33,7 @@ from bdamper.util.progress import (
     progress_counter,
     shows_progress,
 )
+from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, FrequencySeries, Hertz, Metres, Quantity, Tabular
 
@@ -159,16 +160,20 @@ class TimeSweep(
         mean_frequency = float(self.frequency.mean())
         return max(1, round(memories * self.memory * mean_frequency))
 
-    def _headline(self) -> str:
+    def _statement(self) -> Statement:
         frequency, amplitude = self.highest
-        ends = f"from {amount(self.frequency[0], 'Hz')} to {amount(self.frequency[-1], 'Hz')}"
-        preload = amount(self.preload, "N")
-        highest = peak_text(amplitude, frequency)
-        jumps = ""
-        if self.jumps:
-            places = ", ".join(amount(jump.frequency, "Hz") for jump in self.jumps)
-            jumps = f"; it jumps at {places}"
-        return f"Sweep in time {ends}, preload {preload}: highest {highest}{jumps}."
+        first, last = (amount(float(self.frequency[end]), "Hz") for end in (0, -1))
+        verdict = f"Highest {peak_text(amplitude, frequency)}: sweep by time integration"
+        rows = [Row("Sweep", f"{first} to {last}", f"at {amount(abs(self.rate), 'Hz/s')}")]
+        rows += [
+            Row(
+                "Jump",
+                amount(jump.frequency, "Hz", 6),
+                f"{amount(jump.before, 'm')} to {amount(jump.after, 'm')}",
+            )
+            for jump in self.jumps
+        ]
+        return Statement([f"{verdict}, preload {amount(self.preload, 'N')}"], rows)
 
     def _facts(self) -> tuple[Fact, ...]:
         """Return rate and jumps."""

@@ -23,6 +23,7 @@ from bdamper.util.errors import SettingError
 from tests import accuracy_cases, models
 from tests.analyses.test_mode import oscillator
 from tests.plain import plain_study
+from tests.printed import said
 from tests.util.test_disk import BAND, pressed
 
 
@@ -314,7 +315,7 @@ def test_each_setting_goes_down_until_it_misses_the_tolerance(study, place, resu
         study, *place, vary={"harmonics": [1, 2, 3, 4]}, tolerance=1e-9, sources=()
     )
     assert [r.values for r in strict.runs] == [("4",), ("3",)]
-    assert strict.recommended is strict.richest and "Not reached: 1e-07 %." in strict.summary()
+    assert strict.recommended is strict.richest and "Not reached: 1e-07 %" in strict.summary()
 
 
 def scene(errors):
@@ -352,7 +353,7 @@ def test_interrupted_runs_are_kept(study, place, tmp_path):
     vary = {"harmonics": [1, 2, 3]}
     found = bd.accuracy_cost(study, *place, vary=vary, quantity=ask, sources=())
     assert [r.values for r in found.runs] == [("3",), ("2",)] and found.interrupted
-    assert found._headline().endswith("Interrupted: other runs may suffice.")
+    assert "Interrupted: other runs may suffice." in said(found)
     found.save(tmp_path / "cost.h5")
     assert bd.load(tmp_path / "cost.h5").interrupted
     with pytest.raises(KeyboardInterrupt):
@@ -367,7 +368,7 @@ def test_unknown_answers_are_not_recommended(study, place):
     )
     assert (
         found.recommended is found.richest
-        and "It is not known which settings meet 50 %." in found.summary()
+        and "It is not known which settings meet 50 %" in found.summary()
     )
     assert np.isnan(found.uncertainty) and not found.reached
     with pytest.raises(
@@ -445,7 +446,7 @@ def test_errors_contain_the_error_of_the_reference():
     # twice the detail removes three quarters of an error of the second power
     assert found.uncertainty > 0.7 * error_against_limit(found.richest)
     assert not found.reached
-    assert "Not reached: 5 %." in found._headline()
+    assert "Not reached: 5 %" in found._headline()
     unvaried = {error.source: error.size for error in found.sources}["residual flexibility"]
     removed = 2.0 / 36
     assert unvaried == pytest.approx(
@@ -484,7 +485,7 @@ def test_forecast_meets_a_tolerance_that_was_not_reached():
     seconds = {error.source: error.seconds for error in found.sources}["residual flexibility"]
     ratio = max(seconds / found.richest.seconds, 1.0)
     assert forecast.seconds == pytest.approx(found.richest.seconds * ratio)
-    assert "All residual modes would leave an estimated" in found._headline()
+    assert "All residual modes would leave an estimated" in said(found)
 
 
 def test_no_forecast_if_the_model_has_no_more_detail(study, place):
@@ -504,7 +505,7 @@ def test_no_forecast_if_the_model_has_no_more_detail(study, place):
         == "the model has no more contact points; last refinement, from contact points 6"
     )
     assert not found.reached and found.forecast is None
-    assert "No more detailed settings of this model are expected to reach it." in found._headline()
+    assert "No more detailed settings of this model are expected to reach it." in said(found)
 
 
 def test_a_source_without_a_peak_leaves_the_error_unknown():
@@ -517,7 +518,7 @@ def test_a_source_without_a_peak_leaves_the_error_unknown():
         shipped(), 200.0, (610.0, 740.0), quantity=ask, vary={"blade_modes": [10, 20]}
     )
     assert np.isnan(found.uncertainty) and not found.reached and found.forecast is None
-    assert found._headline().startswith("It is not known which settings meet 5 %.")
+    assert found._headline().startswith("It is not known which settings meet 5 %")
     assert "no answer with more harmonics" in found.summary()
 
 

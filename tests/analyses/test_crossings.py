@@ -27,6 +27,7 @@ from bdamper.util.formatting import amount, peak_text
 from bdamper.util.progress import CostMeter
 from bdamper.util.records import named_fields, row_of
 from tests.plain import plain_study
+from tests.printed import said
 from tests.turning import turning_disk
 
 SPEEDS = (400.0, 450.0, 500.0, 560.0)
@@ -60,17 +61,18 @@ def test_an_order_that_the_model_has_no_modes_for_fails_alone(study, found):
     assert both.warnings == ("", "")
 
 
-NOT_CHECKED = "Not checked in time or with more blade modes and contact points."
+NOT_RUN = "Mass factor Order Speed Preload Frequency Peak"
 
 
 def test_the_headline_is_the_highest_crossing_or_says_that_there_is_none(study, found, tmp_path):
     i = int(np.argmax(found.values["amplitude"]))
     top, mass = row_of(found.values, i), found.points[i]["damper_mass_factor"]
     highest = (
-        f"Highest crossing: {peak_text(top['amplitude'], top['frequency'])}, {top['speed']:.5g} rad/s "
-        f"({top['speed'] * RPM:.0f} rpm), damper mass factor {mass:g}, engine order 5, "
-        f"under a preload of {amount(top['preload'], 'N')}."
+        f"Highest crossing {peak_text(top['amplitude'], top['frequency'])}, "
+        f"damper mass factor {mass:g}, engine order 5"
     )
+    speed = f"Speed {top['speed'] * RPM:.0f} rpm {top['speed']:.5g} rad/s"
+    preload = f"Preload {amount(top['preload'], 'N')}"
     single = replace(
         found,
         points=found.points[[i]],
@@ -78,7 +80,8 @@ def test_the_headline_is_the_highest_crossing_or_says_that_there_is_none(study, 
         status=("complete",),
         shape=(1, 1),
     )
-    assert single._headline() == f"{highest} {NOT_CHECKED}"
+    assert single._headline() == highest
+    assert f"{highest} {speed} {preload} {NOT_RUN}" in said(single)
     rows = [
         {**top, "kind": "incomplete", "warning": "why", "margin": 1.25},
         *(row_of(found.values, k) for k in (0, 1)),
@@ -86,24 +89,24 @@ def test_the_headline_is_the_highest_crossing_or_says_that_there_is_none(study, 
     doubted = {name: [row.get(name) for row in rows] for name in rows[0]}
     one_mass = np.array([(1.0, order) for order in (5, 6, 7)], found.points.dtype)
     doubtful = replace(found, points=one_mass)
-    said = replace(doubtful, values=named_fields(doubted, 3))._headline()
+    doubted_text = said(replace(doubtful, values=named_fields(doubted, 3)))
     noted = {
         name: ["complete" if name == "kind" else x for x in column]
         for name, column in doubted.items()
     }
-    assert " Note: why. Least" in replace(doubtful, values=named_fields(noted, 3))._headline()
-    least = "Least margin against fatigue 1.25 (damper mass factor 1, engine order 5)."
-    assert said.endswith(f" There may be a higher point: why. {least} {NOT_CHECKED}")
+    assert " Note: why " in said(replace(doubtful, values=named_fields(noted, 3)))
+    least = "Margin 1.25 least against fatigue, damper mass factor 1, engine order 5"
+    assert least in doubted_text and " There may be a higher point: why " in doubted_text
     none = study.resonance_crossings((10.0, 20.0), [5])
     why = none.warnings[0]
     assert re.fullmatch(r"engine order 5 meets mode 1 at 3601.8 rpm with free contacts and at \S+ rpm with stuck contacts; "
                         r"give a range wider than 95.493 to 190.99 rpm", why)  # fmt: skip
-    assert none._headline() == f"No crossing: {why}." and " nan" not in str(none)
+    assert none._headline() == f"No crossing: {why}" and " nan" not in str(none)
     rows = [*(row_of(found.values, k) for k in (0, 1)), row_of(none.values, 0)]
     mixed = replace(
         found, values=named_fields({name: [r.get(name) for r in rows] for name in rows[0]}, 3)
-    )._headline()
-    assert mixed.endswith(f" No crossing at 1 of 3 points: {why}.")
+    )
+    assert f" No crossing at 1 of 3 points: {why} " in said(mixed)
     none.save(tmp_path / "none.h5")
     assert type(bd.load(tmp_path / "none.h5")) is type(none)
 
@@ -114,19 +117,19 @@ BY_MASS = {
         [(3.0, 1.0), (2.0, 2.5), (1.0, 4.0)],
         "2",
         "2.5 mm",
-        "of the other masses: 3 mm to 4 mm",
+        "Other masses 3 to 4 mm",
     ),
     "a missing value": (
         [(3.0, 1.0), (2.0, NAN), (1.0, 4.0)],
         "1",
         "3 mm",
-        "crossing of the other masses: 4 mm",
+        "Other masses 4 mm",
     ),
     "an order without values": (
         [(3.0, NAN), (2.0, NAN), (1.0, NAN)],
         "3",
         "1 mm",
-        "other masses: 2 mm to 3 mm",
+        "Other masses 2 to 3 mm",
     ),
     "one mass with values": ([(3.0, 1.0), (NAN, NAN), (NAN, 4.0)], "", "4 mm", ""),
 }
@@ -155,9 +158,9 @@ def test_a_study_over_the_mass_names_the_best_mass(found, name):
         found, points=np.array(points, found.points.dtype), values=named_fields(columns, 6), status=("complete",) * 6,
         seconds=np.zeros(6), shape=(3, 2), cost=None,
     )  # fmt: skip
-    said = made._headline()
-    assert said.startswith(f"Best damper mass factor: {best}. " if best else "Highest crossing: ")
-    assert f"Highest crossing: {highest} " in said and others in said
+    first = f"Best damper mass factor {best}: highest" if best else "Highest"
+    assert made._headline().startswith(f"{first} crossing {highest} at ")
+    assert others in said(made)
 
 
 def test_the_best_mass_has_the_lower_of_two_crossings(study):
@@ -166,7 +169,7 @@ def test_the_best_mass_has_the_lower_of_two_crossings(study):
     best = min(heights, key=heights.get)
     amplitude = amount(heights[best], "m")
     assert found._headline().startswith(
-        f"Best damper mass factor: {best:g}. Highest crossing: {amplitude} "
+        f"Best damper mass factor {best:g}: highest crossing {amplitude} "
     )
 
 
@@ -614,7 +617,7 @@ def test_edge_contact_at_a_crossing_is_noted(study, found, monkeypatch):
     assert (
         noted.values[0]["kind"] == "complete"
         and noted.warnings == (words,)
-        and f"Note: {words}." in noted._headline()
+        and f"Note: {words}" in said(noted)
     )
 
 

@@ -37,6 +37,7 @@ from bdamper.util.storage import ResultsFile, from_line, json_line
 from tests.analyses.test_executors import Ends
 from tests.models import ground_model
 from tests.plain import plain_study
+from tests.printed import said
 
 INTERVAL = (250.0, 400.0)
 
@@ -224,7 +225,7 @@ class TestInterrupted:
         )
         assert not result.complete
         assert result.summary().count("interrupted: 2 of 4 parts were not run") == 1
-        assert " points over preload, 2 not run." in result._headline()
+        assert " points over preload, 2 not run" in said(result)
         result.save(tmp_path / "part.h5")
         assert bd.load(tmp_path / "part.h5").status == result.status
         lines = (tmp_path / "r.jsonl").read_text().splitlines()
@@ -745,8 +746,8 @@ class TestUncertainty:
         """70 % of three draws: two of three are only 67 %, so that it is the highest one."""
         found = robust(percentile=70.0, tolerance=1e-6)
         assert (found.preload, found.amplitude) == pytest.approx((self.BEST, self.HEIGHT), rel=1e-5)
-        assert "all 3 draws reach at most" in str(found) and "(70 % needs 5 draws)" in str(found)
-        assert "50 % of 3 draws reach at most" in str(robust(percentile=50.0))
+        assert "all 3 draws reach at most" in said(found) and "(70 % needs 5 draws)" in said(found)
+        assert "50 % of 3 draws reach at most" in said(robust(percentile=50.0))
         assert "needs" not in str(robust(percentile=100.0))
 
     def test_a_draw_that_fails_is_named(self, study, monkeypatch):
@@ -761,7 +762,7 @@ class TestUncertainty:
         alone = bd.robust_optimum(study, {"friction_coefficient": [0.2, 0.3]}, **ways)
         assert (found.preload, found.amplitude, found.draws) == (alone.preload, alone.amplitude, 2)
         named = "1 of 3 draws failed and does not count, first draw 1: friction_coefficient: expected a finite"
-        assert str(found).startswith(named)
+        assert named in said(found)
         with pytest.raises(bd.SettingError, match="friction_coefficient: expected a finite"):
             bd.robust_optimum(study, {"friction_coefficient": [-0.1]}, **ways)
 
@@ -785,18 +786,15 @@ class TestUncertainty:
             [5.0, np.nan], nan_ok=True
         )
         assert not found.complete
-        text = " ".join(str(found).split())
+        text = said(found)
         assert text.startswith(
-            "At a preload of 1 N all 8 draws of friction coefficient reach at most 8 m (95 % needs 21"
+            "Best preload 1 N: all 8 draws reach at most 8 m Draws 8 of friction coefficient (95 % n"
         )
-        assert (
-            "half at most 5 m" in text and "Infinite where they have no peak: 7 of 8 draws." in text
-        )
+        assert " 1 N 5 m 8 m " in text
+        assert "Infinite where they have no peak: 7 of 8 draws" in text
         failed = replace(found, status=("failed: why", *found.status[1:]))
         assert failed.percentile(0.0).tolist() == [2.0, np.inf]
-        assert str(failed).startswith(
-            "1 of 8 draws failed and does not count, first draw 0: why. At a preload of 1 N all"
-        )
+        assert "1 of 8 draws failed and does not count, first draw 0: why" in said(failed)
         assert failed.plot().axes[0].get_legend_handles_labels()[1][-1] == "95 %: no value"
 
     def test_percentiles_of_many_draws(self, curve):
@@ -807,7 +805,7 @@ class TestUncertainty:
                             samples={"friction_coefficient": np.ones(n)}, warnings=())  # fmt: skip
             reached = float(found.percentile(95.0)[0])
             assert np.count_nonzero(size <= reached) >= 0.95 * n and (reached < n) == (n >= 21)
-            assert ("95 % needs 21 draws" in str(found).replace("\n", " ")) == (n < 21)
+            assert ("95 % needs 21 draws" in said(found)) == (n < 21)
 
     def test_draws_of_an_uncertain_curve_that_fail(self, study, monkeypatch):
         """A draw with invalid settings does not count; one whose search ends in an error is unknown."""

@@ -12,6 +12,7 @@ import bdamper as bd
 from bdamper.mistuning import BladedDisk, DiskPeakOptions, Mistuning, audit_disks, mistuned_sample
 from bdamper.util.progress import Cost
 from tests.mistuning.lumped import lumped_study
+from tests.printed import said
 
 MISSED = 3
 """A wheel of which the search of the stand-in below misses the highest peak by 5 %."""
@@ -121,10 +122,8 @@ def test_the_audit_finds_what_the_search_has_missed(study, quick):
     assert np.isclose(found.share.value, 1 / 7)
     assert 0.0036 < found.share.low < 0.0037 and 0.57 < found.share.high < 0.58
     assert "14.3 % of the disks" in str(found).replace("\n", " ") and found.covered.sum() == 42
-    assert "0 of them by more than the error estimate" in found._headline() and "search: 48" in str(
-        found
-    )
-    assert found._headline().endswith(" %): 3.")
+    assert " 0 by more than the error estimate " in said(found)
+    assert "Thorough searches 48 " in said(found) and "Disks with a miss 3 " in said(found)
     rows = {name: column.values for name, column in found.columns().items()}
     assert rows["missed"].sum() == 6 and rows["run"][rows["disk"] == 5][0].startswith(
         "failed: not found"
@@ -218,7 +217,7 @@ def test_percentiles_of_the_stored_wheels_carry_the_errors_of_their_peaks():
         assert (low < moved).all() and (moved < high).all()
     np.testing.assert_allclose(moved, [2.082, 2.098, 2.355], atol=1e-3)
     np.testing.assert_allclose(value, [1.722, 1.912, 2.148], atol=1e-3)
-    assert "(2.06 to 2.39)" in found._headline()
+    assert "(2.06 to 2.39)" in said(found)
     ends = found.percentile(50.0, "frequency")[::2]
     assert np.isin(ends, found.frequency).all(), (
         "frequencies do not have the error of the amplitude"
