@@ -18,7 +18,15 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from bdamper.analyses import accuracy, campbell, crossings, error_estimates, flutter, robust_optimum
+from bdamper.analyses import (
+    accuracy,
+    campbell,
+    crossings,
+    error_estimates,
+    flutter,
+    refinement,
+    robust_optimum,
+)
 from bdamper.analyses import effect_significance as significance
 from bdamper.analyses import hysteresis as cycles
 from bdamper.analyses import nonlinear_mode as modes
@@ -30,6 +38,7 @@ from bdamper.analyses.flutter import Flutter
 from bdamper.analyses.hysteresis import Hysteresis, Solved
 from bdamper.analyses.nonlinear_mode import NonlinearMode
 from bdamper.analyses.optimum import check_optimum
+from bdamper.analyses.refinement import Refinement
 from bdamper.analyses.sweep import SweepResult
 from bdamper.contact.laws import AFT, ContactLaw
 from bdamper.contact.preload_state import PreloadState
@@ -1560,6 +1569,50 @@ class Study(Comparable):
             If the result has not converged or belongs to another study.
         """
         return error_estimates.estimate_errors(self.problem, result, sources=sources)
+
+    @partial(validation.check_arguments, name="refine")
+    @needs_contacts
+    def refine(
+        self,
+        peak: Peak,
+        *,
+        tolerance: float = 0.05,
+        maximum: float = refinement.MAXIMUM,
+        progress: bool | None = None,
+    ) -> Refinement:
+        """Enrich the study until the estimated error of a peak is within a tolerance.
+
+        Each step reduces the largest of the errors that :meth:`estimate_errors` finds. The estimate
+        has already computed the peak of the next study, so that no peak is searched again.
+
+        Parameters
+        ----------
+        peak : Peak
+            Converged peak of this study (:meth:`peak`).
+        tolerance : float
+            Relative tolerance of amplitude and frequency.
+        maximum : float
+            Time (s) that all steps may take.
+        progress : bool, optional
+            Show a progress bar; by default in a terminal and a notebook.
+
+        Returns
+        -------
+        Refinement
+            ``study`` and ``peak`` of the last step, and ``steps`` with the price of each. The
+            status is "incomplete" if the model has no more detail, a more detailed study has no
+            peak, harmonic balance does not decide the case, or the next step would exceed
+            ``maximum``. ``needed`` then says what would reach the tolerance. After Ctrl-C it
+            contains the steps so far.
+
+        Raises
+        ------
+        SettingError
+            If the peak has not converged or belongs to another study.
+        """
+        return refinement.refine(
+            self, peak, tolerance=tolerance, maximum=maximum, progress=progress
+        )
 
     def save(self, path: FilePath, *, include_model: bool = True) -> None:
         """Write the study to an HDF5 file, which :func:`bdamper.load_study` reads: model, settings and versions.

@@ -31,6 +31,12 @@ def costs(study):
     return replace(found, runs=runs, sources=sources)
 
 
+def refinement(study):
+    found = study.refine(result("peak"), tolerance=2e-3)
+    steps = tuple(replace(step, seconds=1.0 + k) for k, step in enumerate(found.steps))
+    return replace(found, steps=steps)
+
+
 def fitted_loop():
     displacement, force = loop(0.6, 3.0 * REACH)
     noise = np.random.default_rng(0).standard_normal(len(force))
@@ -94,6 +100,7 @@ RESULTS = {
     ),
     "harmonic_convergence": lambda s: s.harmonic_convergence(result("peak"), harmonics=(3, 5)),
     "estimate_errors": lambda s: s.estimate_errors(result("frequency_response")),
+    "refine": refinement,
     "effect_significance": lambda s: s.effect_significance(2.0, BAND),
     "accuracy_cost": costs,
     "compare": lambda s: bd.compare(VARIANTS, lambda one: one.frequency_response(2.0, BAND)),

@@ -47,7 +47,8 @@ given.
     compared with a coarser set of at least half of them. The error of ``n`` points is then assumed
     to fall as ``1/n``: between 48 and 24 points, and 24 and 12, the change of a peak of the
     reference disk falls to a quarter, so that the assumption is cautious. The coarser set keeps
-    three rows along t1 if the face has them, since a wedge on two rows rolls too easily.
+    three rows along t1 and two along t2 if the face has them, since a wedge on fewer rows rolls
+    too easily.
 ``modes``
     With residual modes twice as many modes, at least the default number of blade modes: the error
     decreases with the fourth power of the frequency of the first omitted mode. Otherwise all modes
@@ -558,8 +559,15 @@ def estimate_errors(
     return examine(problem, result, sources).estimates
 
 
-def examine(problem: Problem, result: ResponseCurve | Peak, sources: Sequence[str]) -> Examination:
+def examine(
+    problem: Problem,
+    result: ResponseCurve | Peak,
+    sources: Sequence[str],
+    meter: CostMeter | None = None,
+) -> Examination:
     """Estimate the errors of a peak and keep the studies and peaks that show them.
+
+    A given meter also has the cost after an interrupt.
 
     Raises
     ------
@@ -570,7 +578,8 @@ def examine(problem: Problem, result: ResponseCurve | Peak, sources: Sequence[st
     validation.instance(
         "result", result, (ResponseCurve, Peak), "a ResponseCurve or a Peak of this study"
     )
-    meter = CostMeter()
+    if meter is None:
+        meter = CostMeter()
     if isinstance(result, ResponseCurve):
         check_curve(problem, result)
         preload = result.preload
@@ -669,16 +678,16 @@ def _of_fewer_points(
 def _fewer_points(problem: Problem) -> int | None:
     """Return a smaller number of contact points, at least half; None if there is none.
 
-    It keeps three rows along t1 if the face has them.
+    It keeps three rows along t1 and two along t2 if the face has them.
     """
     n_present = problem.settings.most_points
     if n_present <= ROWS:
         return None
     face = max(problem.settings.friction_faces, key=lambda face: face.n_points)
-    needed_rows = min(ROWS, rows_of_points(face)[0])
+    needed = np.minimum(rows_of_points(face), (ROWS, 2))
     for n_coarse in range((n_present + 1) // 2, n_present):
         coarser = unite_face(face, n_coarse)
-        if coarser.n_points == n_coarse and rows_of_points(coarser)[0] >= needed_rows:
+        if coarser.n_points == n_coarse and np.all(rows_of_points(coarser) >= needed):
             return n_coarse
     return None
 
@@ -724,7 +733,7 @@ def _of_time(
         return SourceError(TIME, np.nan, np.nan, np.inf, str(error))
     meter.add(response.cost)
     if not response.ok:
-        return SourceError(TIME, np.nan, np.nan, np.inf, response.status)
+        return SourceError(TIME, np.nan, np.nan, np.inf, response.status_text)
     changes = [end / highest.amplitude - 1.0 for end in (response.lowest, response.highest)]
     amplitude = max(changes, key=abs)
     frequency = response.frequency / highest.frequency - 1.0

@@ -55,6 +55,7 @@ from bdamper.plot.studies import plot_information as plot_information
 from bdamper.plot.studies import plot_loop as plot_loop
 from bdamper.plot.studies import plot_nonlinear_mode as plot_nonlinear_mode
 from bdamper.plot.studies import plot_optimal_curve_uncertainty as plot_optimal_curve_uncertainty
+from bdamper.plot.studies import plot_refinement as plot_refinement
 from bdamper.plot.studies import plot_sensitivities as plot_sensitivities
 from bdamper.plot.studies import plot_sweep as plot_sweep
 from bdamper.plot.wheel import plot_blades as plot_blades

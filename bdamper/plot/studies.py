@@ -22,6 +22,7 @@ from bdamper.analyses.fit_result import Fitted
 from bdamper.analyses.flutter import Flutter
 from bdamper.analyses.loop_fit import FittedLoop
 from bdamper.analyses.nonlinear_mode import NonlinearMode
+from bdamper.analyses.refinement import Refinement
 from bdamper.analyses.robust_optimum import OptimalCurveUncertainty
 from bdamper.analyses.sweep import SweepResult, as_words
 from bdamper.plot.axes import (
@@ -391,6 +392,37 @@ def _saving(result: AccuracyCost) -> str:
         return "none is faster"
     ratio = result.richest.seconds / (result.recommended.seconds or np.nan)
     return f"{ratio:.2g} times faster than the reference"
+
+
+@picture(Refinement, size=(COLUMN, 3.0))
+def plot_refinement(result: Refinement, ax: Axes = NEW) -> None:
+    """Plot the estimated error of a refinement over time.
+
+    A label names the setting that is more detailed than before.  An open square shows the settings
+    or the model that would reach the tolerance, at their estimated time.
+    """
+    seconds = np.cumsum([step.seconds for step in result.steps])
+    error = 100.0 * np.array([step.error for step in result.steps])
+    tolerance = percent(result.tolerance)
+    ax.plot(seconds, error, "o-k", label="estimated error")
+    for time, height, step in zip(seconds, error, result.steps):
+        name_point(ax, step.change.partition(",")[0], (time, height))
+    if np.isfinite(result.needed_seconds):
+        ax.plot(
+            seconds[-1] + result.needed_seconds,
+            100.0 * result.tolerance,
+            "sk",
+            markerfacecolor="none",
+            label=f"needed:\n{wrapped(result.needed, 24)}",
+        )
+    ax.axhline(
+        100.0 * result.tolerance, label=f"tolerance, {tolerance}", color="0.4", linewidth=0.9
+    )
+    ax.set(xscale="log", yscale="log", xlabel="Time (s)", ylabel="Estimated error (%)")
+    verdict = "reached" if result.reached else "not reached"
+    ax.set_title(f"Preload {amount(result.preload, 'N')}\n{tolerance} {verdict}")
+    # for the names
+    ax.margins(x=0.2, y=0.15)
 
 
 # ---- Columns of a result ----

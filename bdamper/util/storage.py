@@ -113,6 +113,7 @@ FORMATS = {
     "bdamper-optimal": "bdamper.response.optimal_curve_result",
     "bdamper-optimal-curve-uncertainty": "bdamper.analyses.robust_optimum",
     "bdamper-peak": "bdamper.response.peak",
+    "bdamper-refinement": "bdamper.analyses.refinement",
     "bdamper-static": "bdamper.contact.preload_state",
     "bdamper-stress": "bdamper.fatigue.stress_cycle",
     "bdamper-study": "bdamper.study",

@@ -55,8 +55,9 @@ def numbers(texts):
 
 
 def how_to(seen, page, folder):
-    assert len(seen) == 12 and max(len(block.splitlines()) for block in blocks(page)) <= 10
-    chosen, robust, _, compared, swept, resumed = seen[1:7]
+    assert len(seen) == 13 and max(len(block.splitlines()) for block in blocks(page)) <= 10
+    chosen, robust, refined, _, compared, swept, resumed = seen[1:8]
+    assert refined["finer"] is refined["refined"].study
     space = seen[-1]
     assert chosen["best"].ok and chosen["low"] < chosen["best"].preload < chosen["high"]
     assert (

@@ -174,6 +174,7 @@ NEEDS = {
     "curve_sensitivities": lambda s, peak, curve: s.curve_sensitivities(curve),
     "effect_significance": lambda s, peak, curve: s.effect_significance(0.0, (900.0, 1000.0)),
     "estimate_errors": lambda s, peak, curve: s.estimate_errors(peak),
+    "refine": lambda s, peak, curve: s.refine(peak),
     "harmonic_convergence": lambda s, peak, curve: s.harmonic_convergence(peak),
     "flutter": lambda s, peak, curve: s.flutter(0.0, -0.01),
     "time_response of a disk": lambda s, peak, curve: bd.BladedDisk(s).time_response(None),

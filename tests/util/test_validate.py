@@ -297,7 +297,7 @@ F = (270.0, 380.0)
         lambda s: s.static(5.0, history="up"), lambda s: s.wedge_friction(None), lambda s: s.peak(9.0, mode=0),
         lambda s: s.optimal_curve((20.0, 25e3), F), lambda s: s.optimal_curve((25e3, 20.0)),
         lambda s: s.effect_significance(9.0, F, against="all"), lambda s: s.motion_in_time(None),
-        lambda s: s.estimate_errors(None), lambda s: s.peak_sensitivities("peak"),
+        lambda s: s.refine(None), lambda s: s.estimate_errors(None), lambda s: s.peak_sensitivities("peak"),
         lambda s: bd.compare({}, len), lambda s: bd.compare({"a": s, "b": {"frictoin": 1}}, len),
         lambda s: bd.compare({"a": s}, str), lambda s: bd.accuracy_cost(s, 9.0, F, vary=()),
         lambda s: bd.accuracy_cost(s, 9.0, F, quantity="x"), lambda s: bd.sweep(s, {"preload": [1.0]}, "peak"),
