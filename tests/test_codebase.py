@@ -43,7 +43,7 @@ C_LEVELS = [
 # a room may import from itself and from those behind it in this list, never from those before it
 ROOMS = [
     "__main__", "__init__", "plot", "lumped_masses", "study", "mistuning", "analyses", "time_domain", "response", "fatigue",
-    "harmonic_balance", "contact", "importers", "fem", "model", "util",
+    "harmonic_balance", "importers", "contact", "fem", "model", "util",
 ]  # fmt: skip
 
 

@@ -887,6 +887,7 @@ def _residual_modes(problem: Problem) -> Richer | None:
         richer = replace(method, n_vectors="all", n_soft=0)
         text = "all residual modes"
     else:
-        richer = replace(method, n_soft=MOST_VECTORS - method.n_vectors)
+        n_soft = MOST_VECTORS - method.n_vectors
+        richer = replace(method, n_soft=n_soft, partial_contact=False)
         text = f"{MOST_VECTORS} residual modes"
     return Richer(problem.replace(contact_stiffness=richer), text)

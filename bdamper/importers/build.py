@@ -27,6 +27,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.contact.partial_contact import SMALL_SHIFT, WHOLE, coupling_of_default, partial_contact
+from bdamper.contact.residual_flexibility import ResidualModes
 from bdamper.fem.local_basis import sampled_waves
 from bdamper.fem.reduced_bodies import Place, Wanted, needed_nodal_diameters, picture_mesh
 from bdamper.fem.sector_faces import SectorFaces, find_faces, match_faces, no_faces, tie_faces
@@ -63,8 +65,8 @@ from bdamper.model.structure import Body, Location, ModalBasis, Model
 from bdamper.model.validation import check_model
 from bdamper.util import validation
 from bdamper.util.display import Plottable
-from bdamper.util.errors import SettingError, check
-from bdamper.util.formatting import short_repr
+from bdamper.util.errors import ModelError, SettingError, check
+from bdamper.util.formatting import percent, short_repr
 from bdamper.util.progress import one_thread, progress_stages, shows_progress
 from bdamper.util.storage import FilePath
 
@@ -320,7 +322,7 @@ def build_model(
             check_lowest(body, made[name])
     bases = list(_origins(bodies, ring))
     bases += [_largest_stress(bodies["blade"], row, ring) for row in rows]
-    return _assembled(bodies, laid, places, made, shapes, rows, n_blades, report, bases)
+    return _assembled(bodies, laid, places, made, shapes, rows, ring, report, bases)
 
 
 # --------------------------------------------------------------------------------------------------
@@ -764,6 +766,34 @@ def _largest_stress(body: PreparedBody, rows: StressRows, ring: Ring) -> str:
     return f"stress '{rows.name}': largest at {where}, lowest mode of nodal diameter {d}"
 
 
+def _check_partial_contact(model: Model, nodal_diameter: int, report: ImportReport) -> None:
+    """Add the error of residual modes for bonded parts of the faces to the report."""
+    coupling = coupling_of_default(model, nodal_diameter)
+    if coupling is None:
+        return
+    try:
+        found = partial_contact(coupling, ResidualModes())
+        richer = partial_contact(coupling, ResidualModes(partial_contact=True))
+    except ModelError as error:
+        report.missing.append(f"shift of mode 1 by parts of the faces: {error}")
+        return
+    whole = percent(abs(found.errors[WHOLE]))
+    part = found.worst_part
+    of_part = percent(abs(found.errors[part]))
+    compared = (
+        f"residual modes: shift of mode 1 by bonded faces ({percent(found.shift)}) within {whole} "
+        f"of all vectors, by parts of them within {of_part} ({part})"
+    )
+    if found.accurate or found.shift < SMALL_SHIFT:
+        report.checks.append(compared)
+        return
+    remedy = 'bd.ResidualModes("all") has no such error, at several times the time'
+    if richer.accurate:
+        remaining = percent(abs(richer.errors[richer.worst_part]))
+        remedy = f"bd.ResidualModes(partial_contact=True) reduces the latter to {remaining}"
+    report.missing.append(f"{compared}; contact_stiffness={remedy}")
+
+
 def _assembled(
     bodies: Mapping[str, PreparedBody],
     laid: LaidContacts,
@@ -771,7 +801,7 @@ def _assembled(
     reduced: Mapping[str, Body],
     pictures: Mapping[int, NDArray],
     rows: Sequence[StressRows],
-    n_blades: int,
+    ring: Ring,
     report: ImportReport,
     bases: Sequence[str],
 ) -> BuiltModel:
@@ -790,7 +820,7 @@ def _assembled(
             shapes = pictures if name == "blade" else {}
             meshes[name] = picture_mesh(body.boundary, body.nodes, shapes)
     model = Model(
-        n_blades=n_blades,
+        n_blades=ring.faces.n_sectors,
         bodies=reduced,
         interfaces=laid.interfaces,
         locations=locations,
@@ -799,6 +829,7 @@ def _assembled(
         meshes=meshes,
     )
     check_model(model, where="built model")
+    _check_partial_contact(model, ring.pictured[0], report)
     built = BuiltModel(
         model,
         sources={name: str(body.raw) for name, body in bodies.items()},

@@ -1,0 +1,145 @@
+r"""Linear test of residual modes: shift of the first mode by bonded parts of the faces.
+
+The contact points of a part are bonded and the others free.  With the flexibility :math:`R` that
+residual modes represent, and its rows :math:`S` of the part, the stiffness of the modes is
+:math:`\Omega^2 + G_S^H R_{SS}^{-1} G_S`.  All residual modes give the reference of the shift of mode 1.
+Only eigenvalue problems are solved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from bdamper.contact.residual_flexibility import (
+    RESOLVED_HIGHER,
+    ResidualModes,
+    ResidualSet,
+    force_patterns,
+    parts_of_faces,
+)
+from bdamper.model.kinematics import Coupling, HarmonicBasis, retained_modes
+from bdamper.model.structure import Model
+
+WHOLE = "whole faces"
+WHOLE_LIMIT, PART_LIMIT = 0.05, 0.15
+"""Largest relative errors of the shift by whole faces, and by parts of them."""
+SMALL_SHIFT = 0.005
+"""Relative shift of mode 1 by bonded faces below which dampers have little effect."""
+RIGID = 1e-6
+"""Relative squared frequency below which a motion of a body is rigid."""
+GROUND = 1.0
+"""Stiffness against rigid motions, s^-2: a frequency of 0.16 Hz."""
+DEFAULT_MODES = 10
+"""Blade modes of a study by default."""
+FRICTION = 0.3
+"""The vectors depend only on where friction is possible, and no friction is known at import."""
+
+
+@dataclass(frozen=True)
+class PartialContact:
+    """Errors of the shift of mode 1 by bonded parts of the faces.
+
+    Parameters
+    ----------
+    shift : float
+        Relative shift of mode 1 by the whole faces.
+    errors : mapping of str to float
+        Relative error of the shift for each part; positive if too stiff.
+    """
+
+    shift: float
+    errors: Mapping[str, float]
+
+    @property
+    def worst_part(self) -> str:
+        """Part with the largest error."""
+        parts = [name for name in self.errors if name != WHOLE]
+        return max(parts, key=lambda name: abs(self.errors[name]))
+
+    @property
+    def accurate(self) -> bool:
+        """Whether the errors are within the limits."""
+        whole, part = self.errors[WHOLE], self.errors[self.worst_part]
+        return abs(whole) <= WHOLE_LIMIT and abs(part) <= PART_LIMIT
+
+
+def bonded_parts(coupling: Coupling) -> dict[str, NDArray]:
+    """Return the rows of the contact points of the whole faces, of four thirds and of a corner."""
+    thirds = parts_of_faces(coupling)
+    named = {f"{name} third": rows for name, rows in thirds.items()}
+    corner = np.intersect1d(thirds["outer"], thirds["front"])
+    return {WHOLE: coupling.friction_rows, **named, "outer front corner": corner}
+
+
+def partial_contact(coupling: Coupling, options: ResidualModes) -> PartialContact:
+    """Compare the shifts with the reference, all residual modes.
+
+    Raises
+    ------
+    ModelError
+        If the model lacks a flexibility, or it is not positive semi-definite.
+    """
+    active, represented = _represented(coupling, options)
+    _, complete = _represented(coupling, ResidualModes("all"))
+
+    basis = coupling.basis(1)
+    elastic = basis.omega2 > RIGID * basis.omega2.max()
+    free = np.sqrt(basis.omega2[elastic].min())
+    numbers = np.arange(3 * coupling.n_points).reshape(-1, 3)
+    shift = 0.0
+    errors = {}
+    for part, points in bonded_parts(coupling).items():
+        rows = numbers[points][active[points]]
+        exact = _bonded(basis, complete, rows) - free
+        found = _bonded(basis, represented, rows) - free
+        errors[part] = float(found / exact - 1.0)
+        if part == WHOLE:
+            shift = float(exact / free)
+    return PartialContact(shift, errors)
+
+
+def _represented(coupling: Coupling, options: ResidualModes) -> tuple[NDArray, NDArray]:
+    """Return the possible force components, and the flexibility that residual modes represent."""
+    friction = np.full(coupling.n_points, FRICTION)
+    residual = ResidualSet.make(coupling, friction, options)
+    modes = residual.basis(1)
+    columns = modes.G.reshape(3 * coupling.n_points, -1)
+    diagonal = np.diag(residual.flexibility.ravel())
+    return residual.active, diagonal + (columns / modes.omega2) @ columns.conj().T
+
+
+def _bonded(basis: HarmonicBasis, flexibility: NDArray, rows: NDArray) -> float:
+    """Return the lowest frequency (rad/s) with rows bonded and rigid bodies without mass."""
+    of_rows = flexibility[np.ix_(rows, rows)]
+    F = force_patterns(of_rows, "flexibility of a part", RESOLVED_HIGHER)
+    G = F.conj().T @ basis.G.reshape(-1, basis.n_modes)[rows]
+    stiffness = np.diag(basis.omega2) + G.conj().T @ G
+    rigid = basis.omega2 <= RIGID * basis.omega2.max()
+    # a part may leave motions of a rigid body free
+    stiffness[rigid, rigid] += GROUND
+    mass = np.diag(np.where(rigid, 0.0, 1.0))
+    # the largest eigenvalue of M x = mu K x is 1 / omega^2, also with coordinates without mass
+    mu = scipy.linalg.eigh(mass, stiffness, eigvals_only=True)[-1]
+    return float(mu**-0.5)
+
+
+def coupling_of_default(model: Model, nodal_diameter: int) -> Coupling | None:
+    """Return the coupling of a study with default settings at a nodal diameter.
+
+    It is None for a model without friction faces or without the flexibility of a body.
+    """
+    moving = [body for body in model.bodies.values() if body.kind != "ground" and body.ports]
+    for body in moving:
+        diameters = (0,) if body.kind == "free" else (0, nodal_diameter)
+        if any(body.bases[d].flexibility is None for d in diameters):
+            return None
+    constrained = [body for body in model.bodies.values() if body.kind == "constrained"]
+    available = [basis.n_natural for body in constrained for basis in body.bases.values()]
+    modes = retained_modes(model, min([DEFAULT_MODES, *available]), dict.fromkeys(model.bodies, 0))
+    coupling = Coupling(model, tuple(model.interfaces), modes, nodal_diameter)
+    return coupling if coupling.friction_faces else None

@@ -1,0 +1,72 @@
+"""Import check of the stiffness under partial contact."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from bdamper.contact.partial_contact import WHOLE, PartialContact
+from bdamper.importers import build as module
+from bdamper.importers.prepared_body import ImportReport
+from tests.annulus import small_sector
+from tests.fe_bodies import SIX_BLADES, contacts
+from tests.imports import build
+
+TEXT = "residual modes: shift of mode 1 by bonded faces"
+NO_MODEL = SimpleNamespace()
+
+
+@pytest.fixture(scope="module")
+def fe():
+    return small_sector(6)
+
+
+def test_the_report_of_a_coarse_sector_names_the_error(bodies):
+    """Two rows of elements on the faces: bonded faces and parts of them are stiffer than with all vectors."""
+    given = SIX_BLADES | {"n_modes": 4, "contacts": contacts(9)}
+    built = build(*bodies, **given, engine_order=[1], harmonics=1)
+    (line,) = [line for line in (*built.checks, *built.missing) if TEXT in line]
+    assert line in str(built)
+    assert line in built.missing and 'contact_stiffness=bd.ResidualModes("all")' in line
+
+
+def report_of(monkeypatch, shift, whole, part, richer):
+    """Report of the check with given errors of the default vectors and of those for partial contact."""
+
+    def found(coupling, options):
+        error = richer if options.partial_contact else part
+        return PartialContact(shift, {WHOLE: whole, "inner third": error, "outer third": 0.01})
+
+    monkeypatch.setattr(module, "coupling_of_default", lambda model, diameter: NO_MODEL)
+    monkeypatch.setattr(module, "partial_contact", found)
+    report = ImportReport()
+    module._check_partial_contact(NO_MODEL, 5, report)
+    return report
+
+
+@pytest.mark.parametrize(
+    ("shift", "whole", "part"),
+    [(0.08, -0.049, 0.149), (0.08, 0.0, -0.149), (0.004, 0.3, 0.4)],
+)
+def test_errors_within_the_limits_and_dampers_without_effect_pass(monkeypatch, shift, whole, part):
+    report = report_of(monkeypatch, shift, whole, part, 0.0)
+    assert TEXT in report.checks[0] and not report.missing
+
+
+@pytest.mark.parametrize(("whole", "part"), [(0.051, 0.1), (0.0, -0.151)])
+def test_an_error_above_a_limit_names_the_setting_that_reduces_it(monkeypatch, whole, part):
+    def richer_or(error, whole_error):
+        return report_of(monkeypatch, 0.08, whole_error, part, error)
+
+    report = richer_or(0.4, whole)
+    assert not report.checks
+    assert "(inner third)" in report.missing[0] and 'ResidualModes("all")' in report.missing[0]
+    if whole == 0.0:
+        (line,) = richer_or(0.02, whole).missing
+        assert line.endswith("ResidualModes(partial_contact=True) reduces the latter to 2 %")
+
+
+def test_models_without_friction_faces_have_no_such_row(monkeypatch):
+    monkeypatch.setattr(module, "coupling_of_default", lambda model, diameter: None)
+    report = ImportReport()
+    module._check_partial_contact(NO_MODEL, 5, report)
+    assert not report.checks and not report.missing
