@@ -18,6 +18,7 @@ class Counts(NamedTuple):
     jacobians: int
     factorisations: int
     least_norm: int
+    condensed: int
 
 class Solved(NamedTuple):
     status: int
@@ -113,6 +114,7 @@ class Sector(_Equations):
         order: float = 0.0,
         row_scale: NDArray[np.float64] | None = None,
         own: _Laws = None,
+        elimination: int = 0,
     ) -> None: ...
 
 class Eased(_Equations):

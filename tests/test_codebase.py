@@ -32,6 +32,7 @@ C_LEVELS = [
     {"contact/coupled_friction"},
     {"contact/evaluator"},
     {"balance/harmonic_balance"},
+    {"balance/condensation"},
     {"balance/sector", "balance/speed_family", "bladed_disk/cyclic_elimination"},
     {"balance/nonlinear_mode", "bladed_disk/wheel_equations"},
     {"bladed_disk/bordered_solution"},

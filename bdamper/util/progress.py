@@ -263,6 +263,9 @@ class Cost:
     iterations, failed_steps : int
     least_norm : int
         Least-norm solutions of equations that leave a direction undetermined.
+    condensed : int
+        Factorisations condensed to the motion at the contact points, for few contacts in many
+        modes; ``factorisations`` includes them.
     work : float
         Work in million operations, independent of the machine.
 
@@ -270,7 +273,8 @@ class Cost:
     -----
     With n unknowns, p contact points and H harmonics, an evaluation counts 28,000 p (2 H + 1).
     With sampled forces it counts p (120,000 + 1,200 samples).  A Jacobian counts 6 p n^2, a
-    factorisation n^3 + 700 n^2 + 1,000,000, a least-norm solution 15 n^3.  The weights were fitted
+    factorisation n^3 + 700 n^2 + 1,000,000, a least-norm solution 15 n^3.  Condensed factorisations
+    count like the others, so the budget of a curve is the same.  The weights were fitted
     to processor times of response curves, including the time spent in Python.
     """
 
@@ -287,6 +291,7 @@ class Cost:
     least_norm: int = 0
     work: float = 0.0
     time_integration: float = 0.0
+    condensed: int = 0
 
     @property
     def core(self) -> float:
@@ -305,12 +310,15 @@ class Cost:
 
     def __str__(self) -> str:
         processor = f", {self.processor:.3f} s of the processor" if self.processor > 0.0 else ""
+        condensed = ""
+        if self.condensed:
+            condensed = f"; {self.condensed} of {self.factorisations} factorisations condensed"
         return (
             f"{self.seconds:.3f} s{processor}: contact {self.contact:.3f}, "
             f"assembly {self.assembly:.3f}, algebra {self.algebra:.3f}, "
             f"time {self.time_integration:.3f}, Python {self.python:.3f}; "
             f"{self.evaluations} evaluations, {self.iterations} iterations, "
-            f"{self.failed_steps} failed steps"
+            f"{self.failed_steps} failed steps{condensed}"
         )
 
 
@@ -388,6 +396,7 @@ class CostMeter:
                 jacobians=now.jacobians - before.jacobians,
                 factorisations=now.factorisations - before.factorisations,
                 least_norm=now.least_norm - before.least_norm,
+                condensed=now.condensed - before.condensed,
             )
         total += Cost(iterations=self.iterations, failed_steps=self.failed_steps)
         for part in (*self.parts, *parts):

@@ -318,9 +318,12 @@ void bd_hbm_linear_part(const bd_hbm *hbm, const double *u, double omega, double
                         double *r_omega) {
     const size_t n = (size_t)hbm->n_unknown, n_mode0 = (size_t)hbm->n_mode[0];
     const double *k = hbm->stiffness, *m = hbm->mass, *c = hbm->damping;
+    const bd_jacobian_parts *parts = hbm->parts;
     for (size_t a = 0; a < n_mode0; ++a, ++k, ++m, ++c) {
         r[a] = *k * u[a] - hbm->force[a];
         if (J) J[a * n + a] += *k;
+        if (parts) parts->dynamic[a] = *k;
+        if (parts) parts->loss[a] = 0.0;
         if (r_omega) r_omega[a] = 0.0;
     }
     for (int l = 1; l <= hbm->n_harm; ++l) {
@@ -336,6 +339,10 @@ void bd_hbm_linear_part(const bd_hbm *hbm, const double *u, double omega, double
                 J[a * n + b] += loss;
                 J[b * n + b] += dynamic;
                 J[b * n + a] -= loss;
+            }
+            if (parts) {
+                parts->dynamic[k - hbm->stiffness] = dynamic;
+                parts->loss[k - hbm->stiffness] = loss;
             }
             if (r_omega) {
                 const double d_dynamic = -2.0 * l * w * *m, d_loss = l * *c;
@@ -526,6 +533,41 @@ static void find_derivatives(bd_hbm *hbm, size_t first, size_t n, const bd_respo
     }
 }
 
+/* Write one block of the tangent of the contact forces. */
+static void write_block(const bd_hbm *hbm, int to, int from, const double *block) {
+    const bd_jacobian_parts *parts = hbm->parts;
+    const size_t n_coef = (size_t)hbm->n_coef, m = (size_t)parts->n_component * n_coef;
+    double *corner = parts->tangent + (size_t)to * n_coef * m + (size_t)from * n_coef;
+    for (size_t i = 0; i < n_coef; ++i) copy(corner + i * m, block + i * n_coef, n_coef);
+}
+
+/* Write the tangent of component a of a point. */
+static void write_tangent(const bd_hbm *hbm, size_t p, int a, const bd_response *response) {
+    const bd_jacobian_parts *parts = hbm->parts;
+    const size_t n_coef = (size_t)hbm->n_coef, m = (size_t)parts->n_component * n_coef;
+    const bd_block kind = a < 2 ? response->tangential[a] : response->normal;
+    const int to = parts->place[3 * p + (size_t)a];
+    if (to < 0) return;
+    if (kind == BD_BLOCK_LINEAR) {
+        const double k = spring(hbm->element + p, a);
+        double *first = parts->tangent + (size_t)to * n_coef * (m + 1);
+        for (size_t i = 0; i < n_coef; ++i) first[i * (m + 1)] = k;
+    }
+    if (kind != BD_BLOCK_FULL) return;
+    const double *block[3];
+    size_t source[3];
+    const int n_source = list_blocks(response, a, block, source);
+    for (int s = 0; s < n_source; ++s) {
+        const int from = parts->place[3 * p + source[s]];
+        if (from >= 0) write_block(hbm, to, from, block[s]);
+    }
+}
+
+static void write_tangents(const bd_hbm *hbm, size_t first, size_t n, const bd_response *response) {
+    for (size_t i = 0; i < n; ++i)
+        for (int a = 0; a < 3; ++a) write_tangent(hbm, first + i, a, response + i);
+}
+
 /* Record the form of the tangents of a group of points, and add the full ones to J. */
 static void add_tangents(bd_hbm *hbm, size_t first, size_t n, const bd_response *response,
                          double *J) {
@@ -541,7 +583,7 @@ static void add_tangents(bd_hbm *hbm, size_t first, size_t n, const bd_response 
 /* Contact forces of all points and their contribution to J. */
 static void contact_part(bd_hbm *hbm, double *J) {
     bd_response response[BD_LANES];
-    const int with_tangent = J || hbm->derivative;
+    const int with_tangent = J || hbm->derivative || hbm->parts;
     const size_t n_point = (size_t)hbm->n_point;
     double assembly = 0.0;
     const double started = bd_seconds();
@@ -552,9 +594,10 @@ static void contact_part(bd_hbm *hbm, double *J) {
         bd_contact_evaluate_many((int)n, hbm->element + first, X, response, hbm->share + first,
                                  &hbm->evaluator);
         if (hbm->derivative) find_derivatives(hbm, first, n, response);
-        if (!J) continue;
+        if (!J && !hbm->parts) continue;
         const double evaluated = bd_seconds();
-        add_tangents(hbm, first, n, response, J);
+        if (J) add_tangents(hbm, first, n, response, J);
+        if (hbm->parts) write_tangents(hbm, first, n, response);
         assembly += bd_seconds() - evaluated;
     }
     const double evaluated = bd_seconds();
@@ -570,6 +613,23 @@ static int all_finite(const double *x, size_t n) {
     double sum = 0.0;
     for (size_t i = 0; i < n; ++i) sum += x[i] * 0.0; /* preserves NaN and infinity */
     return sum == 0.0;
+}
+
+static size_t tangent_size(const bd_hbm *hbm) {
+    const size_t m = (size_t)hbm->parts->n_component * (size_t)hbm->n_coef;
+    return m * m;
+}
+
+static void clear_tangent(const bd_hbm *hbm) {
+    memset(hbm->parts->tangent, 0, sizeof(double) * tangent_size(hbm));
+}
+
+static int parts_are_finite(const bd_hbm *hbm) {
+    size_t n_modes = 0;
+    for (int l = 0; l <= hbm->n_harm; ++l) n_modes += (size_t)hbm->n_mode[l];
+    const bd_jacobian_parts *parts = hbm->parts;
+    if (!all_finite(parts->dynamic, n_modes) || !all_finite(parts->loss, n_modes)) return 0;
+    return all_finite(parts->tangent, tangent_size(hbm));
 }
 
 /* Invalidate motion, forces and shares at a point without evaluation. */
@@ -597,6 +657,7 @@ bd_status bd_hbm_evaluate_at(bd_hbm *hbm, const double *u, double omega, double 
     }
     const double started = bd_seconds();
     if (J) memset(J, 0, sizeof(double) * n * n);
+    if (hbm->parts) clear_tangent(hbm);
     bd_hbm_motion(hbm, u);
     bd_hbm_linear_part(hbm, u, omega, r, J, r_omega);
     cost->assembly += bd_seconds() - started;
@@ -607,8 +668,9 @@ bd_status bd_hbm_evaluate_at(bd_hbm *hbm, const double *u, double omega, double 
     bd_hbm_add_force(hbm, hbm->F, r);
     cost->assembly += bd_seconds() - evaluated;
     ++cost->n_evaluation;
-    if (J) ++cost->n_jacobian;
+    if (J || hbm->parts) ++cost->n_jacobian;
     if (!all_finite(r, n)) return BD_NOT_FINITE;
     if (J && !all_finite(J, n * n)) return BD_NOT_FINITE;
+    if (hbm->parts && !parts_are_finite(hbm)) return BD_NOT_FINITE;
     return BD_OK;
 }

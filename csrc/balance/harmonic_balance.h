@@ -39,6 +39,18 @@ typedef struct bd_variation {
     void (*destroy)(struct bd_variation *variation);
 } bd_variation;
 
+/* The Jacobian J = D + U^T T U in parts, for few contact points: D is diagonal in the modes, U are
+ * their rows for the components of motion that they move, T is the tangent of the contact forces in
+ * the coefficients of these components. */
+typedef struct {
+    int n_component;
+    int *component; /* (n_component) 3 point + direction */
+    int *place;     /* (3 n_point) its place in this list, or -1 */
+    /* (sum n_mode) K - (l omega)^2 M and l omega C */
+    double *dynamic, *loss;
+    double *tangent; /* (n_component n_coef)^2 row-major */
+} bd_jacobian_parts;
+
 /* Unknowns: the n_mode[0] coordinates of harmonic 0, then for each harmonic its cosines followed by
  * its sines. */
 typedef struct bd_hbm {
@@ -74,6 +86,8 @@ typedef struct bd_hbm {
     /* NULL, or equations with the derivatives of element and X; an evaluation
      * then also fills their F */
     struct bd_hbm *derivative;
+    /* NULL, or where an evaluation writes the parts of the Jacobian */
+    bd_jacobian_parts *parts;
     bd_cost cost;
 } bd_hbm;
 

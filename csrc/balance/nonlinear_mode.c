@@ -32,14 +32,16 @@ typedef struct {
     bd_dense dense;
     bd_sector *sector;
     double weight;
-    double *re, *im; /* (n) */
-    double *u;       /* (n) unknowns of the sector */
-    double *r, *C;   /* (n) its residual and derivative with respect to omega */
-    double *J;       /* (n, n) */
-    double *force;   /* (n) its static forces */
-    double *by_xi;   /* (n) */
-    double *damping; /* C - xi M for each mode */
+    double *re, *im;   /* (n) */
+    double *u;         /* (n) unknowns of the sector */
+    double *r, *C;     /* (n) its residual and derivative with respect to omega */
+    double *J;         /* (n, n) */
+    double *force;     /* (n) its static forces */
+    double *by_xi;     /* (n) */
+    double *damping;   /* C - xi M for each mode */
+    double *vibration; /* (n + 2) unknowns of the vibration, the others 0 */
     double *memory;
+    bd_condensation *condensation; /* NULL: dense factors */
 } modes_equations;
 
 static double dot(const double *x, const double *y, size_t n) {
@@ -52,7 +54,8 @@ static double dot(const double *x, const double *y, size_t n) {
 static bd_status evaluate_sector(modes_equations *modes, double omega, double xi, int derivative) {
     bd_hbm *hbm = &modes->sector->hbm;
     double *damping = hbm->damping, *force = hbm->force;
-    double *J = derivative ? modes->J : NULL, *C = derivative ? modes->C : NULL;
+    const int is_dense = !modes->condensation;
+    double *J = derivative && is_dense ? modes->J : NULL, *C = derivative ? modes->C : NULL;
     size_t n_mode = 0; /* of all harmonics */
     for (int l = 0; l <= hbm->n_harm; ++l) n_mode += (size_t)hbm->n_mode[l];
     for (size_t j = 0; j < n_mode; ++j) modes->damping[j] = damping[j] - xi * hbm->mass[j];
@@ -60,7 +63,9 @@ static bd_status evaluate_sector(modes_equations *modes, double omega, double xi
     /* the sector keeps its own damping and force */
     hbm->damping = modes->damping;
     hbm->force = modes->force;
+    hbm->parts = derivative && !is_dense ? &modes->condensation->parts : NULL;
     const bd_status status = bd_hbm_evaluate(hbm, modes->u, omega, modes->r, J, C);
+    hbm->parts = NULL;
     hbm->damping = damping;
     hbm->force = force;
     return status;
@@ -108,6 +113,26 @@ static void fill_jacobian(modes_equations *modes, const double *y, double omega,
     e->C[n] = e->C[n + 1] = 0.0;
 }
 
+/* The same for condensed equations, whose columns of mean and vibration are products. */
+static void fill_border(modes_equations *modes, const double *y, double omega, double zeta,
+                        double a) {
+    bd_equations *e = &modes->dense.base;
+    bd_condensation *condensation = modes->condensation;
+    const size_t n = (size_t)modes->sector->dense.base.n;
+    const size_t n_mean = (size_t)modes->sector->hbm.n_mode[0];
+    double *by_omega = condensation->extra_column, *by_zeta = by_omega + n;
+    condensation->amplitude = a;
+    for (size_t i = 0; i < n; ++i) {
+        const double unit = i < n_mean ? 1.0 : 1.0 / a;
+        by_omega[i] = unit * modes->C[i] + 2.0 * zeta * modes->by_xi[i];
+        by_zeta[i] = 2.0 * omega * modes->by_xi[i];
+    }
+    memcpy(modes->vibration + n_mean, y + n_mean, sizeof(double) * (n - n_mean));
+    bd_condensation_product(condensation, 0, modes->vibration, e->C);
+    for (size_t i = n_mean; i < n; ++i) e->C[i] -= e->r[i];
+    e->C[n] = e->C[n + 1] = 0.0;
+}
+
 static bd_status evaluate(bd_equations *e, const double *y, int derivative) {
     modes_equations *modes = (modes_equations *)e;
     const size_t n = (size_t)modes->sector->dense.base.n;
@@ -124,7 +149,10 @@ static bd_status evaluate(bd_equations *e, const double *y, int derivative) {
     e->r[n + 1] = modes->weight * dot(modes->im, y, n);
     if (derivative) {
         differentiate_by_xi(modes, y, omega);
-        fill_jacobian(modes, y, omega, zeta, a);
+        if (modes->condensation)
+            fill_border(modes, y, omega, zeta, a);
+        else
+            fill_jacobian(modes, y, omega, zeta, a);
     }
     double sum = 0.0;
     for (size_t i = 0; i < n + 2; ++i) sum += e->r[i] * 0.0; /* preserves NaN and infinity */
@@ -133,6 +161,7 @@ static bd_status evaluate(bd_equations *e, const double *y, int derivative) {
 
 static void destroy(bd_equations *e) {
     modes_equations *modes = (modes_equations *)e;
+    bd_condensation_destroy(modes->condensation);
     bd_dense_destroy(&modes->dense);
     free(modes->memory);
     free(modes);
@@ -141,6 +170,48 @@ static void destroy(bd_equations *e) {
 static const bd_equations_type MODES = {evaluate,       bd_dense_factor,
                                         bd_dense_solve, bd_dense_solve_transposed,
                                         NULL,           destroy};
+
+static bd_status factor_condensed(bd_equations *e, const bd_border *border) {
+    return bd_condensation_factor(((modes_equations *)e)->condensation, border);
+}
+
+static bd_status solve_condensed(bd_equations *e, double tolerance, double *b) {
+    (void)tolerance;
+    return bd_condensation_solve(((modes_equations *)e)->condensation, 0, b);
+}
+
+static bd_status solve_condensed_transposed(bd_equations *e, double *b) {
+    return bd_condensation_solve(((modes_equations *)e)->condensation, 1, b);
+}
+
+static bd_status multiply_condensed(bd_equations *e, int transposed, const double *x, double *out) {
+    bd_condensation_product(((modes_equations *)e)->condensation, transposed, x, out);
+    return BD_OK;
+}
+
+static const bd_equations_type CONDENSED = {
+    .evaluate = evaluate,
+    .factor = factor_condensed,
+    .solve = solve_condensed,
+    .solve_transposed = solve_condensed_transposed,
+    .product = multiply_condensed,
+    .destroy = destroy,
+};
+
+/* Amplitude and phase are fixed by rows beyond those of the sector. */
+static bd_status condense(modes_equations *modes) {
+    const size_t n = (size_t)modes->sector->dense.base.n;
+    const bd_status status =
+        bd_condensation_create(&modes->condensation, &modes->dense, &modes->sector->hbm, 2);
+    if (status != BD_OK) return status;
+    double *amplitude = modes->condensation->extra_row, *phase = amplitude + n;
+    for (size_t j = 0; j < n; ++j) {
+        amplitude[j] = modes->weight * modes->re[j];
+        phase[j] = modes->weight * modes->im[j];
+    }
+    modes->dense.base.type = &CONDENSED;
+    return BD_OK;
+}
 
 bd_status bd_modes_create(bd_equations **out, bd_sector *sector, const double *re, const double *im,
                           double weight, const double *row_scale) {
@@ -155,7 +226,7 @@ bd_status bd_modes_create(bd_equations **out, bd_sector *sector, const double *r
                                        &sector->dense.lapack, sector->dense.base.cost);
     size_t n_mode = 0;
     for (int l = 0; l <= hbm->n_harm; ++l) n_mode += (size_t)hbm->n_mode[l];
-    modes->memory = calloc(7 * n + n * n + n_mode, sizeof(double));
+    modes->memory = calloc(8 * n + 2 + n * n + n_mode, sizeof(double));
     if (status == BD_OK && !modes->memory) status = BD_NO_MEMORY;
     if (status != BD_OK) {
         destroy(&modes->dense.base);
@@ -173,6 +244,7 @@ bd_status bd_modes_create(bd_equations **out, bd_sector *sector, const double *r
     modes->by_xi = bd_take(&rest, n);
     modes->J = bd_take(&rest, n * n);
     modes->damping = bd_take(&rest, n_mode);
+    modes->vibration = bd_take(&rest, n + 2);
 
     /* the mean has no part in the amplitude, and only its force remains */
     if (n > n_mean) {
@@ -180,6 +252,11 @@ bd_status bd_modes_create(bd_equations **out, bd_sector *sector, const double *r
         memcpy(modes->im + n_mean, im + n_mean, sizeof(double) * (n - n_mean));
     }
     if (n_mean > 0) memcpy(modes->force, hbm->force, sizeof(double) * n_mean);
+    if (sector->condensation) status = condense(modes);
+    if (status != BD_OK) {
+        destroy(&modes->dense.base);
+        return status;
+    }
     *out = &modes->dense.base;
     return BD_OK;
 }

@@ -13,15 +13,20 @@
 #include <string.h>
 
 static bd_status evaluate_sector(bd_equations *e, const double *y, int derivative) {
-    bd_hbm *hbm = &((bd_sector *)e)->hbm;
+    bd_sector *sector = (bd_sector *)e;
+    bd_hbm *hbm = &sector->hbm;
     const double omega = y[e->n];
     double *J = derivative ? e->J : NULL;
     double *r_omega = derivative ? e->C : NULL;
-    return bd_hbm_evaluate(hbm, y, omega, e->r, J, r_omega);
+    hbm->parts = derivative && sector->condensation ? &sector->condensation->parts : NULL;
+    const bd_status status = bd_hbm_evaluate(hbm, y, omega, e->r, J, r_omega);
+    hbm->parts = NULL;
+    return status;
 }
 
 static void destroy_sector(bd_equations *e) {
     bd_sector *sector = (bd_sector *)e;
+    bd_condensation_destroy(sector->condensation);
     bd_hbm_destroy(&sector->hbm);
     bd_dense_destroy(&sector->dense);
     free(sector);
@@ -35,8 +40,42 @@ static const bd_equations_type SECTOR = {
     .destroy = destroy_sector,
 };
 
+static bd_status factor_condensed(bd_equations *e, const bd_border *border) {
+    return bd_condensation_factor(((bd_sector *)e)->condensation, border);
+}
+
+static bd_status solve_condensed(bd_equations *e, double tolerance, double *b) {
+    (void)tolerance;
+    return bd_condensation_solve(((bd_sector *)e)->condensation, 0, b);
+}
+
+static bd_status solve_condensed_transposed(bd_equations *e, double *b) {
+    return bd_condensation_solve(((bd_sector *)e)->condensation, 1, b);
+}
+
+static bd_status multiply_condensed(bd_equations *e, int transposed, const double *x, double *out) {
+    bd_condensation_product(((bd_sector *)e)->condensation, transposed, x, out);
+    return BD_OK;
+}
+
+static const bd_equations_type CONDENSED = {
+    .evaluate = evaluate_sector,
+    .factor = factor_condensed,
+    .solve = solve_condensed,
+    .solve_transposed = solve_condensed_transposed,
+    .product = multiply_condensed,
+    .destroy = destroy_sector,
+};
+
+static bd_status condense(bd_sector *sector) {
+    bd_dense *dense = &sector->dense;
+    const bd_status status = bd_condensation_create(&sector->condensation, dense, &sector->hbm, 0);
+    if (status == BD_OK) dense->base.type = &CONDENSED;
+    return status;
+}
+
 bd_status bd_sector_create(bd_sector **out, const bd_hbm_input *input, const double *row_scale,
-                           const bd_lapack *lapack) {
+                           const bd_lapack *lapack, bd_elimination elimination) {
     *out = NULL;
     bd_sector *sector = calloc(1, sizeof *sector);
     if (!sector) return BD_NO_MEMORY;
@@ -51,6 +90,12 @@ bd_status bd_sector_create(bd_sector **out, const bd_hbm_input *input, const dou
     if (status != BD_OK) {
         bd_hbm_destroy(hbm);
         free(sector);
+        return status;
+    }
+    const int pays = elimination == BD_BY_SIZE && bd_condensation_pays(hbm);
+    if (pays || elimination == BD_CONDENSED) status = condense(sector);
+    if (status != BD_OK) {
+        destroy_sector(&sector->dense.base);
         return status;
     }
     *out = sector;

@@ -3,17 +3,18 @@
 #ifndef BD_BALANCE_SECTOR_H
 #define BD_BALANCE_SECTOR_H
 
-#include "balance/harmonic_balance.h"
-#include "solver/dense.h"
+#include "balance/condensation.h"
 
 /* Harmonic balance of one sector, lambda = omega. */
 typedef struct {
     bd_dense dense;
     bd_hbm hbm;
+    bd_condensation *condensation; /* NULL: dense factors */
 } bd_sector;
 
+/* A speed family needs full elimination. */
 bd_status bd_sector_create(bd_sector **out, const bd_hbm_input *input, const double *row_scale,
-                           const bd_lapack *lapack);
+                           const bd_lapack *lapack, bd_elimination elimination);
 
 /* The same at fixed omega with the parameter lambda = s, a factor on the part `ramp` (n) of the
  * excitation. s also fades out the linear force `support` (n, n) row-major, unless NULL. ramp and

@@ -78,10 +78,11 @@ static PyStructSequence_Field counts_fields[] = {
     {"jacobians", "Number of Jacobians."},
     {"factorisations", "Number of factorisations of the bordered matrix."},
     {"least_norm", "Number of least-norm solutions."},
+    {"condensed", "Number of factorisations condensed to the motion at the contact points."},
     {NULL, NULL}};
 static PyStructSequence_Desc counts_description = {"bdamper._core.Counts",
                                                    "Cost of equations since their creation.",
-                                                   counts_fields, 8};
+                                                   counts_fields, 9};
 
 static PyStructSequence_Field solved_fields[] = {
     {"status", "0: converged."},
@@ -410,9 +411,9 @@ static PyObject *get_cost(core_equations *self, void *closure) {
     PyThread_release_lock(self->lock);
     Py_END_ALLOW_THREADS;
     const core_state *state = PyType_GetModuleState(Py_TYPE(self));
-    return named(state->counts,
-                 Py_BuildValue("ddddllll", c.contact, c.assembly, c.algebra, c.processor,
-                               c.n_evaluation, c.n_jacobian, c.n_factorisation, c.n_least_norm));
+    return named(state->counts, Py_BuildValue("ddddlllll", c.contact, c.assembly, c.algebra,
+                                              c.processor, c.n_evaluation, c.n_jacobian,
+                                              c.n_factorisation, c.n_least_norm, c.n_condensed));
 }
 
 static PyObject *get_n_unknown(core_equations *self, void *closure) {

@@ -155,28 +155,36 @@ static int make_family(core_equations *self, const bd_hbm_input *in, const famil
 }
 
 static PyObject *Sector_new(PyTypeObject *type, PyObject *args, PyObject *kwargs) {
-    static char *names[] = {"n_mode", "stiffness",  "mass",   "damping", "G",     "kt",
-                            "kn",     "mu",         "n0",     "w",       "law",   "shift",
-                            "force",  "evaluation", "n_time", "load",    "nodes", "squares",
-                            "order",  "row_scale",  "own",    NULL};
+    static char *names[] = {"n_mode", "stiffness",  "mass",   "damping",     "G",     "kt",
+                            "kn",     "mu",         "n0",     "w",           "law",   "shift",
+                            "force",  "evaluation", "n_time", "load",        "nodes", "squares",
+                            "order",  "row_scale",  "own",    "elimination", NULL};
     sector_objects o = {.load = Py_None, .row_scale = Py_None, .point_law = Py_None};
     family_objects family = {.nodes = Py_None, .squares = Py_None};
     bd_hbm_input in = {0};
-    int evaluation = BD_EXACT;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOOOOOOOOO|iiOOOdOO:Sector", names,
+    int evaluation = BD_EXACT, elimination = BD_BY_SIZE;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOOOOOOOOO|iiOOOdOOi:Sector", names,
                                      &o.n_mode, &o.stiffness, &o.mass, &o.damping, &o.G, &o.kt,
                                      &o.kn, &o.mu, &o.n0, &o.w, &o.law, &o.shift, &o.force,
                                      &evaluation, &in.n_time, &o.load, &family.nodes,
-                                     &family.squares, &family.order, &o.row_scale, &o.point_law))
+                                     &family.squares, &family.order, &o.row_scale, &o.point_law,
+                                     &elimination))
         return NULL;
     const double *row_scale = NULL;
     bd_point_law *point_law = NULL;
     core_equations *self = NULL;
+    if (elimination < BD_BY_SIZE || elimination > BD_CONDENSED) {
+        PyErr_Format(PyExc_ValueError, "elimination: expected 0, 1 or 2, found %d", elimination);
+        return NULL;
+    }
     if (!core_check_kernel() || !read_input(&o, evaluation, &in, &row_scale, &point_law)) goto done;
     const core_state *state = PyType_GetModuleState(type);
     bd_sector *sector;
     if (!(self = core_equations_new(type, NULL))) goto done;
-    if (!core_check_status(bd_sector_create(&sector, &in, row_scale, &state->lapack))) {
+    /* the modes of a family change with the parameter */
+    if (family.nodes != Py_None) elimination = BD_FULL;
+    if (!core_check_status(bd_sector_create(&sector, &in, row_scale, &state->lapack,
+                                            (bd_elimination)elimination))) {
         Py_CLEAR(self);
         goto done;
     }
@@ -200,7 +208,9 @@ static PyType_Slot Sector_slots[] = {
      "(omega/order)^2. nodes is "
      "a tuple of Sectors of equal sizes, squares are their squared speeds, and order is an engine "
      "order. "
-     "Derivatives with respect to omega are then taken along the engine order line."},
+     "Derivatives with respect to omega are then taken along the engine order line.\n\n"
+     "elimination is 1 for factors of the full Jacobian, 2 for factors condensed to the motion at "
+     "the contact points, 0 for a choice by size."},
     {0, NULL}};
 
 PyType_Spec core_sector_spec = {.name = "bdamper._core.Sector",

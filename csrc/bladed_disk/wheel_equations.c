@@ -719,6 +719,7 @@ bd_status bd_wheel_create(bd_wheel **out, const bd_wheel_input *in) {
         .type = &WHEEL,
         .n = n_active * in->n_sector * (in->n_blade + in->n_damper),
         .k = 1,
+        .derives_trials = 1,
         .cost = &w->cost,
     };
     bd_status status = parts_create(w, in);

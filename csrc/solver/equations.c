@@ -10,9 +10,7 @@ bd_status bd_evaluate(bd_equations *e, const double *y, int derivative) {
 }
 
 bd_status bd_trial(bd_equations *e, const double *y) {
-    /* a stored J would replace the one that belongs to the factors */
-    const int derivative = e->J == NULL;
-    const bd_status status = e->type->evaluate(e, y, derivative);
+    const bd_status status = e->type->evaluate(e, y, e->derives_trials);
     if (status != BD_OK) e->stage = BD_EMPTY;
     return status;
 }

@@ -51,8 +51,11 @@ struct bd_equations {
     int n, k;
     /* (n) factor from residual to a value relative to excitation or static load */
     double *row_scale;
-    double *r, *C;   /* (n), (n) for each parameter */
-    double *J;       /* (n, n) row-major, NULL if not stored */
+    double *r, *C; /* (n), (n) for each parameter */
+    double *J;     /* (n, n) row-major, NULL if not stored */
+    /* whether the data of the factors survive an evaluation with derivatives, so that a trial
+     * computes those of its point as well */
+    int derives_trials;
     double *scratch; /* (4, n + k) work of the solver and its callers */
     bd_factored factored;
     enum { BD_EMPTY, BD_EVALUATED, BD_DERIVED, BD_FACTORED } stage;
@@ -60,8 +63,8 @@ struct bd_equations {
 };
 
 bd_status bd_evaluate(bd_equations *equations, const double *y, int derivative);
-/* r, and unless J is stored C and the data for factor; the factors of the
- * previous point remain valid */
+/* r, and with derives_trials C and the data for factor; the factors of the previous point
+ * remain valid */
 bd_status bd_trial(bd_equations *equations, const double *y);
 /* (n) */
 bd_status bd_product(bd_equations *equations, int transposed, const double *x, double *out);

@@ -239,9 +239,9 @@ static void search_step_length(newton_run *run) {
         if (now < (1.0 - 0.25 * fraction) * full_length) break;
     }
 
-    /* a trial without stored J has also computed the data of the next factorisation */
+    /* the latest trial may have computed the data of the next factorisation */
     const int latest_is_best = run->fraction == fraction && e->stage == BD_FACTORED;
-    run->derived = !e->J && latest_is_best;
+    run->derived = e->derives_trials && latest_is_best;
     move(run, run->fraction);
 }
 

@@ -7,6 +7,7 @@ typedef struct {
     double contact, assembly, algebra;
     double processor; /* processor seconds, measured by the binding */
     long n_evaluation, n_jacobian, n_factorisation, n_least_norm;
+    long n_condensed; /* factorisations of condensed matrices, which n_factorisation includes */
 } bd_cost;
 
 #endif

@@ -35,6 +35,7 @@ void __wrap_free(void *memory) {
 
 typedef struct {
     bd_evaluation evaluation;
+    bd_elimination elimination;
     bd_evaluator evaluator;
     bd_hbm hbm;
     bd_sector *sector;
@@ -82,7 +83,7 @@ static bd_status create_sector(workspaces *w) {
                                 .n_time = 64,
                                 .point_law = w->evaluation == BD_EXACT ? NULL : &own_law};
     const bd_lapack lapack = bd_lapack_system();
-    return bd_sector_create(&w->sector, &input, NULL, &lapack);
+    return bd_sector_create(&w->sector, &input, NULL, &lapack, w->elimination);
 }
 
 static void destroy_sector(workspaces *w) {
@@ -142,9 +143,9 @@ static bd_status create_time(workspaces *w) {
 
 static void destroy_time(workspaces *w) { bd_time_destroy(&w->time); }
 
-static void test_each_allocation(bd_evaluation evaluation, bd_status (*create)(workspaces *),
+static void test_each_allocation(workspaces options, bd_status (*create)(workspaces *),
                                  void (*destroy)(workspaces *)) {
-    workspaces w = {.evaluation = evaluation};
+    workspaces w = options;
     for (int n = 0; n < 100; ++n) {
         left = n;
         const bd_status status = create(&w);
@@ -167,11 +168,17 @@ static void test_each_allocation(bd_evaluation evaluation, bd_status (*create)(w
 int main(void) {
     const bd_evaluation evaluation[3] = {BD_EXACT, BD_SAMPLED, BD_SAMPLED_PLAIN};
     for (int i = 0; i < 3; ++i) {
-        test_each_allocation(evaluation[i], create_evaluator, destroy_evaluator);
-        test_each_allocation(evaluation[i], create_sector, destroy_sector);
+        const workspaces options = {.evaluation = evaluation[i]};
+        test_each_allocation(options, create_evaluator, destroy_evaluator);
+        test_each_allocation(options, create_sector, destroy_sector);
     }
-    test_each_allocation(BD_EXACT, create_eased, destroy_other);
-    test_each_allocation(BD_EXACT, create_modes, destroy_other);
-    test_each_allocation(BD_EXACT, create_time, destroy_time);
+    const workspaces full = {.evaluation = BD_EXACT, .elimination = BD_FULL};
+    const workspaces condensed = {.evaluation = BD_EXACT, .elimination = BD_CONDENSED};
+    test_each_allocation(condensed, create_sector, destroy_sector);
+    test_each_allocation(condensed, create_eased, destroy_other);
+    test_each_allocation(condensed, create_modes, destroy_other);
+    test_each_allocation(full, create_eased, destroy_other);
+    test_each_allocation(full, create_modes, destroy_other);
+    test_each_allocation(full, create_time, destroy_time);
     return check_result();
 }

@@ -16,6 +16,8 @@ typedef struct {
     bd_equations *equations; /* of the sector */
 } oscillator;
 
+static bd_elimination elimination; /* of all systems */
+
 static void make(oscillator *o, double stiffness_of_mean, double excitation) {
     const oscillator blank = {.n_mode = {1, 1},
                               .law = {BD_LAW_SEPARABLE},
@@ -46,7 +48,7 @@ static void make(oscillator *o, double stiffness_of_mean, double excitation) {
                                 .force = o->force,
                                 .evaluation = BD_EXACT};
     const bd_lapack lapack = bd_lapack_system();
-    CHECK(bd_sector_create(&o->sector, &input, NULL, &lapack) == BD_OK);
+    CHECK(bd_sector_create(&o->sector, &input, NULL, &lapack, elimination) == BD_OK);
     o->equations = &o->sector->dense.base;
 }
 
@@ -294,7 +296,7 @@ static void test_gradient_that_fails(void) {
     finish(&o);
 }
 
-int main(void) {
+static void test_all(void) {
     test_support();
     test_converges();
     test_scaling_does_not_matter();
@@ -303,7 +305,14 @@ int main(void) {
     test_ramp();
     test_peak();
     test_order();
-    test_gradient_that_fails();
+}
+
+int main(void) {
+    elimination = BD_FULL;
+    test_all();
+    test_gradient_that_fails(); /* stores J */
+    elimination = BD_CONDENSED;
+    test_all();
     bd_equations_destroy(NULL);
     return check_result();
 }

@@ -88,7 +88,7 @@ def test_integration_in_time_is_a_part_of_its_own(crowded):
 
 def test_a_meter_sums_systems_and_parts(clocks):
     def counted(n):
-        core = SimpleNamespace(cost=Counts([*4 * [0.1 * n], 4 * n, 3 * n, 2 * n, n]))
+        core = SimpleNamespace(cost=Counts([*4 * [0.1 * n], 4 * n, 3 * n, 2 * n, n, n]))
         return SimpleNamespace(core=core, work=np.ones(4))
 
     def spend(system, n):
