@@ -1,10 +1,11 @@
-"""Make the example decks of the package with CalculiX (ccx): four archives in bdamper/data/decks.
+"""Make the example decks of the package with CalculiX (ccx): five archives in bdamper/data/decks.
 
     python -m tools.make_example_decks
 
 ``calculix`` has a sector and its wedge damper, ``shroud`` a sector with tip shroud and two strip dampers, ``abaqus`` the
 sector and wedge damper of ``calculix`` as instances of two parts, with the matrices as *MATRIX OUTPUT writes them.
 ``ansys`` has this sector of hexahedra, and the damper of wedges, which Ansys stores as hexahedra with repeated nodes.
+``ring`` has another sector, of 24, and the sector of a friction ring under the lip of its rim.
 """
 
 import tempfile
@@ -18,6 +19,7 @@ from bdamper.importers import read_calculix
 from examples.calculix.decks import run_job
 from tests.ansys_files import collapsed, write_cdb, write_full
 from tests.own_sector import OwnSector, deck, of_kind
+from tools.ring_sector import text_of
 from tools.shrouded import meshes
 
 DECKS = Path(__file__).resolve().parents[1] / "bdamper" / "data" / "decks"
@@ -107,6 +109,14 @@ def shroud(folder):
     )
 
 
+def ring(folder):
+    run(text_of("sector"), folder, "sector", "BORE")
+    # all digits: the soft bending of a slender ring is a small difference of large stiffnesses
+    run_job("\n".join([text_of("ring"), *STEPS]), folder, "ring")
+    ends = ("inp", "sti", "mas", "dof")
+    archive("ring", folder, *(f"{name}.{end}" for name in ("sector", "ring") for end in ends))
+
+
 def abaqus(folder):
     """The strip is a part about its own origin, turned and moved to its place by its instance."""
     own, place, angle, texts, entries = (
@@ -191,6 +201,6 @@ def ansys(folder):
 
 
 if __name__ == "__main__":
-    for make in (calculix, shroud, abaqus, ansys):
+    for make in (calculix, shroud, ring, abaqus, ansys):
         with tempfile.TemporaryDirectory() as folder:
             make(Path(folder))

@@ -128,7 +128,7 @@ class CrossingTask:
         results: dict[str, Any] = dict.fromkeys(NUMBERS, np.nan)
         # mass of the loaded damper
         for body in problem.model.bodies.values():
-            if body.kind == "free" and body.load is not None:
+            if body.is_free and body.load is not None:
                 results["mass"] = body.mass
                 break
         results |= self._results(problem, meter)

@@ -81,7 +81,6 @@ from bdamper.harmonic_balance.effects import BLADE_MODES, MAX_HARMONIC, harmonic
 from bdamper.harmonic_balance.equations import OK, Equations
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.model.contact_points import ROWS, rows_of_points, unite_face
-from bdamper.model.kinematics import RIGID_NAMES
 from bdamper.response.highest_peak import highest_of_curve, maxima
 from bdamper.response.peak import (
     Peak,
@@ -843,9 +842,7 @@ def _more_modes(problem: Problem) -> Richer:
     settings = problem.settings
     blade_modes = settings.most_modes("constrained")
     present = settings.by_body("damper_modes")
-    damper_modes = {
-        name: problem.model.bodies[name].bases[0].n_natural - len(RIGID_NAMES) for name in present
-    }
+    damper_modes = {name: problem.model.bodies[name].n_elastic for name in present}
     stiffness = settings.contact_stiffness
     if isinstance(stiffness, ResidualModes) or stiffness == "residual_modes":
         # residual modes represent the others already

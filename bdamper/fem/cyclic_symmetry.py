@@ -136,11 +136,15 @@ def cyclic_transformation(
 
 
 def lowest_modes(
-    stiffness: sp.spmatrix, mass: sp.spmatrix, solve: Callable[[NDArray], NDArray], n_modes: int
+    stiffness: sp.spmatrix,
+    mass: sp.spmatrix,
+    solve: Callable[[NDArray], NDArray],
+    n_modes: int,
+    n_rigid: int = 0,
 ) -> tuple[NDArray, NDArray]:
     """Compute the lowest modes of ``stiffness x = omega2 mass x``.
 
-    ``solve`` applies the inverse of the stiffness.
+    ``solve`` applies the inverse of the stiffness, apart from ``n_rigid`` motions without force.
 
     Returns
     -------
@@ -154,7 +158,7 @@ def lowest_modes(
         omega2, shapes = eigh(hermitian(stiffness.toarray()), hermitian(mass.toarray()))
         # without rigid motions
         elastic = np.flatnonzero(omega2 > 1e-12 * np.abs(omega2).max())
-        lowest = elastic[:n_modes]
+        lowest = elastic[elastic >= n_rigid][:n_modes]
         return omega2[lowest], shapes[:, lowest]
     inverse = LinearOperator((n, n), matvec=solve, dtype=mass.dtype)
     # a fixed start vector makes the result reproducible

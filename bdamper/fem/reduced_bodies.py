@@ -19,6 +19,28 @@ for any choice of the constraints.  Its expansion in elastic modes is
 
 Rotation causes a body force per mass :math:`\Omega^2 (x, y, 0)`, here scaled to a resultant of 1 N
 along the radial direction of the damper.
+
+A ring is a free body of N sectors.  With the matrix T of the phase condition
+(:mod:`bdamper.fem.cyclic_symmetry`), :math:`u = T q`, the same formulas apply to the coordinates q
+of one sector with the matrices :math:`T^H K T` and :math:`T^H M T`.  A rigid-body motion with the
+translation :math:`c` satisfies the phase condition if :math:`R c = e^{-i\varphi} c`, and so does a
+rotation about the direction c:
+
+* :math:`d = 0`: c along Z, two motions,
+* :math:`d = 1`: :math:`c = (1, -i, 0)/\sqrt 2`, two motions,
+* other nodal diameters: none.
+
+At d = 0 the load of rotation deforms a closed ring against its hoop stiffness.  A split ring has
+one gap.  Its hoop force vanishes at the ends and, without friction along the circumference, in the
+whole ring.  The model distributes the opening of the gap evenly over the sector faces: at d = 0 the
+radial translation of the sector is a third rigid-body motion, and the contacts carry the whole
+load.  The bending stiffness against a uniform change of radius, which is small in a slender ring,
+and the missing connection at the gap in the waves of other nodal diameters are neglected.
+
+References
+----------
+D. Laxalde, F. Thouverez, J.-J. Sinou, J.-P. Lombard, "Qualitative analysis of forced response of
+blisks with friction ring dampers", *European Journal of Mechanics A/Solids* 26 (2007).
 """
 
 from __future__ import annotations
@@ -34,8 +56,15 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 from scipy.sparse.linalg import SuperLU
 
-from bdamper.fem.cyclic_symmetry import CyclicSector, Sectors, factorise, lowest_modes
+from bdamper.fem.cyclic_symmetry import (
+    CyclicSector,
+    Sectors,
+    cyclic_transformation,
+    factorise,
+    lowest_modes,
+)
 from bdamper.fem.rotation import Rotation, spin_displacement
+from bdamper.fem.sector_faces import SectorFaces
 from bdamper.fem.surface import Facets, Structure, check, corner_count, hermitian
 from bdamper.model.modal_basis import SpinStatic, fix_phase, rigid_motions
 from bdamper.model.structure import Body, BodyLoad, ModalBasis, Port, SurfaceMesh
@@ -71,6 +100,68 @@ def isostatic_dofs(nodes: NDArray, corner: int = 0) -> NDArray:
 S = TypeVar("S", bound=Structure)
 
 
+def orthonormal(motion: NDArray, mass: sp.spmatrix) -> NDArray:
+    """Return combinations of motions (n, n_motions) that are orthonormal in the mass matrix."""
+    # twice, to remove the rounding error of the first projection
+    for _ in range(2):
+        lower = np.linalg.cholesky(motion.conj().T @ (mass @ motion))
+        motion = np.linalg.solve(lower, motion.conj().T).conj().T
+    return motion
+
+
+class Floating:
+    """Elastic structure with rigid-body motions.
+
+    Parameters
+    ----------
+    stiffness, mass : (n, n) sparse
+    rigid : (n, n_rigid)
+        Rigid-body modes, orthonormal in the mass matrix.
+    constrained : (n_rigid,) int
+        Constrained degrees of freedom of the auxiliary problem.
+    """
+
+    def __init__(
+        self, stiffness: sp.spmatrix, mass: sp.spmatrix, rigid: NDArray, constrained: NDArray
+    ) -> None:
+        self.stiffness = stiffness
+        self.mass = mass
+        self.rigid = rigid
+        self._rigid_momentum: NDArray = mass @ rigid
+        self._kept = np.setdiff1d(np.arange(len(rigid)), constrained)
+
+    @cached_property
+    def solver(self) -> SuperLU:
+        """Factorisation of the stiffness matrix of the constrained structure."""
+        return factorise(self.stiffness[self._kept][:, self._kept])
+
+    def remove_rigid(self, displacement: NDArray) -> NDArray:
+        """Return ``P u``, the part (n, ...) orthogonal to the rigid-body modes in the mass
+        matrix."""
+        return displacement - self.rigid @ (self._rigid_momentum.conj().T @ displacement)
+
+    def elastic_response(self, load: NDArray) -> NDArray:
+        """Return the elastic displacement (n, ...) under ``load`` (n, ...) with inertia relief."""
+        load = load - self._rigid_momentum @ (self.rigid.conj().T @ load)
+        out = np.zeros_like(load)
+        out[self._kept] = self.solver.solve(np.ascontiguousarray(load[self._kept]))
+        return self.remove_rigid(out)
+
+    def elastic_modes(self, n_modes: int) -> tuple[NDArray, NDArray]:
+        """Compute the lowest elastic modes.
+
+        Returns
+        -------
+        omega2 : (n_modes,) float, rad2/s2
+        shapes : (n, n_modes), kg^-1/2
+        """
+        n_rigid = self.rigid.shape[1]
+        omega2, shapes = lowest_modes(
+            self.stiffness, self.mass, self.elastic_response, n_modes, n_rigid
+        )
+        return omega2, self.remove_rigid(shapes)
+
+
 @dataclass
 class FreeBody(Generic[S]):
     """Free body at its position in the model.
@@ -102,31 +193,18 @@ class FreeBody(Generic[S]):
         rotation = rigid_motions(body.nodes, self.centre, np.eye(3))[:, 3:]
         self.inertia: NDArray = rotation.T @ (mass @ rotation)
         motion = rigid_motions(body.nodes, self.centre, self.axes)
-        # twice, to remove the rounding error of the first projection
-        for _ in range(2):
-            lower = np.linalg.cholesky(motion.T @ (mass @ motion))
-            motion = np.linalg.solve(lower, motion.T).T
-        self.rigid: NDArray = motion
-        self._rigid_momentum: NDArray = mass @ motion
-        self._kept = np.setdiff1d(np.arange(body.n_dof), self.constrained)
-
-    @cached_property
-    def solver(self) -> SuperLU:
-        """Factorisation of the stiffness matrix of the constrained body."""
-        return factorise(self.body.stiffness[self._kept][:, self._kept])
+        self.rigid: NDArray = orthonormal(motion, mass)
+        self._floating = Floating(body.stiffness, mass, self.rigid, self.constrained)
 
     def remove_rigid(self, displacement: NDArray) -> NDArray:
         """Return ``P u``, the part (3 n_nodes, ...) orthogonal to the rigid-body modes in the mass
         matrix."""
-        return displacement - self.rigid @ (self._rigid_momentum.T @ displacement)
+        return self._floating.remove_rigid(displacement)
 
     def elastic_response(self, load: NDArray) -> NDArray:
         """Return the elastic displacement (3 n_nodes, ...) under ``load`` (3 n_nodes, ...) with
         inertia relief."""
-        load = load - self._rigid_momentum @ (self.rigid.T @ load)
-        out = np.zeros_like(load)
-        out[self._kept] = self.solver.solve(np.ascontiguousarray(load[self._kept]))
-        return self.remove_rigid(out)
+        return self._floating.elastic_response(load)
 
     def modes(self, n_modes: int) -> tuple[NDArray, NDArray]:
         """Compute six rigid-body modes and the lowest elastic modes.
@@ -140,10 +218,8 @@ class FreeBody(Generic[S]):
         n_elastic = n_modes - 6
         missing = self._modes is None or len(self._modes[0]) < n_elastic
         if n_elastic and missing:
-            omega2, shapes = lowest_modes(
-                self.body.stiffness, self.body.mass, self.elastic_response, n_elastic
-            )
-            self._modes = omega2, fix_phase(self.remove_rigid(shapes), self.body.mass)
+            omega2, shapes = self._floating.elastic_modes(n_elastic)
+            self._modes = omega2, fix_phase(shapes, self.body.mass)
         if self._modes is None:
             return np.zeros(6), self.rigid
         omega2, shapes = self._modes
@@ -158,8 +234,121 @@ class FreeBody(Generic[S]):
     def centrifugal_load(self, radial: NDArray) -> NDArray:
         """Return nodal forces (3 n_nodes,) of rotation about Z with a resultant of 1 N along
         ``radial`` (3,)."""
-        force = self.body.body_force(self.body.nodes * [1.0, 1.0, 0.0])
-        return (force / (force.sum(axis=0) @ radial)).ravel()
+        return centrifugal_load(self.body, radial)
+
+
+def centrifugal_load(body: Structure, radial: NDArray) -> NDArray:
+    """Return nodal forces (3 n_nodes,) of rotation about Z with a resultant of 1 N along
+    ``radial`` (3,)."""
+    force = body.body_force(body.nodes * [1.0, 1.0, 0.0])
+    return (force / (force.sum(axis=0) @ radial)).ravel()
+
+
+# ---- Ring ----
+
+
+def ring_motions(nodes: NDArray, nodal_diameter: int) -> NDArray:
+    """Return the rigid-body motions (3 n_nodes, n_rigid) of a ring at a nodal diameter.
+
+    The ring has at least three sectors.
+    """
+    if nodal_diameter == 0:
+        direction = np.array([0.0, 0.0, 1.0])
+    elif nodal_diameter == 1:
+        direction = np.array([1.0, -1.0j, 0.0]) / np.sqrt(2.0)
+    else:
+        return np.zeros((3 * len(nodes), 0))
+    # rotations about the middle of the ring
+    middle = nodes.mean(axis=0) * [0.0, 0.0, 1.0]
+    along_and_about = rigid_motions(nodes, middle, np.eye(3))
+    translation = along_and_about[:, :3] @ direction
+    rotation = along_and_about[:, 3:] @ direction
+    return np.stack([translation, rotation], axis=1)
+
+
+class RingSector:
+    """One sector of a ring, free in space, at one nodal diameter.
+
+    Parameters
+    ----------
+    body : Structure
+    faces : SectorFaces
+        Faces at which the ring repeats, without nodes on the axis; at least three sectors.
+    nodal_diameter : int
+    radial : (3,) float, optional
+        Radial direction of the sector of a split ring; None for a closed ring.
+    """
+
+    def __init__(
+        self,
+        body: Structure,
+        faces: SectorFaces,
+        nodal_diameter: int,
+        radial: NDArray | None = None,
+    ) -> None:
+        check(faces.n_sectors >= 3, f"a ring has at least 3 sectors, not {faces.n_sectors}")
+        check(not len(faces.axis), "a ring has no nodes on the axis of rotation")
+        n_nodes = len(body.nodes)
+        self.body = body
+        self.nodal_diameter = nodal_diameter
+        nothing_held = np.zeros((n_nodes, 3), bool)
+        to_nodes = cyclic_transformation(n_nodes, faces, nothing_held, nodal_diameter)
+        # coordinates of the sector are the displacements of its independent nodes
+        is_independent = np.ones(n_nodes, bool)
+        is_independent[faces.dependent] = False
+        own = np.repeat(is_independent, 3)
+        rigid = ring_motions(body.nodes, nodal_diameter)[own]
+        n_rigid = rigid.shape[1]
+        constrained = np.zeros(0, int)
+        if n_rigid:
+            # choose rows by pivoting: the largest component orthogonal to the previous rows
+            constrained = qr(rigid.conj().T, mode="r", pivoting=True)[1][:n_rigid]
+        if radial is not None and nodal_diameter == 0:
+            # the radial translation of the sector is one more coordinate
+            translation = np.tile(radial, n_nodes)[:, None]
+            n = to_nodes.shape[1]
+            to_nodes = sp.hstack([to_nodes, translation]).tocsr()
+            constrained = np.append(constrained, n)
+            others = np.vstack([rigid, np.zeros((1, n_rigid))])
+            rigid = np.hstack([np.eye(n + 1, 1, -n), others])
+        self.transformation = to_nodes
+        adjoint = to_nodes.conj().T
+        stiffness = (adjoint @ body.stiffness @ to_nodes).tocsr()
+        mass = (adjoint @ body.mass @ to_nodes).tocsr()
+        if n_rigid:
+            rigid = orthonormal(rigid, mass)
+        self._floating = Floating(stiffness, mass, rigid, constrained)
+
+    @property
+    def n_rigid(self) -> int:
+        """Number of rigid-body modes."""
+        return self._floating.rigid.shape[1]
+
+    def modes(self, n_modes: int) -> tuple[NDArray, NDArray]:
+        """Compute the rigid-body modes and the lowest elastic modes.
+
+        Returns
+        -------
+        omega2 : (n_modes,) float, rad2/s2
+        shapes : (3 n_nodes, n_modes) float or complex, kg^-1/2
+        """
+        rigid = self.transformation @ self._floating.rigid
+        omega2, elastic = self._floating.elastic_modes(n_modes - self.n_rigid)
+        shapes = fix_phase(self.transformation @ elastic, self.body.mass)
+        return np.append(np.zeros(self.n_rigid), omega2), np.hstack([rigid, shapes])
+
+    def static_response(self, load: sp.spmatrix | NDArray) -> NDArray:
+        """Return the elastic displacements (3 n_nodes, n) under ``load`` (3 n_nodes, n) on the
+        sector, with inertia relief."""
+        force = self.transformation.conj().T @ load
+        force = force.toarray() if sp.issparse(force) else np.asarray(force)
+        force = force.astype(self._floating.stiffness.dtype)
+        return np.asarray(self.transformation @ self._floating.elastic_response(force))
+
+    def receptance(self, contact: sp.spmatrix) -> NDArray:
+        """Return the elastic receptance (n, n) between the rows of ``contact``
+        (n, 3 n_nodes), m/N."""
+        return hermitian(contact @ self.static_response(contact.T))
 
 
 # ---- Bodies of a model ----
@@ -411,4 +600,53 @@ def free_body(name: str, wanted: Wanted, free: FreeBody, radial: NDArray) -> Bod
         centre=free.centre,
         inertia=free.inertia,
         load=BodyLoad(direction=radial, generalised=shapes.T @ force, displacement=displacement),
+    )
+
+
+def ring_body(
+    name: str,
+    wanted: Wanted,
+    sector: Callable[[int], RingSector],
+    nodal_diameters: Iterable[int],
+    whole: FreeBody,
+    seen: Callable[[RingSector, NDArray, NDArray], None] | None = None,
+) -> Body:
+    """Return a ring with rigid-body and elastic modes at several nodal diameters, including 0.
+
+    Parameters
+    ----------
+    name : str
+    wanted : Wanted
+        The number of modes includes the rigid-body modes.
+    sector : callable
+        Returns the `RingSector` at a nodal diameter.
+    nodal_diameters : iterable of int
+    whole : FreeBody
+        The sector on its own.  Its second axis is the radial direction, along which the centrifugal
+        load of the sector acts.
+    seen : callable, optional
+        Called at each nodal diameter with the sector, the squared frequencies (n,) and the shapes
+        (3 n_nodes, n).
+    """
+    radial = whole.axes[1]
+    force = whole.centrifugal_load(radial)
+    bases = {}
+    for d in nodal_diameters:
+        at_diameter = sector(d)
+        omega2, shapes = at_diameter.modes(wanted.n_modes)
+        if seen is not None:
+            seen(at_diameter, omega2, shapes)
+        bases[d] = wanted.basis(omega2, shapes, at_diameter.receptance(wanted.contact))
+        if d == 0:
+            displacement = wanted.contact @ at_diameter.static_response(force[:, None])
+            load = BodyLoad(radial, shapes.T @ force, displacement.reshape(-1, 3))
+    return Body(
+        name,
+        "ring",
+        wanted.ports,
+        bases,
+        mass=whole.total_mass,
+        centre=whole.centre,
+        inertia=whole.inertia,
+        load=load,
     )

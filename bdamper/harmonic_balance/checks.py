@@ -344,7 +344,7 @@ def _given(problem: Problem) -> Iterator[_Given]:
             amplitude = {force.location: force.amplitude}
             yield _Given("Excitation", "amplitude", amplitude, "excitation amplitude")
     for body in problem.model.bodies.values():
-        if body.kind == "free" and body.ports and sizes.volume(body.name) > 0.0:
+        if body.is_free and body.ports and sizes.volume(body.name) > 0.0:
             yield _Given("Body", f"mass.{body.name}", body.mass or 0.0)
 
     # a computed stiffness needs no check

@@ -231,6 +231,10 @@ def carried(coupling: Coupling, settings: Settings, shares: Mapping[str, float] 
         loaded = shares is None or shares.get(body.name, 0.0) > 0.0
         if body.load is None or not np.any(body.load.generalised) or not loaded:
             continue
+        if body.kind == "ring":
+            # its static deformation carries the load, with any modes
+            shares_carried.append(1.0)
+            continue
         omega2 = body.bases[0].omega2
         retained = coupling.modes[body.name]
         load = body.load.generalised

@@ -196,8 +196,9 @@ class Problem:
         """Model with the retained modes and interfaces."""
         settings = self.settings
         bodies = dict(self.model.bodies)
-        for name in settings.free_bodies:
-            bodies[name] = standard_rigid_modes(self.model, bodies[name])
+        for name, body in bodies.items():
+            if body.kind == "free":
+                bodies[name] = standard_rigid_modes(self.model, body)
         model = replace(self.model, bodies=bodies)
         if settings.contact_points is not None:
             model = unite_contact_points(model, settings.contact_points)
@@ -310,7 +311,14 @@ class Problem:
         # springs of stuck friction faces and of spring interfaces
         held = self.friction_points | self.coupling.spring_points
         springs = held[:, None] * self.stick_stiffness
-        return damper_drag(self.model, self.static_basis, springs, ratio, drag)
+        rates = damper_drag(self.model, self.static_basis, springs, ratio, drag)
+        # a ring has other motions at each nodal diameter, all with the same rate
+        for basis in self.modal_bases:
+            for mode in basis.coordinates:
+                body = self.model.bodies[mode.body]
+                if body.kind == "ring" and body.mass is not None:
+                    rates[mode] = drag[mode.body] / body.mass
+        return rates
 
     @property
     def stick_stiffness(self) -> NDArray:
@@ -802,7 +810,7 @@ class LoadCase:
         rows = problem.coupling.rows(name)
         touch = problem.point_gaps[rows] <= 0.0
         bodies = [problem.model.bodies[body] for body in (face.body_a, face.body_b)]
-        if any(body.kind == "free" for body in bodies):
+        if any(body.is_free for body in bodies):
             return np.zeros_like(touch)
         # lumped masses: the load may open the contact permanently
         if any(body.load is not None for body in bodies):

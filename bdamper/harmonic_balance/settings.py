@@ -253,6 +253,13 @@ class Settings(validation.Answering):
             elif name != "damper_modes":
                 expected = "0, since the model has no free body"
                 validation.check_value(self.free_bodies or not value, name, expected, value)
+        # its motions on the contact springs differ from one nodal diameter to the next
+        for name, ratio in self.by_body("damper_damping_ratio").items():
+            is_ring = self.model.bodies[name].kind == "ring"
+            expected = "0 for a ring; use damper_drag"
+            validation.check_value(
+                not (is_ring and ratio), f"damper_damping_ratio of '{name}'", expected, ratio
+            )
 
     def _check_speed(self) -> None:
         if self.speed is None:
@@ -393,8 +400,8 @@ class Settings(validation.Answering):
 
     @property
     def free_bodies(self) -> tuple[str, ...]:
-        """Names of the free bodies."""
-        return tuple(body.name for body in self.model.bodies.values() if body.kind == "free")
+        """Names of the free bodies, including rings."""
+        return tuple(body.name for body in self.model.bodies.values() if body.is_free)
 
     def by_body(self, name: str) -> dict[str, Any]:
         """Return the value of a setting for each free body.

@@ -37,10 +37,12 @@ from bdamper.fem.local_basis import BladePart, LocalSizes, damper_motion, local_
 from bdamper.fem.reduced_bodies import (
     PICTURED_MODES,
     FreeBody,
+    RingSector,
     Wanted,
     constrained_body,
     free_body,
     nodes_of,
+    ring_body,
 )
 from bdamper.fem.rotation import IN_PLANE, Rotation
 from bdamper.importers.fe_body import BOUNDS, FEBody, Modes
@@ -561,28 +563,90 @@ def free_from_matrices(body: PreparedBody, wanted: Wanted) -> Body:
         If the stiffness fixes the body somewhere, or it has motions without force other than the
         six rigid ones.
     """
-    wrong = body.raw.numbers[body.fixed(None).any(axis=1)]
-    some_node = ", ".join(map(str, wrong[:1]))
-    expected = "rows for all three components of every node of a free body"
-    found = f"rows missing at {len(wrong)} nodes, such as node {some_node}"
-    body.require(not len(wrong), "matrices", expected, found)
-    body.report.step(body.name)
+    free = _free_in_space(body)
     structure = body.structure
-    check_rigid_motion(body)
-    with body.refusing("mass matrix", "a positive definite matrix"):
-        in_model_axes = FreeBody(structure, np.eye(3))
-    axes = body.damper_axes(in_model_axes.centre)
-    free = FreeBody(structure, axes)
     n_modes = min(wanted.n_modes, max(6, structure.n_dof // 2))
     wanted = replace(wanted, n_modes=n_modes)
     with body.refusing("matrices", "a stiffness matrix with six rigid-body motions and no others"):
-        built = free_body(body.name, wanted, free, axes[1])
+        built = free_body(body.name, wanted, free, free.axes[1])
     elastic = built.bases[0].omega2[6:]
     expected = "six rigid-body motions and no others"
     found = f"omega2 = {elastic.min(initial=np.inf):.3g}"
     body.require((elastic > 0.0).all(), "stiffness matrix", expected, found)
     body.passed(f"{body.name}: six rigid-body motions without force")
     return built
+
+
+def _free_in_space(body: PreparedBody) -> FreeBody:
+    """Return a body without supports, with its tangential, radial and axial direction."""
+    wrong = body.raw.numbers[body.fixed(None).any(axis=1)]
+    some_node = ", ".join(map(str, wrong[:1]))
+    expected = "rows for all three components of every node of a free body"
+    found = f"rows missing at {len(wrong)} nodes, such as node {some_node}"
+    body.require(not len(wrong), "matrices", expected, found)
+    body.report.step(body.name)
+    check_rigid_motion(body)
+    with body.refusing("mass matrix", "a positive definite matrix"):
+        in_model_axes = FreeBody(body.structure, np.eye(3))
+    return FreeBody(body.structure, body.damper_axes(in_model_axes.centre))
+
+
+def ring_from_matrices(
+    body: PreparedBody, wanted: Wanted, ring: Ring, split: bool
+) -> tuple[Body, dict[int, NDArray]]:
+    """Make a friction ring from the matrices of one sector.
+
+    Parameters
+    ----------
+    body : PreparedBody
+    wanted : Wanted
+    ring : Ring
+        Faces at which the ring repeats, and the nodal diameters of the model.
+    split : bool
+        Whether the ring has a gap.
+
+    Returns
+    -------
+    body : Body
+    pictures : dict of nodal diameter to (n_nodes, 3, n)
+        First mode shapes, for pictures.
+
+    Raises
+    ------
+    ModelError
+        If the stiffness fixes the sector somewhere, or the ring has motions without force other
+        than the rigid ones.
+    """
+    whole = _free_in_space(body)
+    n_coordinates = 3 * (len(body.nodes) - len(ring.faces.dependent))
+    n_modes = max(6, min(wanted.n_modes, n_coordinates // 2))
+    pictures: dict[int, NDArray] = {}
+
+    def sector(d: int) -> RingSector:
+        return RingSector(body.structure, ring.faces, d, whole.axes[1] if split else None)
+
+    def seen(made: RingSector, omega2: NDArray, shapes: NDArray) -> None:
+        d = made.nodal_diameter
+        expected = f"a ring with {made.n_rigid} rigid-body motions at nodal diameter {d}"
+        lowest = omega2[made.n_rigid :].min(initial=np.inf)
+        positive = lowest > 1e-10 * omega2.max()
+        body.require(positive, "stiffness matrix", expected, f"omega2 = {lowest:.3g}")
+        if d in ring.pictured or d == 0:
+            pictures.update(_pictures(body, d, shapes))
+
+    with body.refusing("matrices", "a sector of a ring without supports"):
+        fewer = replace(wanted, n_modes=n_modes)
+        built = ring_body(body.name, fewer, sector, ring.diameters, whole, seen)
+    kind = "split ring" if split else "closed ring"
+    body.passed(
+        f"{body.name}: {kind} of {ring.faces.n_sectors} sectors, rigid-body motions at nodal "
+        "diameters 0 and 1 alone"
+    )
+    carries = "its hoop force is zero, the contacts carry its whole centrifugal load"
+    if not split:
+        carries = "its hoop stiffness carries a part of its centrifugal load"
+    body.passed(f"{body.name}: {carries}")
+    return built, pictures
 
 
 # ---- Local basis for mistuned bladed disks ----

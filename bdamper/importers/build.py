@@ -39,6 +39,7 @@ from bdamper.importers.bodies import (
     constrained_from_modes,
     free_from_matrices,
     free_from_modes,
+    ring_from_matrices,
 )
 from bdamper.importers.contact_faces import (
     ContactFaces,
@@ -227,6 +228,12 @@ def _free_body_lines(body: Body) -> list[str]:
         f"principal moments of inertia {moments} kg m2",
     ]
     # the first six frequencies belong to the rigid motions
+    if body.kind == "ring":
+        lines[0] += ", per sector"
+        for d, basis in body.bases.items():
+            lowest = "  ".join(f"{hertz:.6g}" for hertz in frequencies_of(basis)[:6])
+            lines.append(f"nodal diameter {d}, Hz: {lowest}")
+        return lines
     elastic = frequencies_of(body.bases[0])[6:12]
     if len(elastic):
         lines.append("elastic modes, Hz: " + "  ".join(f"{hertz:.6g}" for hertz in elastic))
@@ -309,14 +316,15 @@ def build_model(
     ring = Ring(faces, diameters, excited or diameters, expected)
     check_bodies(bodies, n_blades, checks.check_units, sector.elasticity)
     contacts, bodies = from_first_sector(contacts, bodies, n_blades)
-    laid = lay_contacts(contacts, bodies, n_blades)
+    rings = _rings(bodies, sector, ring)
+    laid = lay_contacts(contacts, bodies, n_blades, rings)
     places = _locations(locations, bodies, forces)
     if base:
         validation.check(BASE not in places, "base", "no other location 'base'", "one")
         places[BASE] = ("blade", _inertia_forces(bodies["blade"], n_blades))
     rows = stress_rows(bodies["blade"], sector, laid, ring)
     with _shown(progress, len(bodies), ring, sector.blade_nodes is not None, report):
-        made, shapes = _reduced(bodies, laid, places, ring, sector, reduction, rows)
+        made, shapes = _reduced(bodies, laid, places, ring, rings, sector, reduction, rows)
     if checks.check_units:
         for name, body in bodies.items():
             check_lowest(body, made[name])
@@ -607,6 +615,59 @@ def _report_deviation(body: PreparedBody, angle: float | None, n_blades: int) ->
     )
 
 
+def _rings(bodies: Mapping[str, PreparedBody], sector: Sector, ring: Ring) -> dict[str, Ring]:
+    """Return the rings among the free bodies, with the faces at which they repeat.
+
+    Raises
+    ------
+    SettingError, ModelError
+        If a name or a set does not exist, the faces do not fit the sectors of the blade, or a body
+        that repeats is not named.
+    """
+    n_blades = ring.faces.n_sectors
+    free = [name for name in bodies if name != "blade"]
+    named = sector.rings or {}
+    validation.mapping("rings", named, free, "free bodies")
+    closed = [name for name, faces in named.items() if faces is not None]
+    unknown = [name for name in sector.split_rings if name not in closed]
+    expected = f"names out of the rings {closed}"
+    validation.check(not unknown, "split_rings", expected, unknown)
+    if n_blades == 1:
+        validation.check(not closed, "rings", "none on a structure that does not repeat", closed)
+        return {}
+    rings = {}
+    for name in free:
+        body = bodies[name]
+        faces = named.get(name)
+        if faces is None:
+            if name not in named:
+                _check_separate(body, n_blades)
+            continue
+        validation.check(n_blades >= 3, "rings", "at least 3 sectors", n_blades)
+        body.require(body.has_matrices, "ring", "stiffness and mass matrix", "neither")
+        of_ring = replace(sector, n_blades=n_blades, faces=faces)
+        rings[name] = replace(ring, faces=_sector_faces(body, of_ring), expected={})
+    return rings
+
+
+def _check_separate(body: PreparedBody, n_blades: int) -> None:
+    """Raise ModelError if a free body continues in the neighbouring sectors like a ring."""
+    if not body.elements:
+        return
+    found = find_faces(body.nodes, body.boundary, n_blades, BOUNDS.sector_faces * body.size)
+    if found is None:
+        return
+    numbers = body.raw.numbers
+    first = numbers[found.independent[0]]
+    last = numbers[found.dependent[0]]
+    raise body.error(
+        "free body",
+        f"Sector(rings={{'{body.name}': (set, set)}}) with the faces at which the ring repeats, "
+        f"or rings={{'{body.name}': None}} for {n_blades} separate pieces",
+        f"faces that a rotation by one sector carries onto each other, as node {first} onto {last}",
+    )
+
+
 def _mean_edge(body: PreparedBody, nodes: NDArray) -> float:
     """Return the mean edge of the outer faces of elements on some nodes, m."""
     lengths = []
@@ -694,13 +755,14 @@ def _reduced(
     laid: LaidContacts,
     places: Mapping[str, tuple[str, Place]],
     ring: Ring,
+    rings: Mapping[str, Ring],
     sector: Sector,
     reduction: Reduction,
     rows: Sequence[StressRows],
-) -> tuple[dict[str, Body], dict[int, NDArray]]:
-    """Reduce all bodies, from matrices or from modes; return the mode shapes for pictures too."""
+) -> tuple[dict[str, Body], dict[str, dict[int, NDArray]]]:
+    """Reduce all bodies, from matrices or from modes; return their mode shapes for pictures too."""
     reduced: dict[str, Body] = {}
-    pictures: dict[int, NDArray] = {}
+    pictures: dict[str, dict[int, NDArray]] = {}
     n_modes = _counts([name for name in bodies if name != "blade"], reduction)
     for name, body in bodies.items():
         wanted = Wanted(
@@ -711,11 +773,15 @@ def _reduced(
             reduction.damping_ratio,
             static_shapes=True,
         )
-        if name != "blade":
+        if name in rings:
+            reduced[name], pictures[name] = ring_from_matrices(
+                body, wanted, rings[name], name in sector.split_rings
+            )
+        elif name != "blade":
             reduce = free_from_matrices if body.has_matrices else free_from_modes
             reduced[name] = reduce(body, wanted)
         elif body.has_matrices:
-            reduced[name], pictures = constrained_from_matrices(
+            reduced[name], pictures[name] = constrained_from_matrices(
                 body, wanted, ring, sector, reduction.local_sizes, laid.interfaces, rows
             )
         else:
@@ -725,7 +791,7 @@ def _reduced(
                 "a sector of a cyclic structure with its matrices",
                 "modes alone",
             )
-            reduced[name], pictures = constrained_from_modes(body, wanted, ring)
+            reduced[name], pictures[name] = constrained_from_modes(body, wanted, ring)
     if laid.ports["ground"]:
         reduced["ground"] = Body("ground", "ground", laid.ports["ground"])
     return reduced, pictures
@@ -799,7 +865,7 @@ def _assembled(
     laid: LaidContacts,
     places: Mapping[str, tuple[str, Place]],
     reduced: Mapping[str, Body],
-    pictures: Mapping[int, NDArray],
+    pictures: Mapping[str, Mapping[int, NDArray]],
     rows: Sequence[StressRows],
     ring: Ring,
     report: ImportReport,
@@ -817,7 +883,7 @@ def _assembled(
     meshes = {}
     for name, body in bodies.items():
         if body.elements:
-            shapes = pictures if name == "blade" else {}
+            shapes = pictures.get(name, {})
             meshes[name] = picture_mesh(body.boundary, body.nodes, shapes)
     model = Model(
         n_blades=ring.faces.n_sectors,

@@ -7,7 +7,7 @@ from the positions and normals of the faces.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated, Any, Literal, NamedTuple
@@ -224,7 +224,10 @@ def _turned(contact: ContactFaces, back: NDArray, sector: int) -> ContactFaces:
 
 
 def lay_contacts(
-    contacts: Sequence[ContactFaces], bodies: Mapping[str, PreparedBody], n_blades: int
+    contacts: Sequence[ContactFaces],
+    bodies: Mapping[str, PreparedBody],
+    n_blades: int,
+    rings: Collection[str] = (),
 ) -> LaidContacts:
     """Compute the contact points of all pairs of faces.
 
@@ -233,6 +236,8 @@ def lay_contacts(
     contacts : sequence of ContactFaces
     bodies : mapping of name to PreparedBody
     n_blades : int
+    rings : collection of str
+        Bodies whose contact axes turn with the position along the circumference.
 
     Returns
     -------
@@ -253,7 +258,8 @@ def lay_contacts(
     for contact in contacts:
         if not isinstance(contact.gap, str):
             contact = replace(contact, gap=metres * contact.gap)
-        interface, means, text = _laid(contact, bodies, n_blades)
+        along_ring = contact.body_a in rings or contact.body_b in rings
+        interface, means, text = _laid(contact, bodies, n_blades, along_ring)
         for earlier in laid:
             _check_other_faces(contact, interface, earlier, interfaces[earlier.name], bodies)
         laid.append(contact)
@@ -348,7 +354,7 @@ def _user_stiffness(contact: ContactFaces, n_points: int) -> ContactStiffness:
 
 
 def _laid(
-    contact: ContactFaces, bodies: Mapping[str, PreparedBody], n_blades: int
+    contact: ContactFaces, bodies: Mapping[str, PreparedBody], n_blades: int, along_ring: bool
 ) -> tuple[Interface, PatchMeans, str]:
     """Return interface, patch means and report text of one pair of faces."""
     item, body_a, body_b = contact.item, contact.body_a, contact.body_b
@@ -371,6 +377,8 @@ def _laid(
             nodes_b = b.nodes @ turn(2.0 * np.pi / n_blades * sector).T
             areas.append(_area(face_b, nodes_b))
         means = _means(contact, a.nodes, face_a, nodes_b, face_b)
+        if along_ring and contact.patches is None:
+            means = _along_circumference(means)
     _check_touching(contact, means, areas)
     distance = means.distance
     if isinstance(contact.gap, str):
@@ -389,7 +397,8 @@ def _laid(
         means.frame,
         gap,
     )
-    if contact.kind == "friction" and body_a != "blade" and 0 < means.rows < ROWS:
+    rolls = body_a != "blade" and not along_ring
+    if contact.kind == "friction" and rolls and 0 < means.rows < ROWS:
         expected = (
             f"at least {ROWS} rows of contact points along t1, "
             "which keep a damper from rolling on its faces"
@@ -428,6 +437,21 @@ def _means(
         return a
     b = patches_on_rectangles(contact.patches, nodes_b, face_b, what_b)
     return replace(a, points_b=b.points_a, matrix_b=b.matrix_a)
+
+
+def _along_circumference(means: PatchMeans) -> PatchMeans:
+    """Turn the axes of each patch about the axis of rotation, from the middle of the face to the
+    patch.
+    """
+    middle = means.area @ means.points_a
+    of_middle = np.arctan2(middle[0], middle[1])
+    angle = np.arctan2(means.points_a[:, 0], means.points_a[:, 1]) - of_middle
+    frame = np.array([axes @ turn(a).T for axes, a in zip(means.frame, angle)])
+    # components along the new axes from components along the old ones
+    change = sp.block_diag(frame @ means.frame.transpose(0, 2, 1), format="csr")
+    matrix_b = None if means.matrix_b is None else (change @ means.matrix_b).tocsr()
+    matrix_a = (change @ means.matrix_a).tocsr()
+    return replace(means, frame=frame, matrix_a=matrix_a, matrix_b=matrix_b)
 
 
 def _area(face: Facets, nodes: NDArray) -> float:

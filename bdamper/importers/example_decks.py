@@ -20,10 +20,10 @@ def example_decks(name: str, folder: FilePath = ".") -> list[Path]:
 
     Parameters
     ----------
-    name : {"abaqus", "ansys", "calculix", "shroud"}
+    name : {"abaqus", "ansys", "calculix", "ring", "shroud"}
         Sector with wedge damper: instances of an Abaqus deck, two archives of Ansys, or two decks
-        of CalculiX.  "shroud" is a sector with tip shroud and two strip dampers, as decks of
-        CalculiX.
+        of CalculiX.  The others are decks of CalculiX: "shroud", a sector with tip shroud and two
+        strip dampers, and "ring", one of 24 sectors with a friction ring.
     folder : path-like
         Existing folder.
 

@@ -55,6 +55,22 @@ def _tuple(name: str, value: Any, n: int) -> tuple[float, ...]:
     return tuple(validation.numbers(name, value, n).tolist())
 
 
+def _rings(name: str, rings: Any) -> Mapping[str, tuple[NodeSet, NodeSet] | None]:
+    """Check the faces of rings; None marks a body of separate pieces."""
+    validation.instance(name, rings, Mapping, "a mapping of free bodies to pairs of sets")
+    for body, faces in rings.items():
+        if faces is not None:
+            _two_sets(f"{name} '{body}'", faces)
+    return rings
+
+
+def _split_rings(name: str, names: Any) -> tuple[str, ...]:
+    is_sequence = isinstance(names, Sequence) and not isinstance(names, str)
+    are_names = is_sequence and all(isinstance(ring, str) for ring in names)
+    validation.check_value(are_names, name, "a sequence of names of rings", names)
+    return tuple(names)
+
+
 Direction = Annotated[Any, partial(_tuple, n=3)]
 Modes = Annotated[int, partial(validation.integer, least=1, most=BOUNDS.modes)]
 
@@ -78,6 +94,12 @@ class Sector(validation.Checked):
         All nodes of the blade up to the disk, which a model of mistuned bladed disks needs.
     stress : set or mapping of name to set, optional
         Nodes with stress (extra ``bdamper[fe]``).
+    rings : mapping of free body to (set, set), optional
+        Faces, in either order, at which one sector of a friction ring repeats.  None in place of
+        the faces states that a body whose ends fit its neighbours is a separate piece per sector.
+    split_rings : sequence of str
+        Names of rings with one gap.  Their hoop force is zero, so that the contacts carry their
+        whole centrifugal load.
     elasticity : (Young's modulus, Poisson's ratio), optional
         Elastic constants in the units of the file, which replace the constants of the file.
     angle_tolerance : float
@@ -98,6 +120,8 @@ class Sector(validation.Checked):
     fixed: NodeSet | None = None
     blade_nodes: NodeSet | None = None
     stress: NodeSet | Mapping[str, NodeSet] | None = None
+    rings: Annotated[Mapping[str, tuple[NodeSet, NodeSet] | None], _rings] | None = None
+    split_rings: Annotated[Sequence[str], _split_rings] = ()
     elasticity: Annotated[Sequence[float], partial(_tuple, n=2)] | None = None
     angle_tolerance: validation.Share = 0.01
     face_tolerance: validation.Share = 0.025

@@ -45,6 +45,7 @@ from bdamper.model.loads import direction_vector
 from bdamper.model.modal_basis import LocalBasis
 from bdamper.model.structure import Body, Model, SurfaceMesh
 from bdamper.model.validation import as_checked
+from bdamper.util import validation
 from bdamper.util.errors import ModelError, SettingError, warn
 from bdamper.util.formatting import short_repr
 
@@ -367,6 +368,8 @@ def tuned_problem(study: Problem) -> Problem:
             "bladed disk: modes and faces at standstill, although rotation displaces the faces of "
             "this model"
         )
+    rings = [name for name, body in study.model.bodies.items() if body.kind == "ring"]
+    validation.check(not rings, "bladed disk", "dampers between two blades each", f"rings {rings}")
     model = local_model(study.model)
     local = blade_of(model).local
     assert local is not None

@@ -52,6 +52,10 @@ RIGID_NAMES = ("TX", "TY", "TZ", "RX", "RY", "RZ")
 """Rigid-body modes of a free body, along and about its axes: Y along its load, Z along the axis of
 rotation.
 """
+N_RIGID = len(RIGID_NAMES)
+"""Modes of a free body beside which ``damper_modes`` counts; a ring keeps as many of its lowest
+modes at each nodal diameter.
+"""
 STATIC = "static shape"
 """Beginning of the names of coordinates of static shapes."""
 
@@ -180,7 +184,7 @@ def standard_rigid_modes(model: Model, body: Body) -> Body:
 
 def _mode_name(body: Body, index: int) -> str:
     if body.kind == "free":
-        return RIGID_NAMES[index] if index < 6 else f"elastic {index - 5}"
+        return RIGID_NAMES[index] if index < N_RIGID else f"elastic {index - 5}"
     n_natural = body.bases[0].n_natural
     if index < n_natural:
         return f"mode {index + 1}"
@@ -200,9 +204,11 @@ def retained_modes(
     blade_modes : int
         Number of modes of each constrained body.
     damper_modes : mapping of body name to int
-        Number of elastic modes of each free body.
+        Number of elastic modes of each free body, and of modes of each ring beyond its six lowest
+        ones.
     rigid : sequence of str
-        Rigid-body modes of free bodies, from :data:`RIGID_NAMES`.
+        Rigid-body modes of free bodies, from :data:`RIGID_NAMES`; a ring has others, and keeps
+        all of them.
 
     Raises
     ------
@@ -223,8 +229,8 @@ def retained_modes(
                 blade_modes,
             )
             retained[body.name] = np.arange(blade_modes)
-        elif body.kind == "free":
-            available = body.bases[0].n_modes - 6
+        elif body.is_free:
+            available = body.n_elastic
             elastic = damper_modes[body.name]
             validation.check(
                 0 <= elastic <= available,
@@ -232,8 +238,9 @@ def retained_modes(
                 f"0 to {available} (body '{body.name}')",
                 elastic,
             )
-            elastic_indices = list(range(6, 6 + elastic))
-            retained[body.name] = np.array(rigid_indices + elastic_indices, int)
+            lowest = list(range(N_RIGID)) if body.kind == "ring" else rigid_indices
+            elastic_indices = list(range(N_RIGID, N_RIGID + elastic))
+            retained[body.name] = np.array(lowest + elastic_indices, int)
         elif body.kind == "lumped":
             retained[body.name] = np.arange(body.bases[0].n_modes)
     return retained
@@ -307,7 +314,23 @@ class Coupling:
         """Iterate over bodies except the ground, with basis and retained modes at a harmonic."""
         for body in self.model.bodies.values():
             if body.kind != "ground":
-                yield body, self._basis(body, harmonic), np.asarray(self.modes[body.name])
+                keep = np.asarray(self.modes[body.name])
+                if body.kind == "ring" and self._nodal_diameter(harmonic)[0] == 0:
+                    keep = self._held_along_axis(body, keep)
+                yield body, self._basis(body, harmonic), keep
+
+    def _held_along_axis(self, body: Body, keep: NDArray) -> NDArray:
+        """Return the retained modes of a ring at nodal diameter 0, without motions along and about
+        the axis unless the engine order excites these.
+
+        A slipping contact leaves the mean position of the ring undetermined; in hardware a groove
+        or a pin holds it.
+        """
+        if self.engine_order % self.model.n_blades == 0:
+            return keep
+        # they follow the radial motion of a split ring
+        along_and_about = [body.n_rigid - 2, body.n_rigid - 1]
+        return np.setdiff1d(keep, along_and_about)
 
     def _nodal_diameter(self, harmonic: int) -> tuple[int, bool]:
         if self.fundamental_modes_only:
@@ -614,7 +637,7 @@ def centrifugal_arms(model: Model) -> dict[str, float]:
     """
     arms = {}
     for body in model.bodies.values():
-        if body.kind == "free" and body.load is not None:
+        if body.is_free and body.load is not None:
             assert body.mass is not None and body.centre is not None
             arms[body.name] = float(body.mass * np.hypot(*body.centre[:2]))
     off_axis = min(arms.values(), default=1.0) > 0.0
@@ -645,7 +668,7 @@ def damper_drag(
     ratio: Mapping[str, float],
     drag: Mapping[str, float],
 ) -> dict[Coordinate, float]:
-    """Return the viscous modal damping of the coordinates of free bodies, rad/s.
+    """Return the viscous modal damping of the coordinates of free bodies other than rings, rad/s.
 
     Parameters
     ----------

@@ -1,9 +1,12 @@
 """Structure: bodies, their modes, and the interfaces with contact (paper, section 2.1).
 
 A *body* is constrained (a blade with its disk sector), free (a damper: six rigid-body modes, then
-elastic modes), lumped (masses with all their modes) or the ground (rigid).  Its motion is a modal
-superposition with one modal basis for each nodal diameter ``d``.  Free bodies and acyclic
-structures (``n_blades = 1``) have ``d = 0`` only.
+elastic modes), a ring (one sector of a free body that runs around the axis), lumped (masses with
+all their modes) or the ground (rigid).  Its motion is a modal superposition with one modal basis
+for each nodal diameter ``d``.  Free bodies and acyclic structures (``n_blades = 1``) have ``d = 0``
+only.  A ring has rigid-body modes at ``d = 0`` (along and about the axis) and ``d = 1`` (across the
+axis, and tilting).  A split ring also has a radial one at ``d = 0``, since its gap leaves no hoop
+force.
 
 An *interface* is a set of contact points between ``body_a`` and ``body_b``.  The side of a body at
 an interface is a *port*, the pair ``(interface name, side)`` with side ``"a"`` or ``"b"``.  A body
@@ -162,13 +165,14 @@ class Body(Record):
     Parameters
     ----------
     name : str
-    kind : {"constrained", "free", "lumped", "ground"}
+    kind : {"constrained", "free", "ring", "lumped", "ground"}
     ports : tuple of Port
         Order of the contact points in every array of this body.
     bases : mapping of nodal diameter to ModalBasis
         Nodal diameters from 0 to ``n_blades // 2``; empty for the ground.
     mass, centre, inertia : float, (3,) float, (3, 3) float; kg, m, kg m2, optional
-        Mass, centre of mass, and inertia about the centre of mass, of a free body.
+        Mass, centre of mass, and inertia about the centre of mass, of a free body or of one sector
+        of a ring.
     load : BodyLoad, optional
     constant_force : (n_modes,) float, N kg^-1/2, optional
         Modal static force independent of the load, for a body without static flexibility.
@@ -179,7 +183,7 @@ class Body(Record):
     """
 
     name: GroupName
-    kind: Literal["constrained", "free", "lumped", "ground"]
+    kind: Literal["constrained", "free", "ring", "lumped", "ground"]
     ports: Annotated[tuple[Port, ...], Data(derived=True)] = ()
     bases: Annotated[Mapping[int, ModalBasis], Data(file="*")] = field(default_factory=dict)
     mass: Annotated[float, Data("kg", limits=validation.Limits(above=0.0))] | None = None
@@ -192,8 +196,20 @@ class Body(Record):
 
     @property
     def n_rigid(self) -> int:
-        """Number of rigid-body modes, which come first."""
+        """Number of rigid-body modes at nodal diameter 0, which come first."""
+        if self.kind == "ring":
+            return int((self.bases[0].omega2 == 0.0).sum())
         return 6 if self.kind == "free" else 0
+
+    @property
+    def n_elastic(self) -> int:
+        """Largest value of ``damper_modes`` for a free body or a ring: modes beyond six."""
+        return min(basis.n_natural for basis in self.bases.values()) - 6
+
+    @property
+    def is_free(self) -> bool:
+        """Whether contacts alone hold the body: a damper or a ring."""
+        return self.kind in ("free", "ring")
 
     @property
     def damping_text(self) -> str:
@@ -389,7 +405,7 @@ class Model(Plottable, Record):
             text = f"  {body.name}: {body.kind}"
             if body.bases:
                 text += f", {min(basis.n_natural for basis in body.bases.values())} modes"
-            if body.kind == "constrained":
+            if body.kind in ("constrained", "ring"):
                 text += f" at nodal diameters {', '.join(map(str, sorted(body.bases)))}"
             if body.mass is not None:
                 text += f", {self.mass_text(body.name)}"
@@ -408,6 +424,8 @@ class Model(Plottable, Record):
         """Return the mass of a free body, with the radius of its centre of mass if it rotates."""
         body = self.bodies[name]
         text = f"{body.mass:.4g} kg"
+        if body.kind == "ring":
+            text += " per sector"
         if self.n_blades > 1 and np.isfinite(body.radius):
             text += f" at a radius of {body.radius:.4g} m"
         return text
@@ -417,7 +435,7 @@ class Model(Plottable, Record):
         """Mass and radius of each free body; names if there are several."""
         texts = {}
         for name, body in self.bodies.items():
-            if body.kind == "free" and body.mass is not None:
+            if body.is_free and body.mass is not None:
                 texts[name] = self.mass_text(name)
         if len(texts) == 1:
             return next(iter(texts.values()))

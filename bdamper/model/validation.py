@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from bdamper.model.kinematics import RIGID_NAMES
+from bdamper.model.kinematics import N_RIGID
 from bdamper.model.modal_basis import LocalBasis, SpeedBasis, SpinStatic, rigid_motions
 from bdamper.model.structure import Body, BodyLoad, Interface, ModalBasis, Model, StressSet, turn
 from bdamper.util.errors import check, mismatch
@@ -43,7 +43,6 @@ from bdamper.util.records import (
     layout,
 )
 
-N_RIGID = len(RIGID_NAMES)
 RIGID_TOLERANCE = 1e-5
 STIFFNESS_TOLERANCE = 1e-9
 NEAREST_FREQUENCY = 0.05  # relative error of the lowest mode of a local basis with few root shapes
@@ -142,7 +141,7 @@ def _check_ports(body: Body, model: Model, item: str) -> None:
 
     The ground may omit ports.
     """
-    kinds = ["constrained", "free", "lumped", "ground"]
+    kinds = ["constrained", "free", "ring", "lumped", "ground"]
     check(body.kind in kinds, f"{item}/@kind", f"one of {kinds}", repr(body.kind))
     item = f"{item}/@ports"
     check_type(body.ports, tuple, item)
@@ -204,17 +203,18 @@ def _check_body(body: Body, model: Model, item: str) -> None:
     sizes: Sizes = {"n_points": n_points, "n_forces": 3 * n_points}
     places = [name for name, location in model.locations.items() if location.body == body.name]
     for d, basis in body.bases.items():
-        _check_basis(basis, body, sizes, places, f"{item}/nd{d:03d}")
+        _check_basis(d, basis, body, sizes, places, f"{item}/nd{d:03d}")
     sizes |= {"n_static": body.bases[0].n_modes}
     check_record(body, Body, item, sizes)
     if body.inertia is not None:
         smallest = np.linalg.eigvalsh(body.inertia)[0]
         check(smallest > 0, f"{item}/inertia", "principal moments > 0", f"{smallest:.6g}")
     _check_real(body.bases[0], f"{item}/nd000", body.kind == "lumped")
-    if body.kind == "free":
+    if body.is_free:
         for key in ("mass", "centre", "inertia"):
             stored = getattr(body, key) is not None
             check(stored, f"{item}/{key}", f"the {key} of a free body", "nothing")
+    if body.kind == "free":
         _check_rigid(body, model, f"{item}/nd000")
     if body.load is not None:
         check_record(body.load, BodyLoad, f"{item}/load", sizes)
@@ -248,10 +248,12 @@ def _check_nodal_diameters(body: Body, model: Model, item: str) -> None:
     check(0 in body.bases, f"{item}/nd000", "the modes of nodal diameter 0", found)
 
 
-def _check_basis(basis: ModalBasis, body: Body, sizes: Sizes, places: list[str], item: str) -> None:
+def _check_basis(
+    d: int, basis: ModalBasis, body: Body, sizes: Sizes, places: list[str], item: str
+) -> None:
     check_record(basis, ModalBasis, item, sizes)
     _check_places(basis.locations, places, item)
-    n_rigid = N_RIGID if body.kind == "free" else 0
+    n_rigid = _n_rigid(d, basis, body, item)
     check(
         basis.n_natural > 0,
         f"{item}/static_shapes",
@@ -267,10 +269,24 @@ def _check_basis(basis: ModalBasis, body: Body, sizes: Sizes, places: list[str],
         _check_residual(rest, basis.flexibility, f"{item}/flexibility", what)
     if basis.speed is not None:
         item = f"{item}/speed"
-        check(body.kind != "free", item, "nothing over speed on a free body", "a group")
+        check(not body.is_free, item, "nothing over speed on a free body", "a group")
         check(basis.drag is None, item, "no drag on modes that change with speed", "drag")
         check_record(basis.speed, SpeedBasis, item, {**sizes, "n_modes": basis.n_modes})
         _check_speed(basis, basis.speed, item)
+
+
+def _n_rigid(d: int, basis: ModalBasis, body: Body, item: str) -> int:
+    """Return the number of rigid-body modes at nodal diameter d."""
+    if body.kind != "ring":
+        return N_RIGID if body.kind == "free" else 0
+    n_zero = int((basis.omega2 == 0.0).sum())
+    # along and about the axis, and radial for a split ring; across the axis and tilting
+    allowed = {0: (2, 3), 1: (2,)}.get(d, (0,))
+    expected = f"{' or '.join(map(str, allowed))} rigid-body modes of a ring"
+    check(n_zero in allowed, f"{item}/omega2", expected, n_zero)
+    enough = basis.n_natural >= N_RIGID
+    check(enough, f"{item}/omega2", f"at least {N_RIGID} modes of a ring", basis.n_natural)
+    return n_zero
 
 
 def _check_frequencies(omega2: NDArray, n_rigid: int, item: str, lumped: bool = False) -> None:
@@ -278,7 +294,8 @@ def _check_frequencies(omega2: NDArray, n_rigid: int, item: str, lumped: bool = 
         check_all(omega2 >= 0, omega2, "numbers >= 0", item)
         return
     check(len(omega2) >= n_rigid, item, f"{n_rigid} rigid-body modes first", f"{len(omega2)} modes")
-    check_all(omega2[:n_rigid] == 0, omega2, "exactly 0 for the six rigid-body modes", item)
+    expected = f"exactly 0 for the {'six' if n_rigid == N_RIGID else n_rigid} rigid-body modes"
+    check_all(omega2[:n_rigid] == 0, omega2, expected, item)
     positive = omega2 > 0
     positive[:n_rigid] = True
     check_all(positive, omega2, "numbers > 0 for elastic modes", item)

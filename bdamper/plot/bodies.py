@@ -207,7 +207,7 @@ def _shaded(corners: NDArray, colour: Any) -> NDArray:
     return np.asarray(to_rgba(colour) * np.column_stack([light, light, light, opacity]))
 
 
-TINT = {"constrained": "#dde4ea", "free": "#e8b563", "ground": "#cccccc"}
+TINT = {"constrained": "#dde4ea", "free": "#e8b563", "ring": "#e8b563", "ground": "#cccccc"}
 """Colours of the kinds of bodies."""
 
 
@@ -262,7 +262,7 @@ def plot_model(model: Model) -> Axes:
         mesh = model.meshes[name]
         kind = model.bodies[name].kind
         surface = (mesh.points @ rotation.T, mesh.quads, TINT[kind])
-        if kind == "free":
+        if model.bodies[name].is_free:
             free.append(surface)
         else:
             fixed.append(surface)

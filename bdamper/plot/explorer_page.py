@@ -238,7 +238,7 @@ class Page:
         """Return the sliders of damper mass and rotor speed if the model has loaded free bodies."""
         model = self.study.model
         bodies = model.bodies.values()
-        has_damper = any(body.kind == "free" for body in bodies)
+        has_damper = any(body.is_free for body in bodies)
         if not self.study.problem.carries_load or not has_damper:
             return []
         sliders: list[tuple[Any, ...]] = [("mass", FACTOR_TITLES[INERTIA], 0.1, 10.0, 1.0)]
@@ -716,7 +716,7 @@ class Page:
         fill = []
         line = []
         for body, shade in zip(drawing.body, shades):
-            is_free = self.study.model.bodies[body].kind == "free"
+            is_free = self.study.model.bodies[body].is_free
             face_fill, face_line = DAMPER if is_free else (to_hex(shade), BODY_EDGE)
             fill.append(face_fill)
             line.append(face_line)

@@ -346,7 +346,7 @@ def surface_motion(problem: Problem, unknowns: NDArray) -> dict[str, SurfaceMoti
         kind = problem.model.bodies[name].kind
         if kind == "free":
             mean, amplitude = _rigid_displacement(problem, unknowns, name, mesh.points)
-        elif kind == "constrained":
+        elif kind in ("constrained", "ring"):
             mean, amplitude = _elastic_displacement(problem, unknowns, name, mesh)
         else:
             mean = np.zeros(mesh.points.shape)

@@ -675,7 +675,7 @@ def families(
             'sensitivities: expected contact_forces="event_driven", found '
             f"{contact_forces}: the peak has ripples"
         )
-    any_free_body = any(body.kind == "free" for body in problem.model.bodies.values())
+    any_free_body = any(body.is_free for body in problem.model.bodies.values())
     by_name: dict[str, tuple[Family, float]] = {}
     for name in validation.names("parameters", parameters, ("preload", *setting_names(problem))):
         if name == "preload":

@@ -207,10 +207,7 @@ def _with_modes(
 def _all_elastic(problem: Problem) -> dict[str, int]:
     """Return the number of elastic modes of each free body."""
     bodies = problem.model.bodies
-    return {
-        name: bodies[name].bases[0].n_natural - len(RIGID_NAMES)
-        for name in problem.settings.free_bodies
-    }
+    return {name: bodies[name].n_elastic for name in problem.settings.free_bodies}
 
 
 def _first_elastic(problem: Problem, frequency: float) -> dict[str, float]:
@@ -222,8 +219,9 @@ def _first_elastic(problem: Problem, frequency: float) -> dict[str, float]:
         if n_elastic <= 0:
             ratios[name] = float("inf")
             continue
-        omega2 = np.sort(problem.model.bodies[name].bases[0].omega2)
-        first_elastic = np.sqrt(omega2[len(RIGID_NAMES)])
+        bases = problem.model.bodies[name].bases.values()
+        squared = min(np.sort(basis.omega2)[len(RIGID_NAMES)] for basis in bases)
+        first_elastic = np.sqrt(squared)
         ratios[name] = float(first_elastic / (TWO_PI * frequency))
     return ratios
 

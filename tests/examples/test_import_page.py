@@ -75,10 +75,10 @@ def test_page(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("MPLBACKEND", "Agg")
     text = PAGE.read_text()
     blocks = re.findall(r"```python\n(.*?)```", text, re.S)
-    assert len(blocks) == text.count("```") // 2 == 7
+    assert len(blocks) == text.count("```") // 2 == 8
     space = {}
     exec(compile("\n".join(blocks), str(PAGE), "exec"), space)
-    for name in ("report.png", "curve.png", "optimum.png"):
+    for name in ("report.png", "curve.png", "optimum.png", "ring.png"):
         assert Path(name).stat().st_size > 5_000
     assert capsys.readouterr().out.count("Import report") == 1
     assert space["built"].failed == () and space["curve"].complete

@@ -206,7 +206,7 @@ def test_a_shroud_and_two_dampers_on_the_command_line(tmp_path, monkeypatch):
         (
             ["decks", "nastran"],
             2,
-            "example: expected one of ('abaqus', 'ansys', 'calculix', 'shroud'), found 'nastran'",
+            "example: expected one of ('abaqus', 'ansys', 'calculix', 'ring', 'shroud'), found 'nastran'",
         ),
         (["import", "nowhere.inp", "--contact", "a=A,B"], 1, "nowhere.inp"),
         (
