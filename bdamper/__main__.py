@@ -253,20 +253,22 @@ def _study_options() -> Parser:
         help="harmonics of the engine order, default %(default)s",
     )
     add(
-        "--friction",
+        "--friction-coefficient",
         type=float,
         default=0.3,
         metavar="MU",
         help="friction coefficient, default %(default)s",
     )
     add(
-        "--force",
+        "--amplitude",
         type=float,
         default=1.0,
         metavar="N",
         help="amplitude of the excitation in N, default %(default)s",
     )
-    add("--at", default="tip", help="location of excitation and response, default %(default)s")
+    add(
+        "--location", default="tip", help="location of excitation and response, default %(default)s"
+    )
     add(
         "--direction",
         default="tangential",
@@ -399,8 +401,10 @@ def explore(study: bd.Study, given: argparse.Namespace) -> int:
     model = f"bd.load_model({given.model!r})"
     if given.demo:
         model = 'bd.reference_model("turbine_blade")'
-    numbers = f"{study.settings.engine_order}, {given.friction}, harmonics={given.harmonics}"
-    driven = f"bd.Excitation({given.at!r}, {given.direction!r}, {given.force})"
+    numbers = (
+        f"{study.settings.engine_order}, {given.friction_coefficient}, harmonics={given.harmonics}"
+    )
+    driven = f"bd.Excitation({given.location!r}, {given.direction!r}, {given.amplitude})"
     source = f"import bdamper as bd\nstudy = bd.Study({model}, {driven}, {numbers})"
     page = bd.explore(study, source=source)
     print(page.address, flush=True)
@@ -417,9 +421,9 @@ def study_of(given: argparse.Namespace, model: bd.Model) -> bd.Study:
     orders = options.get("orders") or [given.engine_order]
     study = bd.Study(
         model,
-        bd.Excitation(given.at, given.direction, given.force),
+        bd.Excitation(given.location, given.direction, given.amplitude),
         orders[0] if model.n_blades > 1 else 0,
-        friction_coefficient=given.friction,
+        friction_coefficient=given.friction_coefficient,
         harmonics=given.harmonics,
     )
     rpm = options.get("speed")

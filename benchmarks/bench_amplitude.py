@@ -274,7 +274,7 @@ def answer(number: int, preload: float, start: int = 0) -> dict[str, Any]:
         t = base.time_response(curve)
     sizes = {"um": t.mean, "low": t.lowest, "high": t.highest, "highest period": t.highest_period}
     out: dict[str, Any] = {what: round(1e6 * value, 3) for what, value in sizes.items()}
-    out |= {"hz": t.frequency, "fall": t.fall, "status": t.status, "periods": t.periods}
+    out |= {"hz": t.frequency, "fall": t.jump_frequency, "status": t.status, "periods": t.periods}
     out["answers"] = {what: round(1e6 * value, 3) for what, value in t.answers.items()}
     return out | {"seconds": round(time.process_time() - begin, 1)}
 

@@ -98,7 +98,7 @@ def said(balance: float, found: bd.TimeResponse | None) -> tuple[float, str]:
             a / balance for a in (min(found.answers.values()), max(found.answers.values()))
         )
         return ratio, f"{low:.2f} to\n{high:.2f}"
-    return ratio, f"{ratio:.2f}" + ("\napart" if found.parted else "")
+    return ratio, f"{ratio:.2f}" + ("\napart" if found.blades_differ else "")
 
 
 def over_friction_and_preload() -> None:

@@ -42,7 +42,7 @@ def on_the_ground(modes: int) -> dict[str, Any]:
         "balance": found.balance,
     }
     return {
-        **{name: 1e6 * size for name, size in sizes.items()}, "frequency": found.frequency, "fall": found.fall,
+        **{name: 1e6 * size for name, size in sizes.items()}, "frequency": found.frequency, "fall": found.jump_frequency,
         "structure": found.structure, "periods": found.periods, "status": found.status, "processor": found.cost.processor,
         "peaks": {str(n): 1e6 * float(curve.amplitude.max()) for n, curve in curves.items()},
     }  # fmt: skip

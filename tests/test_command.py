@@ -43,8 +43,8 @@ def test_what_is_asked_is_what_the_study_answers(capsys, tmp_path):
     path, picture = tmp_path / "curve.h5", tmp_path / "curve.png"
     asked = [
         "--direction=axial",
-        "--friction=0.5",
-        "--force=2",
+        "--friction-coefficient=0.5",
+        "--amplitude=2",
         "--harmonics=1",
         "--preload=104",
         "--band",
@@ -103,7 +103,7 @@ def test_a_margin_without_an_amplitude_in_time(capsys, monkeypatch):
     out, err = capsys.readouterr()
     assert (
         "bdamper: no amplitude in time: why\n" in err
-        and "by harmonic balance alone" in " ".join(out.split())
+        and "harmonic balance alone" in " ".join(out.split())
     )
 
 

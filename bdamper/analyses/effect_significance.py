@@ -149,14 +149,14 @@ class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-eff
         return by_name[validation.choice("effect", name, by_name)]
 
     @property
-    def left_out(self) -> tuple[str, ...]:
+    def negligible(self) -> tuple[str, ...]:
         """Names of the effects that are not significant."""
         return tuple(e.name for e in self.effects if not e.significant)
 
     def _statement(self) -> Statement:
         n = len(self.effects)
-        n_significant = n - len(self.left_out)
-        left_out = ", ".join(self.left_out) or "none"
+        n_significant = n - len(self.negligible)
+        left_out = ", ".join(self.negligible) or "none"
         rows = [
             Row("Peak", percent(self.amplitude_change, True), f"without the others: {left_out}"),
             Row("Work", f"{self.work:.2g} times", "that of all effects"),

@@ -359,6 +359,11 @@ class OptimalCurveUncertainty(
         """Whether every draw has a value at every preload."""
         return all_complete(self.status) and bool(np.isfinite(self.amplitude).all())
 
+    @property
+    def ok(self) -> bool:
+        """Whether the result is complete."""
+        return self.complete
+
     def columns(self) -> dict[str, Column]:
         """Return percentiles at each preload, and the curves of all draws for xarray."""
         columns = super().columns()

@@ -246,6 +246,11 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
         return all_complete(self.status)
 
     @property
+    def ok(self) -> bool:
+        """Whether the result is complete."""
+        return self.complete
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """Warning of each point, empty if there is none."""
         if "warning" not in self.quantities:

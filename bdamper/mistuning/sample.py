@@ -282,6 +282,11 @@ class MistunedSample(
         return all_complete(self.status) and audits_complete
 
     @property
+    def ok(self) -> bool:
+        """Whether the result is complete."""
+        return self.complete
+
+    @property
     def amplification(self) -> Numbers:
         """Amplitude relative to the tuned disk at the same preload, (n_disks, n_deviations,
         n_preloads)."""

@@ -455,7 +455,7 @@ def _amplitude_rows(curve: OptimalCurve, any_failed: bool) -> list[Row]:
         value = span(in_time.lowest, in_time.largest, "m")
         remark = f"{amount(in_time.frequency, 'Hz')}, mean {amount(in_time.mean, 'm')}"
         rows.append(Row("Time integration", value, remark))
-        if in_time.parted:
+        if in_time.blades_differ:
             least, most = in_time.spread
             rows.append(Row("", span(least, most, "m"), "different blades"))
     half_range = _range(curve)
@@ -639,7 +639,7 @@ def _amplitude(curve: OptimalCurve, any_failed: bool) -> str:
         balance = f"{amount(response.balance, 'm')} there, at its optimum {balance}"
     design = _design(curve, any_failed)
     text = f"{design} in time {in_time}, by harmonic balance {balance}{additions}."
-    if response.parted:
+    if response.blades_differ:
         lowest_blade, highest_blade = response.spread
         text += f" Blades do not vibrate alike: {span(lowest_blade, highest_blade, 'm')}."
     return text

@@ -261,6 +261,11 @@ class OptimalCurve(
         return bool(np.isfinite(self.amplitude).all())
 
     @property
+    def ok(self) -> bool:
+        """Whether there is a value at every preload, and nothing lower is possible elsewhere."""
+        return self.complete and self.optimum.ok
+
+    @property
     def interrupted(self) -> bool:
         """Whether Ctrl-C ended the search, a check or the margins; the rest is missing."""
         # files of version 0.6 have it in the reason

@@ -93,7 +93,7 @@ class AllBlades(Result):
         return float(mean.min()), float(mean.max())
 
     @property
-    def parted(self) -> bool:
+    def blades_differ(self) -> bool:
         """Whether equal blades vibrate differently, the same ones high in both halves."""
         n_periods, n_waves = len(self.blades), len(self.waves)
         if n_waves < 2 or n_periods < 2:
@@ -117,7 +117,7 @@ class AllBlades(Result):
 
     def _unlike_rows(self) -> list[Row]:
         """Return the row of the lowest and highest blade if equal blades vibrate differently."""
-        if not self.parted:
+        if not self.blades_differ:
             return []
         return [Row("Different blades", span(*self.spread, "m"), "lowest to highest, means")]
 
@@ -168,7 +168,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         Amplitude of the highest peak by harmonic balance.
     highest_period : float, m
         Highest amplitude of a single period in all ``answers``.
-    fall : float, Hz
+    jump_frequency : float, Hz
         Frequency closest to the highest motion at which the motion changes to another amplitude;
         NaN if there is none.
     structure : str
@@ -192,7 +192,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         order.  A wave against the direction of the excitation has a negative nodal diameter.
     answers : dict of str to float, m
         Mean amplitude of the highest blade with n, 2n and 4n time steps, in a richer structure, and
-        at ``fall``.
+        at ``jump_frequency``.
     starts : dict of str to float, m
         Mean amplitude that other initial states lead to.
     energy : tuple of four float, J
@@ -215,7 +215,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
     preload: Newton
     balance: Metre
     highest_period: Metre = float("nan")
-    fall: Cycles = float("nan")
+    jump_frequency: Annotated[float, Quantity("Hz"), Data(file="fall")] = float("nan")
     structure: str = ""
     periods: int = 0
     diameters: tuple[int, ...] = ()
@@ -237,7 +237,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         "highest_period",
         "balance",
         "frequency",
-        "fall",
+        "jump_frequency",
         "preload",
         "structure",
         "diameters",
@@ -321,8 +321,8 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         rows = self._unlike_rows()
         if exceeds(self.half_range, self.mean):
             rows.append(half_range_row(self.half_range))
-        if not np.isnan(self.fall):
-            rows.append(Row("Jump", amount(self.fall, "Hz", 6), "to a lower amplitude"))
+        if not np.isnan(self.jump_frequency):
+            rows.append(Row("Jump", amount(self.jump_frequency, "Hz", 6), "to a lower amplitude"))
         return rows
 
     def _check_rows(self) -> list[Row]:

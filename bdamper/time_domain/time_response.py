@@ -295,7 +295,7 @@ def time_response(
         periods=search.periods,
         diameters=ring.nodal_diameters,
         cost=watch.read(ring.cost + integrations.cost),
-        fall=search.fall,
+        jump_frequency=search.fall,
     )
     doubt_about_curve = ""
     if not result.complete:

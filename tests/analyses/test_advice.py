@@ -84,7 +84,7 @@ def test_work_is_that_of_the_equations_without_the_effect(full, advice):
 
 
 def test_what_is_left_out_changes_no_more_than_the_tolerance(full, advice):
-    assert advice.left_out
+    assert advice.negligible
     lean = full.replace(**advice.significant)
     assert isinstance(lean, bd.Study) and Effects.of(lean) == advice.significant
     assert lean.problem.system(PRELOAD).n_unknowns < full.problem.system(PRELOAD).n_unknowns

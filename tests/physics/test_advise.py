@@ -28,7 +28,7 @@ def compared(study, advice):
 
 def test_at_high_preload_one_harmonic_is_enough(disk):
     advice = disk.effect_significance(50e3, INTERVAL, against=Effects.of(disk))
-    assert {"harmonics beyond 1", "bias", "constraint planes"} <= set(advice.left_out)
+    assert {"harmonics beyond 1", "bias", "constraint planes"} <= set(advice.negligible)
     assert advice["rotation Z"].significant
     both = compared(disk, advice)
     assert abs(both.change("called for")) <= advice.tolerance

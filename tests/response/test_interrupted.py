@@ -53,7 +53,12 @@ class Here(Executor):
 def whole():
     """With an optimum between preloads."""
     curve = optimal_curve(new_study().problem, **ASKED)
-    assert curve.complete and curve.optimum.ok and len(curve.curves) == len(curve) > ASKED["n"]
+    assert (
+        curve.ok
+        and curve.complete
+        and curve.optimum.ok
+        and len(curve.curves) == len(curve) > ASKED["n"]
+    )
     return curve
 
 

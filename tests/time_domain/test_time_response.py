@@ -178,7 +178,7 @@ def test_one_mass_falls_at_the_fold_of_its_branch(bent, found):
         and found.ok
     )
     low = curve.frequency[curve.folds].min()
-    assert low - 0.15 < found.fall < found.frequency and found.frequency == pytest.approx(
+    assert low - 0.15 < found.jump_frequency < found.frequency and found.frequency == pytest.approx(
         low, abs=0.25
     )
     on = BalanceCurve(curve).at(found.frequency)
@@ -190,7 +190,7 @@ def test_one_mass_falls_at_the_fold_of_its_branch(bent, found):
     )
     assert found.lowest < found.balance < found.highest
     text = said(found)
-    assert f"Jump {amount(found.fall, 'Hz', 6)} to a lower amplitude" in text
+    assert f"Jump {amount(found.jump_frequency, 'Hz', 6)} to a lower amplitude" in text
     assert text.startswith(
         f"Highest amplitude by time integration {amount(found.largest, 'm')}: preload 0 N"
     )
@@ -225,7 +225,7 @@ def test_the_range_is_an_error(found):
 def test_energies_and_blades_of_the_last_periods(found):
     assert (
         found.blades.shape[1] == 1
-        and not found.parted
+        and not found.blades_differ
         and abs(found.numerical_loss) < 5e-3
         and found.energy[0] > 0.0
     )
@@ -372,7 +372,8 @@ def test_a_failing_integration_leaves_what_was_found_before(bent, monkeypatch):
     assert found.status_text.startswith("not found: the time integration fails near ")
     assert found.reason.endswith("raise steps_per_period") and found.text == found.status_text
     assert all(
-        np.isnan(x) for x in (found.mean, found.lowest, found.highest, found.frequency, found.fall)
+        np.isnan(x)
+        for x in (found.mean, found.lowest, found.highest, found.frequency, found.jump_frequency)
     )
     assert found._headline().startswith("No amplitude by time integration, the time integration f")
     assert "nothing confirms the peak" in said(found)
@@ -427,7 +428,9 @@ def test_a_peak_whose_contacts_stay_closed_is_integrated_too():
     study = one_mass(tangential=0, kt=1e-3, mu=0.3, preload=1e3)
     found = study.time_response(study.frequency_response(0.0, (9.5, 10.5)))
     assert (
-        found.periods > 0 and found.factor == pytest.approx(1.0, rel=0.015) and np.isnan(found.fall)
+        found.periods > 0
+        and found.factor == pytest.approx(1.0, rel=0.015)
+        and np.isnan(found.jump_frequency)
     )
 
 
@@ -499,11 +502,13 @@ def test_blades_that_part_are_said_and_drawn(found, tmp_path):
     blades = 1e-6 * np.array([150.0, 275.0, 275.0]) * (1.0 + 0.01 * rng.standard_normal((n, 3)))
     waves = np.array([[10.0, 188e-6], [-10.0, 131e-6], [30.0, 1e-6]])
     parted = replace(found, blades=blades, blade=1, waves=waves)
-    assert parted.parted and "Different blades 150 to 275 \u00b5m" in said(parted)
+    assert parted.blades_differ and "Different blades 150 to 275 \u00b5m" in said(parted)
     assert "10 forward 188 \u00b5m, 10 backward 131 \u00b5m" in parted.summary()
     beats = np.where(np.arange(n)[:, None] < 40, blades, blades[:, ::-1])
-    assert not replace(parted, blades=beats).parted, "other blades are high in the second half"
-    assert not replace(parted, blades=np.ones((n, 3))).parted
+    assert not replace(parted, blades=beats).blades_differ, (
+        "other blades are high in the second half"
+    )
+    assert not replace(parted, blades=np.ones((n, 3))).blades_differ
     parted.save(tmp_path / "parted.h5")
     read = bd.load(tmp_path / "parted.h5")
     np.testing.assert_array_equal(read.blades, blades)

@@ -404,7 +404,7 @@ def test_places_close_together_are_told_apart():
         as_words({"preload": 1001.0}) == "preload 1.001 kN"
         and as_words({"mu": 0.46049}) == "mu 0.46049"
     )
-    kept = TimeResponse(1e-4, 1e-4, 1e-4, 354.17, 4e3, 2e-4, fall=354.24, periods=9)
+    kept = TimeResponse(1e-4, 1e-4, 1e-4, 354.17, 4e3, 2e-4, jump_frequency=354.24, periods=9)
     assert "354.17 Hz, mean 100 µm" in said(kept)
     assert "Jump 354.24 Hz to a lower amplitude" in said(kept)
 

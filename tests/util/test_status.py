@@ -6,7 +6,7 @@ from dataclasses import replace
 import h5py
 
 import bdamper as bd
-from bdamper.response.verification import FrictionPeak
+from bdamper.response.verification import FrictionPeak, TimeResponse
 from bdamper.util import errors
 from bdamper.util.errors import (
     STATUSES,
@@ -96,3 +96,22 @@ def test_files_with_a_static_state_of_version_0_10(tmp_path):
         assert file.attrs["note"] == b"no equilibrium"
     again = bd.load(path)
     assert not again.ok and again.reason == "no equilibrium"
+
+
+def test_a_jump_is_stored_under_its_former_name(tmp_path):
+    """Files of version 0.10 have the frequency of a jump as ``fall``."""
+    response = TimeResponse(1e-4, 1e-4, 1e-4, 354.17, 4e3, 2e-4, jump_frequency=354.24)
+    path = tmp_path / "response.h5"
+    response.save(path)
+    with h5py.File(path) as file:
+        assert file.attrs["fall"] == 354.24 and "jump_frequency" not in file.attrs
+    assert bd.load(path).jump_frequency == 354.24
+
+
+def test_tables_and_optima_are_ok_if_all_parts_are():
+    contact = bd.Contact(normal=0, kn=3.0, preload=5.0)
+    study = bd.lumped([1.0], [0.05], [1.0], contacts=[contact], forces={0: 0.1}, harmonics=1)
+    task = bd.PeakTask(preload=0.0, frequency=(0.2, 0.4))
+    swept = bd.sweep(study, {"excitation.amplitude": [0.1, 0.2]}, task)
+    assert swept.ok and swept.status == ("complete", "complete")
+    assert not replace(swept, status=("complete", "failed: why")).ok
