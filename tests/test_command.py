@@ -101,9 +101,8 @@ def test_a_margin_without_an_amplitude_in_time(capsys, monkeypatch):
     monkeypatch.setattr(bd.Study, "time_response", lost)
     assert main(["margin", "--demo", "--harmonics=1", "--quiet", *QUICK["margin"]]) == 0
     out, err = capsys.readouterr()
-    assert (
-        "bdamper: no amplitude in time: why\n" in err
-        and "harmonic balance alone" in " ".join(out.split())
+    assert "bdamper: no amplitude in time: why\n" in err and "harmonic balance alone" in " ".join(
+        out.split()
     )
 
 
