@@ -37,6 +37,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import (
     AutoLocator,
+    FixedLocator,
     FuncFormatter,
     Locator,
     LogLocator,
@@ -516,8 +517,9 @@ def _fit_unit(ax: Axes, axis: Any) -> None:
     if isinstance(axis.get_major_locator(), AutoLocator):
         # few ticks, so that long numbers do not touch
         axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
-    if is_log:
+    if is_log and not isinstance(axis.get_major_locator(), FixedLocator):
         axis.set_major_locator(logarithmic(low, high))
+    if is_log:
         axis.set_minor_formatter(NullFormatter())
     if is_log or scale != 1.0:
         axis.set_major_formatter(FuncFormatter(lambda value, _: plain_number(value / scale)))

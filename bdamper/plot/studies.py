@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Patch
-from matplotlib.ticker import FuncFormatter
+from matplotlib.patches import Patch, Rectangle
+from matplotlib.ticker import FuncFormatter, NullLocator
 from numpy.typing import NDArray
 
 from bdamper.analyses.accuracy import COMBINED, AccuracyCost, Run
@@ -42,6 +42,7 @@ from bdamper.plot.axes import (
     picture,
     plain_number,
     runs,
+    ticks_within,
     wrapped,
 )
 from bdamper.response.sensitivity import Sensitivities
@@ -613,7 +614,8 @@ def plot_nonlinear_mode(mode: NonlinearMode, ax: NDArray = NEW, **style: Any) ->
 def plot_flutter(flutter: Flutter, ax: Axes = NEW) -> None:
     """Plot limit cycles over the preload: filled if stable, open if unstable.
 
-    Crosses at the lower edge mark preloads where the state at rest is unstable.
+    A grey strip below the amplitudes shows the state at rest: a dot if it is stable, a cross if it
+    is unstable.
     """
     diameters = np.unique(flutter.nodal_diameter)
     is_cycle = flutter.amplitude > 0.0
@@ -633,10 +635,49 @@ def plot_flutter(flutter: Flutter, ax: Axes = NEW) -> None:
                     "label": f"{name}, nodal diameter {diameter}",
                 }
                 draw_table(ax, flutter, "preload", "amplitude", rows=rows, **style)
-        at_rest = of_diameter & ~is_cycle & ~stable
-        lost(ax, flutter.preload[at_rest], look["color"], "unstable at rest", 4.0)
-    if not is_cycle.any():
+        at_rest = of_diameter & ~is_cycle
+        for part, marker, name in ((stable, ".", "stable at rest"), (~stable, "x", LOST)):
+            places = flutter.preload[at_rest & part]
+            if len(places):
+                _mark_rest(ax, places, marker, look["color"], once(ax, name))
+    preloads = np.unique(flutter.preload)
+    has_several_preloads = len(preloads) > 1 and preloads[0] > 0.0
+    ax.set(xscale="log" if has_several_preloads else "linear", xlabel="Preload (N)")
+    if len(preloads) == 1:
+        ax.set_xticks(preloads)
+    if is_cycle.any():
+        ax.set(yscale="log", ylabel="Amplitude of the limit cycle (m)")
+        amplitudes = flutter.amplitude[is_cycle]
+        low, high = 0.7 * amplitudes.min(), 1.3 * amplitudes.max()
+        # the strip takes its share of the height
+        ax.set_ylim(low * (low / high) ** (STRIP / (1.0 - STRIP)), high)
+        # no amplitudes in the strip
+        ax.set_yticks(ticks_within(low, high))
+        ax.yaxis.set_minor_locator(NullLocator())
+    else:
+        # without a limit cycle there is no amplitude
+        ax.set(yticks=[], ylabel="")
         note(ax, flutter._headline())
-    has_several_preloads = 0.0 < flutter.preload.min() < flutter.preload.max()
-    ax.set(yscale="log", xscale="log" if has_several_preloads else "linear")
-    ax.set(xlabel=axis_label(Flutter, "preload"), ylabel="Amplitude of the limit cycle (m)")
+    strip = Rectangle((0.0, 0.0), 1.0, STRIP, color="0.92", zorder=0.0, transform=ax.transAxes)
+    ax.add_artist(strip)
+    side: dict[str, Any] = {"ha": "right", "va": "center", "fontsize": SMALL}
+    ax.text(-0.015, 0.5 * STRIP, "at rest", transform=ax.transAxes, **side)
+
+
+STRIP = 0.1
+"""Share of the height of the axes for the state at rest."""
+LOST = "unstable at rest"
+
+
+def _mark_rest(ax: Axes, places: NDArray, marker: str, colour: NDArray, label: str | None) -> None:
+    """Mark preloads in the strip of the state at rest."""
+    ax.plot(
+        places,
+        np.full(len(places), 0.5 * STRIP),
+        marker,
+        color=colour,
+        markersize=5.0,
+        # data across, a share of the height upward
+        transform=ax.get_xaxis_transform(),
+        label=label,
+    )

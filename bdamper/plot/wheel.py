@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from bdamper.mistuning.mistuning import Mistuning
@@ -127,6 +128,11 @@ def _bars(ax: Axes, heights: NDArray, blade: int, **look: Any) -> None:
         linewidth=0.3,
         **look,
     )
+    few = 8
+    if len(numbers) <= few:
+        ax.set_xticks(numbers)
+    else:
+        ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set(xlabel="Blade", ylabel="Amplitude (m)")
 
 
@@ -161,7 +167,8 @@ def _of_peak(peak: DiskPeak, result: str) -> str:
 def plot_blades(found: TimeResponse, ax: Axes = NEW) -> None:
     """Plot mean amplitudes of all blades in time as bars with ranges, the highest blade dark.
 
-    A line is the peak of the harmonic balance.
+    The highest blade has the printed range, which contains all integrations; the other blades have
+    the range of their periods.  A line is the peak of the harmonic balance.
     """
     if not found.blades.size:
         raise BdamperError(
@@ -170,6 +177,9 @@ def plot_blades(found: TimeResponse, ax: Axes = NEW) -> None:
     mean = found.blades.mean(axis=0)
     below = mean - found.blades.min(axis=0)
     above = found.blades.max(axis=0) - mean
+    if np.isfinite(found.mean):
+        below[found.blade] = max(mean[found.blade] - found.lowest, 0.0)
+        above[found.blade] = max(found.largest - mean[found.blade], 0.0)
     _bars(ax, mean, found.blade, yerr=[below, above], capsize=2.0, ecolor="0.4")
     ax.axhline(found.balance, color="k", linewidth=1.0, label="harmonic balance")
     warning = "" if found.mean > 0.0 else ", no steady state near the peak"

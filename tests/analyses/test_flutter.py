@@ -32,7 +32,14 @@ def test_limit_cycles_are_those_of_the_closed_form(tmp_path):
     assert quiet.stable.tolist() == [True] and np.isinf(quiet.safe).all()
     lost = oscillator(1).flutter(0.0, -0.2, amplitude=(0.01, 30.0))
     assert lost.stable.tolist() == [False] and (lost.safe == 0.0).all()
-    assert found.plot().axes[0].get_yscale() == "log"
+    ax = found.plot().axes[0]
+    assert ax.get_yscale() == "log"
+    # the state at rest lies below every number of the axis
+    ax.figure.canvas.draw()
+    low, _ = ax.get_ylim()
+    strip = low * (found.amplitude[1] / low) ** 0.1
+    assert min(ax.get_yticks()) > strip and "at rest" in [text.get_text() for text in ax.texts]
+    assert not len(quiet.plot().axes[0].get_yticks()), "without a limit cycle no amplitudes"
     found.save(tmp_path / "flutter.h5")
     assert bd.load(tmp_path / "flutter.h5").summary() == found.summary()
 

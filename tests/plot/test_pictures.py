@@ -395,3 +395,22 @@ def test_a_limit_bears_its_name_within_the_axes_at_a_known_point():
     assert [text.xy for text in ax.texts] == [(2.0, 2.0), (3.0, 3.0)]
     ax.figure.canvas.draw()
     assert all(text.get_window_extent().x1 <= ax.bbox.x1 for text in ax.texts)
+
+
+@pytest.mark.parametrize("name", ["bladed_disk", "paper_disk", "turbine_blade", "blade_to_ground"])
+def test_numbers_of_the_pressure_of_a_shipped_model_do_not_touch(name):
+    """The turbine blade has faces three times as long as high."""
+    # nothing presses this blade but the contacts of its model
+    alone = name == "blade_to_ground"
+    order, preload = (0, 0.0) if alone else (5, 200.0)
+    study = plain_study(
+        bd.reference_model(name), bd.Excitation("tip"), order, friction_coefficient=0.3
+    )
+    figure = study.static(preload).plot()
+    figure.canvas.draw()
+    for ax in figure.axes:
+        for axis in (ax.xaxis, ax.yaxis):
+            boxes = [label.get_window_extent() for label in drawn_ticks(axis)]
+            for one, other in zip(boxes, boxes[1:]):
+                assert not one.overlaps(other), (ax.get_title(), axis.axis_name)
+    plt.close("all")

@@ -513,8 +513,11 @@ def test_blades_that_part_are_said_and_drawn(found, tmp_path):
     read = bd.load(tmp_path / "parted.h5")
     np.testing.assert_array_equal(read.blades, blades)
     assert read == parted and read.answers == parted.answers and read.energy == parted.energy
-    heights = [bar.get_height() for bar in read.plot().axes[0].patches]
-    np.testing.assert_allclose(heights, blades.mean(axis=0))
+    wide = replace(read, mean=275e-6, lowest=200e-6, highest=300e-6, highest_period=310e-6)
+    ax = wide.plot().axes[0]
+    np.testing.assert_allclose([bar.get_height() for bar in ax.patches], blades.mean(axis=0))
+    (ranges,) = ax.containers[0].lines[2]
+    np.testing.assert_allclose(ranges.get_segments()[1][:, 1], [200e-6, 310e-6])
     plt.close("all")
     with pytest.raises(bd.BdamperError, match="this result has no motion of blades in time"):
         replace(parted, blades=np.zeros((0, 0))).plot()
