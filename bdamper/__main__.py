@@ -343,7 +343,7 @@ def _add_import_options(command: argparse.ArgumentParser) -> None:
         "--points",
         default=(24,),
         type=int,
-        help="contact points of a pair, or along t1 and t2, default 24",
+        help="most contact points of a pair, or points along t1 and t2, default 24",
         **SOME,
     )
     add(

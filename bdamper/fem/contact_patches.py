@@ -15,6 +15,10 @@ divided into triangles with seven integration points for the shape functions of 
 bodies are averaged over the same area.  The map from the reference square or triangle to the plane
 uses the corners of a facet; Newton iteration inverts it.  The weights of a patch are normalised to
 the sum 1, so that the mean of a rigid motion is exact up to rounding.
+
+A mesh with m lines of nodes along a direction represents m independent means of patches in a row.
+More patches have combinations of forces without flexibility of the mesh, which make contact springs
+too stiff.  The number of patches is therefore limited by the coarser mesh (:func:`resolved_grid`).
 """
 
 from __future__ import annotations
@@ -90,6 +94,14 @@ class Patches:
         return Patches(self.centre @ rotation.T, self.frame @ rotation.T, self.size)
 
 
+class MeshLines(NamedTuple):
+    """Number of lines of nodes of a face along t1 and t2, and number of its nodes."""
+
+    along_1: int
+    along_2: int
+    nodes: int
+
+
 @dataclass(frozen=True)
 class PatchMeans:
     """Means over patches on the face of one body, or on the common area of two faces.
@@ -103,8 +115,10 @@ class PatchMeans:
         Mean positions on each body; b is None without a second body.
     matrix_a, matrix_b : (3 n, 3 n_nodes) sparse
         Matrices from nodal displacements to patch means along t1, t2, n.
-    rows : int
-        Number of rows of a grid along t1; 0 if the patches are not a grid.
+    grid : (int, int)
+        Numbers of rows of a grid along t1 and t2; (0, 0) if the patches are not a grid.
+    lines : tuple of MeshLines
+        Lines of nodes of face a, and of face b if there is one, in the common area of a grid.
     """
 
     area: NDArray
@@ -113,7 +127,8 @@ class PatchMeans:
     points_b: NDArray | None
     matrix_a: sp.csr_matrix
     matrix_b: sp.csr_matrix | None
-    rows: int = 0
+    grid: tuple[int, int] = (0, 0)
+    lines: tuple[MeshLines, ...] = ()
 
     @property
     def distance(self) -> NDArray:
@@ -146,6 +161,47 @@ def patch_grid(points: int | tuple[int, int], length: float, width: float) -> tu
     factors = [n for n in range(1, points + 1) if points % n == 0]
     n_along = min(factors, key=penalty)
     return n_along, points // n_along
+
+
+def resolved_grid(
+    points: int | tuple[int, int], length: float, width: float, lines: Sequence[MeshLines]
+) -> tuple[int, int]:
+    """Return the numbers of patches along the two edges of a face that its meshes resolve.
+
+    Two numbers do not change, nor does a single number whose grid the meshes resolve.  Otherwise
+    the result is the grid with the most patches, not more than this number, and as close to squares
+    as possible; three rows along t1 are allowed on any mesh.
+
+    Parameters
+    ----------
+    points : int or (int, int)
+    length, width : float, m
+    lines : sequence of MeshLines
+        Lines of nodes of the face of each body.
+    """
+    given = patch_grid(points, length, width)
+    if not isinstance(points, (int, np.integer)):
+        return given
+    # a damper with fewer rows rolls on its faces
+    most_along = max(3, min(face.along_1 for face in lines))
+    most_across = min(face.along_2 for face in lines)
+    # eight-node facets have no node in the middle
+    most = min(points, *(face.nodes for face in lines))
+    if given[0] <= most_along and given[1] <= most_across and points <= most:
+        return given
+
+    def penalty(grid: tuple[int, int]) -> tuple[int, bool, float]:
+        n_along, n_across = grid
+        slenderness = abs(np.log(length / n_along / (width / n_across)))
+        return -n_along * n_across, min(grid) < 3, slenderness
+
+    grids = [
+        (n_along, n_across)
+        for n_along in range(min(3, most), most_along + 1)
+        for n_across in range(1, most_across + 1)
+        if n_along * n_across <= most
+    ]
+    return min(grids, key=penalty)
 
 
 def mean_frame(facets: Facets, nodes: NDArray) -> NDArray:
@@ -403,6 +459,25 @@ def _pieces(flat_a: _Flat, flat_b: _Flat | None) -> list[_Piece]:
     return [_Piece(part, k, m) for k, m, part in overlaps(flat_a.corner, flat_b.corner)]
 
 
+def _lines(pieces: Sequence[_Piece], flat: _Flat, side: int, extent: NDArray) -> MeshLines:
+    """Return the lines of nodes of one face (0 or 1) in the common area with ``extent`` (2,)."""
+    area_of_facet: dict[int, float] = {}
+    for piece in pieces:
+        facet = piece.b if side else piece.a
+        area_of_facet[facet] = area_of_facet.get(facet, 0.0) + polygon_area(piece.polygon)
+    spacing = []
+    for facet in area_of_facet:
+        corner = flat.corner[facet]
+        has_midpoints = len(flat.nodes[facet]) > len(corner)
+        spacing.append(np.ptp(corner, axis=0) / (2.0 if has_midpoints else 1.0))
+    # patches of equal sizes meet the coarse parts of a mesh by their area
+    mean_spacing = np.average(spacing, axis=0, weights=list(area_of_facet.values()))
+    # a facet that the area covers in part bends as a whole
+    n_intervals = np.maximum(np.rint(extent / mean_spacing), 1.0)
+    nodes = np.unique(np.concatenate([flat.nodes[facet] for facet in area_of_facet]))
+    return MeshLines(int(n_intervals[0]) + 1, int(n_intervals[1]) + 1, len(nodes))
+
+
 def _cells(
     pieces: Sequence[_Piece], windows: Sequence[NDArray], above: float = -np.inf
 ) -> list[list[_Piece]]:
@@ -530,7 +605,7 @@ def patches_on_faces(
     Parameters
     ----------
     points : int or (int, int)
-        Total number of patches, or numbers along t1 and t2.
+        Largest total number of patches (:func:`resolved_grid`), or numbers along t1 and t2.
     nodes_a, nodes_b : (n_nodes, 3) float, m
         Nodes of both bodies in the contact position.
     facets_a, facets_b : Facets
@@ -561,7 +636,11 @@ def patches_on_faces(
     # rectangle around the common area
     low = np.min([piece.polygon.min(axis=0) for piece in pieces], axis=0)
     high = np.max([piece.polygon.max(axis=0) for piece in pieces], axis=0)
-    n_1, n_2 = patch_grid(points, *(high - low))
+    lines = [_lines(pieces, flat_a, 0, high - low)]
+    if flat_b is not None:
+        lines.append(_lines(pieces, flat_b, 1, high - low))
+    length, width = (high - low).tolist()
+    n_1, n_2 = resolved_grid(points, length, width, lines)
     check(min(n_1, n_2) >= 1, f"points must be at least 1 along both edges, not ({n_1}, {n_2})")
     edges_1 = np.linspace(low[0], high[0], n_1 + 1)
     edges_2 = np.linspace(low[1], high[1], n_2 + 1)
@@ -573,7 +652,7 @@ def patches_on_faces(
     frames = np.broadcast_to(frame, (len(cells), 3, 3)).copy()
     bodies = (nodes_a, nodes_b if flat_b is not None else None)
     means = _means(cells, frames, (flat_a, flat_b), bodies)
-    return replace(means, rows=n_1)
+    return replace(means, grid=(n_1, n_2), lines=tuple(lines))
 
 
 def _without_small(cells: list[list[_Piece]], full: float, n_2: int) -> list[list[_Piece]]:

@@ -43,7 +43,9 @@ class ContactFaces:
         Face of body b in the same form; None for a contact with the ground.
     body_a, body_b : {"damper", "blade", "ground"}, or the name of one of several free bodies
     points : int or (int, int)
-        Number of contact points, in total or along t1 and t2; a free body needs three along t1.
+        Largest number of contact points in total, or their numbers along t1 and t2; a free body
+        needs three along t1.  A single number is reduced to the points that the coarser mesh of
+        both faces resolves (:func:`bdamper.fem.contact_patches.resolved_grid`).
     kind : {"friction", "constraint"}
         A constraint has no friction.
     sector_b : {-1, 0, 1}, optional
@@ -398,12 +400,12 @@ def _laid(
         gap,
     )
     rolls = body_a != "blade" and not along_ring
-    if contact.kind == "friction" and rolls and 0 < means.rows < ROWS:
+    if contact.kind == "friction" and rolls and 0 < means.grid[0] < ROWS:
         expected = (
             f"at least {ROWS} rows of contact points along t1, "
             "which keep a damper from rolling on its faces"
         )
-        found = f"{means.rows}: amplitudes of a wedge may be wrong by several times"
+        found = f"{means.grid[0]}: amplitudes of a wedge may be wrong by several times"
         warn_implausible(item, expected, found)
     area = float(means.area.sum())
     fractions = ", ".join(
@@ -411,12 +413,29 @@ def _laid(
     )
     normal = ", ".join(f"{component:.4f}" for component in means.frame[:, 2].mean(axis=0))
     text = (
-        f"{contact.name}: {len(means.area)} points, {area:.6g} m2 ({fractions}), "
+        f"{contact.name}: {_points_text(contact, means)}, {area:.6g} m2 ({fractions}), "
         f"side b in sector {sector:+d}\n"
         f"    mean outward normal of side a ({normal}), "
         f"meshes {distance.min():.2g} to {distance.max():.2g} m apart"
     )
     return interface, means, text
+
+
+def _points_text(contact: ContactFaces, means: PatchMeans) -> str:
+    """Return the number of points, and why it was chosen, for the report."""
+    text = f"{len(means.area)} points"
+    if not means.lines:
+        return text
+    n_1, n_2 = means.grid
+    meshes = " and ".join(
+        f"{face.along_1} x {face.along_2} on side {side}" for face, side in zip(means.lines, "ab")
+    )
+    chosen = f"{n_1} x {n_2} along t1 and t2; lines of nodes: {meshes}"
+    if isinstance(contact.points, tuple):
+        return f"{text} ({chosen})"
+    if n_1 * n_2 < contact.points:
+        chosen += f", which do not resolve {contact.points} points"
+    return f"{text} ({chosen})"
 
 
 def _means(

@@ -207,3 +207,33 @@ def test_axes_of_a_face():
     frame = mean_frame(facets, end)
     np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-14)
     assert np.linalg.det(frame) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "n", "points", "grid"),
+    [
+        # n + 1 lines of nodes along each edge, 2 n + 1 with nodes in the middle of edges
+        (4, 2, 24, (3, 3)), (3, 2, 24, (3, 3)), (4, 4, 24, (5, 4)), (6, 2, 24, (5, 4)), (8, 3, 24, (6, 4)),
+        # 20 and 8 nodes: a combination of 24 and 9 points would have no flexibility
+        (8, 1, 9, (3, 2)), (8, 1, 24, (3, 2)),
+        # three rows along t1 on any mesh, and not more points than given
+        (4, 1, 24, (3, 1)), (4, 1, 4, (2, 2)), (4, 1, 2, (2, 1)), (4, 9, 24, (6, 4)), (4, 1, (4, 5), (4, 5)),
+    ],
+)  # fmt: skip
+def test_points_follow_the_mesh(kind, n, points, grid):
+    nodes, facets = plate(n, kind)
+    means = patches_on_faces(points, nodes, facets, frame=np.eye(3))
+    assert means.grid == grid
+    if points != (4, 5) and (kind, n, points) != (4, 1, 24):
+        # the means of every grid that a mesh resolves are independent
+        means_of_normal = means.matrix_a[2::3, 2::3].toarray()
+        assert np.linalg.matrix_rank(means_of_normal) == len(means.area)
+
+
+def test_points_follow_the_coarser_mesh_of_two():
+    """Four of six by six squares lie in the common area, and two of three by three."""
+    nodes_a, facets_a = plate(6, 4, x=(0.0, 3.0), y=(0.0, 3.0))
+    nodes_b, facets_b = plate(3, 4, x=(1.0, 4.0), y=(1.0, 4.0))
+    means = patches_on_faces(24, nodes_a, facets_a, nodes_b, facets_b.flipped(), np.eye(3))
+    assert [face[:2] for face in means.lines] == [(5, 5), (3, 3)]
+    assert means.grid == (3, 3)

@@ -169,7 +169,13 @@ def test_decks_and_instances_give_the_same_model_on_the_command_line(tmp_path, m
     assert areas[1] == pytest.approx(
         areas[0], rel=1e-9
     )  # of wedges, stored as hexahedra, as of hexahedra
-    assert [face.n_points for face in one.interfaces.values()] == [24, 24, 4, 4]
+    # three rows are the least along t1; along t2 the blade has three lines of nodes
+    assert [face.n_points for face in one.interfaces.values()] == [9, 9, 4, 4]
+    chosen = (
+        "left: 9 points (3 x 3 along t1 and t2; lines of nodes: 3 x 5 on side a and 2 x 3 on side b"
+    )
+    assert chosen in out.out
+    assert "which do not resolve 24 points" in out.out
     assert [one.interfaces[name].gap.tolist() for name in ("front", "back")] == [
         pytest.approx([2e-4] * 4)
     ] * 2
