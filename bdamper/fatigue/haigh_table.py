@@ -47,9 +47,28 @@ def _numbers(name: str, values: object) -> tuple[float, ...]:
     return tuple(validation.numbers(name, values).tolist())
 
 
+ROUNDED_RATIO = 0.01
+"""Largest difference of a tabulated stress ratio from that of amplitude and mean stress."""
+
+
 def mean_at_ratio(amplitude: ArrayLike, ratio: ArrayLike) -> NDArray:
     """Return the mean stress (...) of a stress amplitude (...) at a stress ratio R < 1 (...)."""
     return np.asarray(amplitude, float) * means_per_amplitude(ratio)
+
+
+def _check_ratios(amplitude: NDArray, mean: NDArray, ratio: NDArray) -> None:
+    """Raise SettingError if a stress ratio (n,) contradicts amplitude and mean; NaN is not given."""
+    for row, (of_row, a, m) in enumerate(zip(ratio, amplitude, mean), 1):
+        if np.isnan(of_row):
+            continue
+        highest = m + a
+        of_mean = (m - a) / highest if highest != 0.0 else np.inf
+        # tables round stress ratios
+        agrees = abs(of_mean - of_row) <= ROUNDED_RATIO * max(1.0, abs(of_row))
+        expected = (
+            f"R = {of_mean:.4g}, that of amplitude and mean (or one of the columns mean and R)"
+        )
+        validation.check(agrees, f"Haigh table, row {row}", expected, f"R = {of_row:.4g}")
 
 
 def means_per_amplitude(ratio: ArrayLike) -> NDArray:
@@ -105,7 +124,8 @@ class HaighTable(validation.Checked):
         """Read a table from a CSV file with one row for each endurable amplitude.
 
         The header has names and units: ``amplitude (MPa)``, ``mean (MPa)`` or ``R``, ``temperature
-        (C)`` and ``probability (%)``, the probability of survival.
+        (C)`` and ``probability (%)``, the probability of survival.  With both ``mean`` and ``R``,
+        the values of a row must agree.
 
         Parameters
         ----------
@@ -126,6 +146,15 @@ class HaighTable(validation.Checked):
         amplitude = columns["amplitude"][0]
         if "mean" in columns:
             mean = columns["mean"][0]
+            ratio = read_columns(
+                path,
+                ("amplitude", "mean", *others),
+                units=UNITS,
+                blank=("r",),
+                optional=("r",),
+            ).get("r")
+            if ratio is not None:
+                _check_ratios(amplitude, mean, ratio[0])
         else:
             mean = mean_at_ratio(amplitude, columns["r"][0])
         temperature, unit = columns["temperature"]

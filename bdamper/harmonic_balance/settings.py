@@ -222,6 +222,12 @@ class Settings(validation.Answering):
         validation.integer("blade_modes", self.blade_modes, 1, most_modes)
         self._check_friction()
         self._check_points()
+        validation.check(
+            self.model.interfaces or self.contact_stiffness is None,
+            "contact_stiffness",
+            "None, since the model has no contacts",
+            self.contact_stiffness,
+        )
         check_evaluation(self.contact_forces, self.harmonic_numbers[-1])
         validation.check(
             self.load_history[-1] == 1.0, "load_history", "1.0 at its end", self.load_history

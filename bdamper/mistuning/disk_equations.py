@@ -375,7 +375,7 @@ def tuned_problem(study: Problem) -> Problem:
     assert local is not None
     stiffness = study.settings.contact_stiffness
     from_residual_modes = stiffness == "residual_modes" or isinstance(stiffness, ResidualModes)
-    if stiffness is None or from_residual_modes:
+    if study.model.interfaces and (stiffness is None or from_residual_modes):
         stiffness = "model" if local.flexibility is None else "unit_traction"
     return study.replace(model=model, blade_modes=local.n, contact_stiffness=stiffness)
 

@@ -73,6 +73,14 @@ def test_a_file_of_stress_ratios(tmp_path):
     assert steel.amplitude_at_ratio(-0.4, "table") == pytest.approx(300e6 / (1 + 0.5 / slope))
 
 
+def test_a_file_of_mean_stresses_and_stress_ratios(tmp_path):
+    """Rounded ratios agree with the mean stress; a blank one says nothing."""
+    text = "R;mean (MPa);amplitude (MPa);temperature (C);probability\n-1;0;300;20;0.5\n0.33;199;100;20;0.5\n;500;50;20;0.5\n"
+    (tmp_path / "haigh.csv").write_text(text)
+    found = HaighTable.from_csv(tmp_path / "haigh.csv")
+    assert found.mean == pytest.approx([0.0, 199e6, 500e6])
+
+
 def test_other_lines_at_a_stress_ratio():
     """Goodman and Soderberg in closed form, Gerber by its quadratic equation."""
     limit, ultimate, yields = 300e6, 900e6, 800e6
@@ -240,6 +248,9 @@ def test_a_temperature_without_the_table_is_refused(study, peak, material):
         (lambda m: HaighTable((1e8, 2e8), (0.0, 0.0), (20.0, 20.0), (0.5, 0.5)), "Haigh table: expected one amplitude"),
         (lambda m: at_points({"fillet": 20.0}, ["root node 3"]), "temperature: .*found none for 'root node 3'"),
         (lambda m: at_points([20.0], ["root node 3", "root node 4"]), "temperature: expected 2"),
+        (lambda m: HaighTable.from_csv({"amplitude (MPa)": [300.0, 200.0], "mean (MPa)": [0.0, 0.0], "R": [-1.0, 0.0],
+                                        "temperature (C)": [20.0, 600.0], "probability": [0.5, 0.5]}),
+         r"Haigh table, row 2: expected R = -1, that of amplitude and mean .*found R = 0"),
         (lambda m: HaighTable.from_csv({"amplitude (MPa)": [1.0]}), "expected the columns amplitude, mean, temper"),
         (lambda m: HaighTable.from_csv({"amplitude": [1.0], "R": [0.0], "temperature (C)": [20.0], "probability": [0.5]}),
          "column 'amplitude': expected its unit"),

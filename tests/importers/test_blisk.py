@@ -194,6 +194,14 @@ def test_what_needs_a_contact_is_refused_with_one_sentence(name, study, results)
         NEEDS[name](study, *results)
 
 
+@each("stiffness", [1e7, "residual_modes", bd.PerArea(1e12)])
+def test_a_contact_stiffness_is_refused(stiffness, study):
+    with pytest.raises(
+        SettingError, match="contact_stiffness: expected None, since the model has no contacts"
+    ):
+        study.replace(contact_stiffness=stiffness)
+
+
 def test_a_preload_is_refused(study):
     with pytest.raises(SettingError, match="preload: expected 0, since no body of the model"):
         study.peak(100.0)
