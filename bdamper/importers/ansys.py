@@ -445,7 +445,7 @@ class _Archive:
             return [int(word) if word.strip() else 0 for word in filled]
 
     def _fields(self, block: str) -> list[tuple[bool, slice]]:
-        """Parse a Fortran format such as (1i7,2i9,6e21.13e3).
+        """Parse a Fortran format such as (1i7,2i9,6e21.13e3) or (3i9,2(3e21.13)).
 
         Returns
         -------
@@ -459,7 +459,7 @@ class _Archive:
         found = f"'{text[:40]}'"
         fields: list[tuple[bool, slice]] = []
         start = 0
-        for word in text.strip().strip("()").split(","):
+        for word in _without_groups(text, item).split(","):
             parts = _FORMAT.fullmatch("".join(word.lower().split()))
             if parts is None:
                 raise mismatch(item, expected, found)
@@ -582,6 +582,7 @@ class _Archive:
         (is_whole, number_columns), *fields = self._fields("NBLOCK")
         self.lines.require(is_whole, "a format that begins with a whole number", "another one")
         real_columns = [columns for is_integer, columns in fields if not is_integer]
+        left_justified = False
         while True:
             line = self.lines.take("the end of NBLOCK (-1)")
             words = [word.strip() for word in _without_card_number(line).split(",")]
@@ -592,7 +593,11 @@ class _Archive:
                 values = []
                 for columns in real_columns:
                     if line[columns].strip():
-                        self._check_whole(line, columns)
+                        left_justified |= _is_left_justified(line, columns)
+                        # card numbers begin with blanks
+                        begins_field = line[columns.start] != " "
+                        if not (left_justified and begins_field):
+                            self._check_whole(line, columns)
                         values.append(_real(line[columns]))
             if number < 0:
                 break
@@ -677,10 +682,36 @@ _IGES_START = re.compile(r".{72}S {0,6}\d+\s*$")
 # repetition, letter and width of an edit descriptor; Fortran ignores the scale 1p if it reads
 # numbers with an exponent
 _FORMAT = re.compile(r"(?:1p)?(\d+)?(x(?!\d)|(?:i|e[sn]?|d|f|g|a)(?=\d))(\d+)?(?:\.\d+(?:e\d+)?)?")
+_GROUP = re.compile(r"(\d*)\s*\(([^()]*)\)")
+DEEPEST_GROUP = 10
+"""Largest number of groups in brackets within a format."""
 _EXPONENT_ALONE = re.compile(r"([\d.])([+-]\d+)$")
 _TEXT = re.compile(r"\s*(/COM|/TIT|/STI|C\*\*\*)", re.IGNORECASE)
 _QUOTED_OR_COMMENT = re.compile(r"'[^']*'|!.*")
 _ASSIGNMENT = re.compile(r"\s*\w+(\([^)]*\))?\s*=")
+
+
+def _is_left_justified(line: str, columns: slice) -> bool:
+    """Return whether a number begins in the first column of its field and leaves its last one blank,
+    with further numbers behind it.
+    """
+    field = line[columns]
+    ends_before = field[-1] == " " and len(line.rstrip()) > columns.stop
+    return ends_before and field[0] != " "
+
+
+def _without_groups(text: str, item: str) -> str:
+    """Return the edit descriptors of a format, with repeated groups in brackets written out."""
+    inner = re.fullmatch(r"\s*\((.*)\)\s*", text)
+    descriptors = inner.group(1) if inner else text.strip().strip("()")
+    for _ in range(DEEPEST_GROUP):
+        group = _GROUP.search(descriptors)
+        if group is None:
+            break
+        count = check_count(int(group.group(1) or 1), item, "a repetition of fields", 1, 100)
+        repeated = ",".join([group.group(2)] * count)
+        descriptors = f"{descriptors[: group.start()]}{repeated}{descriptors[group.end() :]}"
+    return descriptors
 
 
 def _without_card_number(line: str) -> str:

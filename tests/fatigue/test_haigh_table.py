@@ -75,7 +75,8 @@ def test_a_file_of_stress_ratios(tmp_path):
 
 def test_a_file_of_mean_stresses_and_stress_ratios(tmp_path):
     """Rounded ratios agree with the mean stress; a blank one says nothing."""
-    text = "R;mean (MPa);amplitude (MPa);temperature (C);probability\n-1;0;300;20;0.5\n0.33;199;100;20;0.5\n;500;50;20;0.5\n"
+    head = "R;mean (MPa);amplitude (MPa);temperature (C);probability\n"
+    text = f"{head}-1;0;300;20;0.5\n0.33;199;100;20;0.5\n;500;50;20;0.5\n"
     (tmp_path / "haigh.csv").write_text(text)
     found = HaighTable.from_csv(tmp_path / "haigh.csv")
     assert found.mean == pytest.approx([0.0, 199e6, 500e6])

@@ -38,7 +38,7 @@ def node_lines(form, whole, real, n_whole=3, gap=0):
         numbers = [number, *[0] * (n_whole - 1)]
         line = "".join(f"{value:{whole}d}" for value in numbers) + " " * gap
         lines.append(line + "".join(real(x) for x in position))
-    return [*lines, "N,R5.3,LOC,       -1,"]
+    return [*(line.rstrip() for line in lines), "N,R5.3,LOC,       -1,"]
 
 
 def element_lines(width, head="EBLOCK,19,SOLID,2,2", end=True):
@@ -58,6 +58,10 @@ NODE_FORMS = {
     "(3i9,6es21.13e3)": (9, lambda x: scientific(x, 21, 13, 3), 3, 0, 1e-13),
     "(3i9,2x,6e21.13)": (9, lambda x: scientific(x, 21, 13), 3, 2, 1e-13),
     "(3i9,6d21.13)": (9, lambda x: scientific(x, 21, 13, letter="d"), 3, 0, 1e-13),
+    "(3i9,2(3e21.13e3))": (9, lambda x: scientific(x, 21, 13, 3), 3, 0, 1e-13),
+    "(2(i9),(i9),3(2(e21.13e3)))": (9, lambda x: scientific(x, 21, 13, 3), 3, 0, 1e-13),
+    # left-justified: the last number ends before its field
+    "(3i9,6e22.13e3)": (9, lambda x: scientific(x, 0, 13, 3).ljust(22), 3, 0, 1e-13),
     # an exponent of three digits takes the place of its letter
     "(3i9,6e20.12)": (9, lambda x: scientific(x, 20, 12, 3, ""), 3, 0, 1e-12),
     "(1i9,3e20.9e3)": (9, lambda x: scientific(x, 20, 9, 3), 1, 0, 1e-9),
@@ -141,6 +145,18 @@ def test_card_numbers(which, tmp_path):
     path.write_text("\n".join(changed + numbered(lines[body:], which)) + "\n")
     assert path.read_text() != "\n".join(lines) + "\n"
     check(read_cdb(path))
+
+
+def test_card_numbers_behind_left_justified_numbers_are_refused(tmp_path):
+    """In (3i8,6e16.9) the columns 73 to 80 begin the first angle of the axes of a node."""
+    lines = [f"NBLOCK,6,SOLID,1,{len(NODES)}", "(3i8,6e16.9)"]
+    for number, position in NODES.items():
+        lines.append(
+            f"{number:8d}{0:8d}{0:8d}" + "".join(f"{x:.7f}".ljust(16) for x in position) + f"{9:8d}"
+        )
+    (tmp_path / "a.cdb").write_text("\n".join([*lines, "N,R5.3,LOC,       -1,", ""]))
+    with pytest.raises(ModelError, match="line 3: expected a number that ends in column 88"):
+        read_cdb(tmp_path / "a.cdb")
 
 
 def test_card_numbers_that_look_like_angles_are_refused(tmp_path):
