@@ -866,6 +866,17 @@ class Convergence(Result, Plottable, Tabular):
 
 # ---- error estimates ----
 
+LARGE_ERROR = 0.1
+"""Relative error of one source above which the first line names it with its setting."""
+SETTING_OF = {
+    "harmonics": "harmonics",
+    "contact_forces": "contact_forces",
+    "contact points": "contact_points",
+    "modes": "blade_modes",
+    "residual flexibility": "contact_stiffness",
+}
+"""Setting of a study that reduces the error of a source."""
+
 
 @dataclass(frozen=True)
 class SourceError:
@@ -1004,7 +1015,7 @@ class ErrorEstimates(Result):
         elif all(not item.known for item in self.sources):
             verdict = f"Error not estimated: peak {peak}"
         elif self.total > 1e-5:
-            verdict = f"Estimated error {percent(self.total)}: peak {peak}"
+            verdict = f"Estimated error {percent(self.total)}{self._large_text()}: peak {peak}"
         else:
             verdict = f"Estimated error below 0.001 %: peak {peak}"
         table = [("Source", "Amplitude", "Frequency", "May miss", "Against")]
@@ -1022,6 +1033,19 @@ class ErrorEstimates(Result):
         if not any(item.source == "time" for item in self.sources):
             remarks.append('Not covered: motion in time, which the source "time" adds')
         return Statement([verdict], self._harmonic_rows(), unknown, remarks, table)
+
+    def _large_text(self) -> str:
+        """Return the sources with a large error and the settings that reduce them, or ""."""
+        large = sorted(
+            (item for item in self.sources if item.known and item.size > LARGE_ERROR),
+            key=lambda item: -item.size,
+        )
+        texts = []
+        for item in large:
+            setting = SETTING_OF.get(item.source)
+            remedy = f" ({setting}=)" if setting else ""
+            texts.append(f"{item.source} {percent(item.size)}{remedy}")
+        return f", {', '.join(texts)}" if texts else ""
 
     def _harmonic_rows(self) -> list[Row]:
         """Return the peaks with more harmonics if they do not decide."""

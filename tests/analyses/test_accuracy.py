@@ -1,5 +1,6 @@
 """Error estimates by source, ladders of settings: against solutions of richer studies, and each other."""
 
+from dataclasses import fields as dataclass_fields
 from dataclasses import replace
 
 import numpy as np
@@ -17,8 +18,9 @@ from bdamper.analyses.error_estimates import (
     with_stand_ins,
 )
 from bdamper.contact.residual_flexibility import ResidualModes
+from bdamper.harmonic_balance.settings import Settings
 from bdamper.model.contact_points import unite_contact_points
-from bdamper.response.verification import ErrorEstimates, HarmonicPeak, SourceError
+from bdamper.response.verification import SETTING_OF, ErrorEstimates, HarmonicPeak, SourceError
 from bdamper.util.errors import SettingError
 from tests import accuracy_cases, models
 from tests.analyses.test_mode import oscillator
@@ -94,6 +96,21 @@ def test_two_rows_are_not_compared_with_three(study):
     assert richer_module._fewer_points(study.problem) == 6
     row = study._with_problem(study.problem.replace(model=unite_contact_points(study.model, 3)))
     assert richer_module._fewer_points(row.problem) is None
+
+
+def test_first_line_names_large_sources_with_their_settings():
+    small = SourceError("harmonics", 0.099, 0.0, 0.0, "")
+    large = SourceError("modes", -0.27, 0.007, 0.0, "")
+    larger = SourceError("residual flexibility", 0.01, 0.3, 0.0, "")
+    in_time = SourceError("time", 0.15, 0.0, 0.0, "")
+    vague = SourceError("contact points", 0.5, 0.0, 0.6, "")
+    estimates = ErrorEstimates(2.0, 300.0, 1e-3, (small, large, larger, in_time, vague))
+    first = " ".join(str(estimates).split("\n\n")[0].split())
+    named = "residual flexibility 30 % (contact_stiffness=), modes 27 % (blade_modes=), time 15 %:"
+    assert first.startswith(f"Estimated error 82 %, {named}")
+    assert "Estimated error 9.9 %: peak" in str(ErrorEstimates(2.0, 300.0, 1e-3, (small,)))
+    settings = {field.name for field in dataclass_fields(Settings)}
+    assert set(SETTING_OF.values()) <= settings and set(SETTING_OF) == set(SOURCES)
 
 
 def harmonic_estimates(*amplitudes, sources=()):
