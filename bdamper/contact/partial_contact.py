@@ -131,12 +131,13 @@ def _bonded(basis: HarmonicBasis, flexibility: NDArray, rows: NDArray) -> float:
 def coupling_of_default(model: Model, nodal_diameter: int) -> Coupling | None:
     """Return the coupling of a study with default settings at a nodal diameter.
 
-    It is None for a model without friction faces or without the flexibility of a body.
+    It is None for a model without friction faces, or if a body lacks the nodal diameter or its
+    flexibility.
     """
     moving = [body for body in model.bodies.values() if body.kind != "ground" and body.ports]
     for body in moving:
         diameters = (0,) if body.kind == "free" else (0, nodal_diameter)
-        if any(body.bases[d].flexibility is None for d in diameters):
+        if any(d not in body.bases or body.bases[d].flexibility is None for d in diameters):
             return None
     constrained = [body for body in model.bodies.values() if body.kind == "constrained"]
     available = [basis.n_natural for body in constrained for basis in body.bases.values()]
