@@ -639,7 +639,8 @@ class Page:
         loads = [*preload, self.value("preload")]
         self.best.x_range.update(start=0.8 * min(loads), end=1.25 * max(loads))
         star = "★ " if np.isfinite(optimum.preload) else ""
-        self.texts["optimal"] = star + html.escape(found._headline())
+        printed = found._printed_statement()
+        self.texts["optimal"] = star + ("" if printed is None else printed.html)
 
     def _in_time(self, found: TimeResponse) -> None:
         """Show the steady-state amplitude in time next to the peak."""

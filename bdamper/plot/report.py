@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -26,7 +27,7 @@ from bdamper.mistuning.peak import DiskPeak
 from bdamper.mistuning.sample import MistunedSample
 from bdamper.plot.axes import save_figure
 from bdamper.response import linear_limits
-from bdamper.response.headline import Check, checks, graded, headline
+from bdamper.response.headline import Check, checks, graded, statement
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.response_curve import frequency_response
@@ -118,7 +119,7 @@ def write_report(
         lights=all_checks,
         sensitivities=sensitivities,
         subject=_subject(curve, subject) | _damper(curve, problem),
-        headline=headline(curve, [_contact_constants(curve, fit)]),
+        answer=_answer(curve, _contact_constants(curve, fit)),
         colour=worst_colour,
         left_out=NOT_MODELLED,
         notes=curve.warnings,
@@ -130,6 +131,12 @@ def write_report(
     with replacing(path) as temporary:
         temporary.write_bytes(text.encode())
     return Path(path)
+
+
+def _answer(curve: OptimalCurve, constants: Check) -> str:
+    """Return verdict, quantities and remedies in HTML; the checks have a table of their own."""
+    printed = statement(curve, [constants]).with_texts(curve._in_unit_of_response)
+    return replace(printed, checks=()).html
 
 
 def _nearest_response(curve: OptimalCurve) -> list[tuple[str, str]]:

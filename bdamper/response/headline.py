@@ -367,11 +367,14 @@ RESULTS = {"green": "pass", "amber": "uncertain", "red": "FAIL", "white": "not r
 """Printed result of a check by its colour."""
 
 
-def statement(curve: OptimalCurve) -> Statement:
-    """Return the verdict, quantities, checks and remedies of an optimal curve."""
+def statement(curve: OptimalCurve, further: Sequence[Check] = ()) -> Statement:
+    """Return the verdict, quantities, checks and remedies of an optimal curve.
+
+    ``further`` are checks of a report.
+    """
     if not np.isfinite(curve.optimum.preload) or curve.optimum.kind == "flat":
         return Statement([headline(curve)])
-    failures = failed(curve)
+    failures = [*failed(curve), *(check for check in further if check.colour == "red")]
     remedies = "; ".join(dict.fromkeys(check.remedy for check in failures))
     remarks = [_doubts(curve), _locked(curve)]
     if remedies:
