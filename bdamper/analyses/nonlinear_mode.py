@@ -622,6 +622,33 @@ def _kinds(points: list[tuple[Correction, Piece]], damping: NDArray) -> tuple[st
     return tuple(kinds)
 
 
+def _remedy(branch: _Branch) -> str:
+    """Return what to do about a branch that folds and does not reach the highest amplitude.
+
+    Where the motion is symmetric, even harmonics are zero. Branches of motions that are not
+    symmetric begin on it where an even harmonic resonates, and the path may take one.
+    """
+    system = branch.system
+    points = branch.pieces[0].path.points
+    folds = [i for i, point in enumerate(points) if point.kind == "fold"]
+    if not folds:
+        return ""
+    before = points[max(folds[0] - 1, 0)].y
+    present = [l for l, n in enumerate(system.layout.n_mode) if l > 0 and n > 0]
+    sizes = {l: norm2(np.abs(system.layout.amplitudes(before, l))) for l in present}
+    even = [size for l, size in sizes.items() if l % 2 == 0]
+    vanishing = 1e-6
+    if even and max(even) <= vanishing * sizes[1]:
+        return (
+            "; even harmonics are zero on the mode, and the path left it: compute with "
+            f"harmonics=tuple(range(1, {present[-1] + 1}, 2))"
+        )
+    return (
+        "; a harmonic resonates with another mode: compute with other harmonics, or with amplitudes "
+        f"below {system.measure.place(before[-1])}"
+    )
+
+
 def _ending(branch: _Branch, y: NDArray, correlation: NDArray, mode: int) -> tuple[str, str]:
     """Return status and reason of the mode."""
     path = branch.pieces[0].path
@@ -631,6 +658,7 @@ def _ending(branch: _Branch, y: NDArray, correlation: NDArray, mode: int) -> tup
     reason = path.reason
     if path.status != COMPLETE:
         reason = f"{path.status}: {path.reason}"
+        reason += _remedy(branch)
     if len(branch.pieces) > 1:
         reason += f"; another branch from {place(branch.high)} down"
     # least correlation of the same mode with the stuck mode

@@ -23,7 +23,7 @@
  * determinants of the full and of the reduced matrix have the same sign.
  *
  * An eliminated D is a pivot that no search has chosen. A mode near its resonance has a small one,
- * and a rigid mode has none: these coordinates are kept. Each solution is refined once with the
+ * and a rigid mode has none: these coordinates remain. Each solution is refined once with the
  * residual of the full equations. The dense factors remain for equations whose reduced matrix is
  * close to singular, and for solutions that the refinement changes too much. */
 #include "balance/condensation.h"
@@ -34,7 +34,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A mode is kept if |D| is smaller than this share of its stiffness and inertia. */
+/* A mode remains in the equations if |D| is below this share of its stiffness and inertia. */
 static const double NEAR_RESONANCE = 1e-3;
 
 /* Dense factors are used if the reduced matrix has a smaller estimate of the reciprocal condition,
@@ -131,8 +131,8 @@ static void multiply_diagonal(const bd_condensation *c, int transposed, const do
     }
 }
 
-/* q = D^-1 q or D^-T q for the eliminated coordinates of one harmonic, 0 for the kept ones; q, d
- * and loss begin with the harmonic. */
+/* q = D^-1 q or D^-T q for the eliminated coordinates of one harmonic, 0 for the kept coordinates;
+ * q, d and loss begin with the harmonic. */
 static void divide_harmonic(const bd_condensation *c, int l, int transposed, const double *d,
                             const double *loss, double *q) {
     const size_t n = (size_t)c->hbm->n_mode[l];
@@ -197,7 +197,7 @@ void bd_condensation_product(bd_condensation *c, int transposed, const double *x
 
 /* ---- the reduced matrix ---- */
 
-/* Choose the coordinates that are kept; return 0 if there are too many. */
+/* Choose the kept coordinates; return 0 if there are too many. */
 static int choose_kept(bd_condensation *c) {
     const bd_hbm *hbm = c->hbm;
     const double *d = c->parts.dynamic, *loss = c->parts.loss, *stiffness = hbm->stiffness;

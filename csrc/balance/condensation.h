@@ -1,8 +1,8 @@
 /* Bordered harmonic balance equations, solved through the motion at few contact points.
  *
- * Dense factors treat every modal coordinate alike. If the modes move few components of contact
- * points, all coordinates follow from the motion x = U q of these, harmonic by harmonic, and only x
- * and a few coordinates remain. The solutions are those of the dense factors up to rounding. */
+ * If the modes move few components of contact points, all modal coordinates follow from the motion
+ * x = U q of these, harmonic by harmonic. Only x and a few coordinates remain. The solutions agree
+ * with the dense factors up to rounding. */
 #ifndef BD_BALANCE_CONDENSATION_H
 #define BD_BALANCE_CONDENSATION_H
 
@@ -26,9 +26,9 @@ typedef struct {
     int uses_dense;        /* whether the latest factors are the dense ones */
 
     int n_motion;                     /* entries of x: components times coefficients */
-    int n_kept, most_kept;            /* kept coordinates, and the room for them */
+    int n_kept, most_kept;            /* number of kept coordinates, and its limit */
     int n_reduced;                    /* x, kept coordinates, border */
-    int *kept;                        /* (most_kept) unknowns that are kept */
+    int *kept;                        /* (most_kept) kept unknowns */
     unsigned char *is_kept;           /* (n) */
     double *column, *row;             /* (n_border, n) border in the unknowns of the hbm */
     double *corner;                   /* (n_border, n_border) */

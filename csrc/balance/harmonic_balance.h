@@ -39,8 +39,8 @@ typedef struct bd_variation {
     void (*destroy)(struct bd_variation *variation);
 } bd_variation;
 
-/* The Jacobian J = D + U^T T U in parts, for few contact points: D is diagonal in the modes, U are
- * their rows for the components of motion that they move, T is the tangent of the contact forces in
+/* The Jacobian J = D + U^T T U in parts, for few contact points. D is diagonal in the modes. U are
+ * their rows for the components of motion that they move. T is the tangent of the contact forces in
  * the coefficients of these components. */
 typedef struct {
     int n_component;

@@ -1,5 +1,6 @@
 """Nonlinear modes beside closed forms, an exact solution and an independent program."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.analyses.nonlinear_mode import mode_system
+from benchmarks import rigs
 from tests.analyses import jenkins, wedge
 
 TWO_PI = 2.0 * np.pi
@@ -228,3 +230,48 @@ def test_what_does_not_fit_is_named():
     )
     with pytest.raises(bd.SettingError, match="mode 2 does not move"):
         two.nonlinear_mode(0.0, 2, (0.1, 1.0))
+
+
+def test_a_path_that_leaves_the_symmetric_motion_says_so_and_the_advice_helps():
+    """A friction-damped beam: with all harmonics the path takes a branch with even ones, and turns back."""
+    mass, stiffness = rigs.beam_matrices()
+    contact = bd.Contact(rigs.AT_CONTACT, kt=rigs.CONTACT_STIFFNESS, mu=1.0, preload=106.0)
+    study = bd.lumped(
+        mass,
+        0.0 * mass,
+        stiffness,
+        contacts=[contact],
+        forces={rigs.AT_TIP: 1.0},
+        response=rigs.AT_TIP,
+        harmonics=15,
+    )
+    mode = study.nonlinear_mode(0.0, 1, (1e-5, 2e-2))
+    assert not mode.complete
+    advice = "and the path left it: compute with harmonics=tuple(range(1, 16, 2)); another branch"
+    assert advice in mode.reason
+    odd = study.replace(harmonics=tuple(range(1, 16, 2))).nonlinear_mode(0.0, 1, (1e-5, 2e-2))
+    assert odd.complete
+    # the complex eigenvalues of one harmonic have 17.99 %; see also docs/measurements.md
+    assert odd.damping_ratio.max() == pytest.approx(0.187, abs=0.0005)
+    assert mode.cost.condensed > 0.999 * mode.cost.factorisations > 500.0
+
+
+@pytest.mark.parametrize("gap_stiffness", [1.0, 20.0])
+def test_a_path_turned_by_an_internal_resonance_says_up_to_which_amplitude(gap_stiffness):
+    study = bd.lumped(
+        np.diag([1.0, 0.3]),
+        np.zeros((2, 2)),
+        np.array([[4.0, -3.0], [-3.0, 4.0]]),
+        contacts=[bd.Contact(normal=0, kn=gap_stiffness, gap=1.0)],
+        forces={0: 1.0},
+        response=0,
+        harmonics=9,
+    )
+    mode = study.nonlinear_mode(0.0, 1, (0.1, 100.0))
+    found = re.search(
+        r"a harmonic resonates with another mode: compute with other harmonics, or with amplitudes "
+        r"below ([\d.]+) m",
+        mode.reason,
+    )
+    assert found and not mode.complete
+    assert study.nonlinear_mode(0.0, 1, (0.1, 0.999 * float(found[1]))).complete
