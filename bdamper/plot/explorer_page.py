@@ -26,11 +26,12 @@ from bdamper.plot.contact import STATUS_COLOURS, face_coordinates, tiles
 from bdamper.plot.curves import PRELOAD, with_optimum
 from bdamper.plot.explorer_worker import FORCE, Answer, Answers, Question
 from bdamper.plot.motion import STATES, ContactStatus, LineDrawing
+from bdamper.response.headline import statement
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import TimeResponse
 from bdamper.study import Study
-from bdamper.util.display import draw
+from bdamper.util.display import draw, in_unit_of_response
 from bdamper.util.errors import import_extra
 from bdamper.util.formatting import amount, peak_text, percent
 
@@ -639,8 +640,7 @@ class Page:
         loads = [*preload, self.value("preload")]
         self.best.x_range.update(start=0.8 * min(loads), end=1.25 * max(loads))
         star = "★ " if np.isfinite(optimum.preload) else ""
-        printed = found._printed_statement()
-        self.texts["optimal"] = star + ("" if printed is None else printed.html)
+        self.texts["optimal"] = star + in_unit_of_response(found, statement(found)).html
 
     def _in_time(self, found: TimeResponse) -> None:
         """Show the steady-state amplitude in time next to the peak."""

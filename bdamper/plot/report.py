@@ -33,7 +33,7 @@ from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.response_curve import frequency_response
 from bdamper.response.sensitivity import peak_sensitivities
 from bdamper.util import validation
-from bdamper.util.display import Plottable, draw, register_plot
+from bdamper.util.display import Plottable, draw, in_unit_of_response, register_plot
 from bdamper.util.errors import COMPLETE, import_extra
 from bdamper.util.formatting import amount, spaced, truncate
 from bdamper.util.storage import FilePath, check_folder, replacing
@@ -134,9 +134,9 @@ def write_report(
 
 
 def _answer(curve: OptimalCurve, constants: Check) -> str:
-    """Return verdict, quantities and remedies in HTML; the checks have a table of their own."""
-    printed = statement(curve, [constants]).with_texts(curve._in_unit_of_response)
-    return replace(printed, checks=()).html
+    """Return verdict, quantities and remedies in HTML, without the checks, which follow."""
+    printed = replace(statement(curve, [constants]), checks=())
+    return in_unit_of_response(curve, printed).html
 
 
 def _nearest_response(curve: OptimalCurve) -> list[tuple[str, str]]:

@@ -329,6 +329,11 @@ def _reason_of(status: str) -> str:
     return f"{status.removesuffix('status')}reason" if status.endswith("status") else ""
 
 
+def in_unit_of_response(shown: Summarised, statement: Statement) -> Statement:
+    """Return a statement on a result with its lengths as strains if the response is a strain."""
+    return statement.with_texts(shown._in_unit_of_response)
+
+
 def _owners(name: str) -> str:
     """Return "; A and B have it" for an attribute of other results; an empty text if none has it."""
     owners = {}
