@@ -90,9 +90,12 @@ def test_a_part_of_a_step_is_taken_where_the_whole_leads_further_away():
 
 
 def test_steps_that_lead_to_and_fro_end_early_where_a_rough_point_is_enough():
-    """With dampers free there is no solution near that at rest at some frequencies, and one at others."""
+    """With dampers free Newton's method finds no solution from that at rest at some frequencies, and one at others.
+
+    At 300 and 340 Hz rounding decides whether it does.
+    """
     system = BladedDisk(study(), PATTERN).system(300.0)
-    for f, found in ((240.0, True), (400.0, True), (300.0, False), (320.0, False), (340.0, False)):
+    for f, found in ((240.0, True), (400.0, True), (310.0, False), (320.0, False), (330.0, False)):
         y = np.append(system.structure.at_rest, 2.0 * np.pi * f)
         scale = system.structure.units_about(y, 1.0)
         whole, early = (
