@@ -10,6 +10,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.plot import plot_response_map
+from bdamper.response import highest_peak
 from bdamper.response.branches import LeftOut
 from bdamper.response.highest_peak import AT_END, _tops, highest_of_curve, maxima
 from bdamper.response.linear_limits import resonance_interval
@@ -471,3 +472,37 @@ def test_the_lower_bound_of_a_curve_is_called_so(study):
     (row,) = [row for row in found._rows() if row[0] == "short"]
     assert row[1] == "" or row[1].strip() in ("-", "nan m", "")
     assert row[-1].startswith("incomplete: lower bound ")
+
+
+@pytest.mark.parametrize(
+    ("preload", "share", "ratio", "noted"),
+    [
+        (100.0, 1e-3, 2.0, True),
+        # not far below, not another mode, and a preload that keeps the faces closed
+        (100.0, 0.05, 2.0, False),
+        (100.0, 1e-3, 1.2, False),
+        (2000.0, 1e-3, 2.0, False),
+    ],
+)
+def test_a_peak_far_below_the_free_blade_in_another_mode_is_no_answer(
+    preload, share, ratio, noted, monkeypatch
+):
+    """Faces that the preload does not keep closed may collide."""
+    model = bd.reference_model("bladed_disk", 9)
+    force = bd.Excitation("tip", amplitude=1000.0)
+    study = plain_study(model, force, 5, friction_coefficient=0.3)
+    interval = (150.0, 900.0)
+    free = study.free(interval).peak
+    peak = SimpleNamespace(amplitude=share * free.amplitude, frequency=ratio * free.frequency)
+    note = highest_peak._resonance_apart(study.problem.at(preload), interval, peak)
+    assert bool(note) == noted
+    if not noted:
+        return
+    assert "the preload is 0.1 times the excitation" in note
+    assert peak_text(free.amplitude, free.frequency) in note
+    # the note leaves a lower bound of a complete curve
+    monkeypatch.setattr(highest_peak, "_resonance_apart", lambda *_: note)
+    calm = plain_study(model, bd.Excitation("tip"), 5, friction_coefficient=0.3)
+    doubted = calm.peak(1000.0)
+    assert doubted.status == "incomplete" and doubted.reason == note
+    assert np.isnan(doubted.amplitude) and np.isfinite(doubted.lower_bound)
