@@ -285,10 +285,11 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
         return [tuple(own.get(cell, cell) for cell in row) for row in self.as_rows()]
 
     def _remarks(self) -> list[str]:
-        """Return the warnings of all and of single points that are not in the headline."""
-        headline = self._headline()
+        """Return the warnings of all and of single points that the first lines do not name."""
+        # lines are wrapped
+        printed = " ".join(self._statement().text.split())
         remarks = dict.fromkeys([SEPARATOR.join(self._common_parts()), *self._own_warnings()])
-        return [remark for remark in remarks if remark and remark not in headline]
+        return [remark for remark in remarks if remark and " ".join(remark.split()) not in printed]
 
     @property
     def quantities(self) -> tuple[str, ...]:

@@ -470,6 +470,7 @@ class DiskProblem(Summarised):
             self._tuned_peaks[preload] = peak
         return self._tuned_peaks[preload]
 
+    @validation.check_arguments
     @one_thread
     def tuned_change(self, preload: float) -> float:
         """Return the relative change of the tuned peak by more harmonics (:data:`MORE_HARMONICS`).

@@ -138,9 +138,13 @@ class Sensitivities(Result, Plottable, dict[str, PeakSensitivity]):
         return Statement([verdict], remarks=remarks, table=self._rows())
 
     def _rows(self) -> list[tuple[str, ...]]:
+        """Return header and rows, the largest change of the amplitude first, unknown ones last."""
         rows: list[tuple[str, ...]] = []
         rows.append(("parameter", "value", "amplitude for +1 %", "frequency for +1 %"))
-        for name, (amplitude, frequency) in self.changes().items():
+        changes = self.changes()
+        size = {name: np.nan_to_num(abs(change[0]), nan=-1.0) for name, change in changes.items()}
+        for name in sorted(changes, key=lambda name: size[name], reverse=True):
+            amplitude, frequency = changes[name]
             value = f"{self[name].value:.6g}"
             rows.append((spaced(name), value, percent(amplitude, True), percent(frequency, True)))
         return rows

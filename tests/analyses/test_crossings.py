@@ -305,7 +305,7 @@ def test_a_warning_of_all_crossings_is_said_once(found):
     by_name["warning"] = [f"residual; {neglected}", neglected, f"no peak; {neglected}"]
     mixed = replace(found, values=named_fields(by_name, 3))
     text = mixed.summary()
-    # only the headline has the common part
+    # the rows of the table do not have the common part
     assert text.count("modes of one rotor speed") == 1
     table = text.split("\n")[1:]
     assert sum("complete  residual " in line for line in table) == 1

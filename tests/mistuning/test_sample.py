@@ -44,6 +44,7 @@ def quick(monkeypatch):
         missed = 0.95 if wheel.mistuning.seed == (0, MISSED) and not audit else 1.0
         return SimpleNamespace(
             found=not (audit and wheel.mistuning.seed == (0, 5)), status="not found", reason="none at 200 Hz",
+            status_text="not found: none at 200 Hz",
             springs=0.01, error=0.1, interval=(180.0, 220.0), sweep_frequency=np.array([184.0, 216.0]),
             amplitude=missed * height(wheel, preload),
             frequency=200.0, blade=int(np.argmax(wheel.mistuning.deviation)), residual=1e-12, climbs=[0],

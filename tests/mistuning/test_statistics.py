@@ -141,7 +141,9 @@ def test_every_number_of_a_best_preload_has_its_unit():
         6.9e-4,
         40,
     )
-    assert str(best).endswith(
-        "1.23 kN (987.6 N to 1.543 kN) (interior of the preload range), 750 µm (710 µm to not bounded by the sample); "
-        "tuned 950 N, 690 µm"
-    )
+    lines = str(best).splitlines()
+    assert lines[0].startswith("Best preload 1.23 kN (987.6 N to 1.543 kN): 40 bladed disks")
+    (amplitude,) = (line for line in lines if line.startswith("Amplitude "))
+    assert "750 µm (710 µm to not bounded by the sample)" in amplitude
+    (tuned,) = (line for line in lines if line.startswith("Tuned disk "))
+    assert tuned.split() == ["Tuned", "disk", "690", "µm", "950", "N"]

@@ -34,7 +34,7 @@ def test_what_is_kept_is_that_of_the_curve_at_the_preload(found, tmp_path):
     assert [k.preload for k in out.time_response] == [60.0, 90.0]
     own = study.time_response(study.frequency_response(60.0, (300.0, 380.0)))
     there = out.time_response[0]
-    plain = {"cost": own.cost, "fall": 0.0}  # NaN, as the motion does not fall
+    plain = {"cost": own.cost, "jump_frequency": 0.0}  # NaN, as the motion does not fall
     assert (
         replace(there, **plain) == replace(own, **plain)
         and there.model_hash == curve.model_hash
@@ -89,7 +89,7 @@ def test_the_number_of_threads_changes_no_digit(found):
     alone, together = results
     for response, other in zip(alone.time_response, together.time_response):
         # not a number where the motion does not fall
-        own = {"cost": None, "fall": 0.0}
+        own = {"cost": None, "jump_frequency": 0.0}
         assert replace(response, **own) == replace(other, **own)
         assert list(response.answers) == list(other.answers)
         assert response.cost.evaluations == other.cost.evaluations
