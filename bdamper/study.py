@@ -905,6 +905,7 @@ class Study(Comparable):
         mode: int = 1,
         amplitude: tuple[float, float] = (1e-6, 1e-3),
         *,
+        more_harmonics: int = 0,
         options: ContinuationOptions | None = None,
         progress: bool | None = None,
     ) -> NonlinearMode:
@@ -921,6 +922,9 @@ class Study(Comparable):
             with the highest correlation.
         amplitude : (low, high), m
             Range of the amplitude of the first harmonic of the response.
+        more_harmonics : int
+            Number by which the highest harmonic rises in a second computation, whose differences
+            the result contains: ``damping_error`` and ``frequency_error``.
         options, progress
             See :meth:`frequency_response`.
 
@@ -940,7 +944,13 @@ class Study(Comparable):
         .. [1] M. Krack, Computers & Structures 154, 2015.
         """
         return modes.nonlinear_mode(
-            self.problem, preload, mode, amplitude, options=options, progress=progress
+            self.problem,
+            preload,
+            mode,
+            amplitude,
+            more_harmonics=more_harmonics,
+            options=options,
+            progress=progress,
         )
 
     @partial(validation.check_arguments, name="flutter")

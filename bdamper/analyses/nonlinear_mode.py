@@ -34,8 +34,9 @@ from bdamper.response.events import ContinuationOptions, Path
 from bdamper.util import validation
 from bdamper.util.display import InContact, Result
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, SettingError
-from bdamper.util.formatting import amount, short_repr, span
+from bdamper.util.formatting import amount, percent, short_repr, span
 from bdamper.util.progress import Cost, CostMeter, one_thread, progress_bar, shows_progress
+from bdamper.util.records import Data
 from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import (
@@ -90,6 +91,11 @@ class NonlinearMode(
     scales_to : float, N
         Highest preload to which the curve can be scaled (:meth:`at_preload`); 0 if it cannot be
         scaled.
+    richer : int
+        Highest harmonic of a second computation that was compared; 0 if there was none.
+    damping_error, frequency_error : float
+        Largest difference of the second computation at equal amplitudes: of the damping ratio,
+        relative to the highest one, and of the frequency, relative to itself.  NaN if unknown.
     status, reason, cost, settings, model_hash
         See :class:`bdamper.response.response_curve_result.ResponseCurve`.
     """
@@ -111,6 +117,9 @@ class NonlinearMode(
     status: str = field()
     reason: str = field()
     cost: Cost
+    richer: Annotated[int, Data(derived=True)] = 0
+    damping_error: Annotated[float, Data(derived=True)] = float("nan")
+    frequency_error: Annotated[float, Data(derived=True)] = float("nan")
     _summary_fields = ("mode", "preload", "status", "folds", "linear_to", "scales_to")
 
     @property
@@ -184,8 +193,43 @@ class NonlinearMode(
         remarks = []
         if not self.complete:
             remarks.append(f"The mode is {self.status}: {self.reason}")
-        return Statement(
-            [f"Largest damping ratio {damping} at {place}: {subject}"], rows, remarks=remarks
+        verdict = f"Largest damping ratio {damping} at {place}: {subject}"
+        return Statement([verdict], rows, self._checks(), remarks)
+
+    def _checks(self) -> list[Row]:
+        """Return the row of the comparison with more harmonics, if there was one."""
+        if not self.richer:
+            return []
+        harmonics = f"with harmonics up to {self.richer}"
+        if np.isnan(self.damping_error):
+            return [Row("More harmonics", "uncertain", f"no common amplitude {harmonics}")]
+        outcome = "pass" if self.damping_error <= SETTLED else "uncertain"
+        damping = f"damping differs by {percent(self.damping_error)} of the largest"
+        frequency = f"frequency by {percent(self.frequency_error)}"
+        return [Row("More harmonics", outcome, f"{damping}, {frequency}, {harmonics}")]
+
+    def _compared_with(self, other: NonlinearMode, richer: int) -> NonlinearMode:
+        """Return this mode with its differences from one with more harmonics."""
+        damping, frequency = [], []
+        for own_amplitude, own_frequency, own_damping in zip(
+            self.amplitude, self.frequency, self.damping_ratio
+        ):
+            motions = other.at(own_amplitude)
+            if not motions:
+                continue
+            # where the branch folds, the nearest of several motions
+            nearest = min(motions, key=lambda motion: abs(motion[0] - own_frequency))
+            frequency.append(abs(nearest[0] / own_frequency - 1.0))
+            damping.append(abs(nearest[1] - own_damping))
+        if not damping:
+            return replace(self, richer=richer)
+        # a mode without any loss has ratios of rounding size
+        largest = max(float(np.max(np.abs(self.damping_ratio))), 1e-9)
+        return replace(
+            self,
+            richer=richer,
+            damping_error=max(damping) / largest,
+            frequency_error=max(frequency),
         )
 
 
@@ -339,6 +383,8 @@ rigid.
 """
 REACH = 1e-6
 """Relative margin of a branch beyond the highest of given amplitudes."""
+SETTLED = 0.05
+"""Largest difference of the damping ratio, relative to the highest one, that counts as settled."""
 FLAT = 1e-6
 """Least relative height of a maximum of the damping above its neighbours."""
 
@@ -350,10 +396,42 @@ def nonlinear_mode(
     mode: int = 1,
     amplitude: tuple[float, float] = (1e-6, 1e-3),
     *,
+    more_harmonics: int = 0,
     options: ContinuationOptions | None = None,
     progress: bool | None = None,
 ) -> NonlinearMode:
     """See :meth:`bdamper.Study.nonlinear_mode`."""
+    more_harmonics = validation.integer("more_harmonics", more_harmonics, least=0)
+    richer = _with_more_harmonics(problem, more_harmonics)
+    found = _mode(problem, preload, mode, amplitude, options, progress)
+    if not more_harmonics:
+        return found
+    second = _mode(richer, preload, mode, amplitude, options, progress)
+    compared = found._compared_with(second, int(richer.harmonic_numbers[-1]))
+    return replace(compared, cost=found.cost + second.cost)
+
+
+def _with_more_harmonics(problem: Problem, more: int) -> Problem:
+    """Return the problem with a higher highest harmonic; odd harmonics alone stay odd."""
+    if not more:
+        return problem
+    numbers = [int(n) for n in problem.harmonic_numbers]
+    highest = numbers[-1] + more
+    odd_alone = len(numbers) > 1 and all(n % 2 == 1 for n in numbers)
+    if odd_alone:
+        return problem.replace(harmonics=range(1, highest + 1, 2))
+    return problem.replace(harmonics=highest)
+
+
+def _mode(
+    problem: Problem,
+    preload: float,
+    mode: int,
+    amplitude: tuple[float, float],
+    options: ContinuationOptions | None,
+    progress: bool | None,
+) -> NonlinearMode:
+    """Compute the mode with the harmonics of a problem."""
     preload = problem.check_preload(preload)
     mode = validation.integer("mode", mode, least=1)
     low, high = validation.interval("amplitude", amplitude, "m")

@@ -59,6 +59,31 @@ def test_many_harmonics_are_the_exact_solution():
     assert min(map(abs, one)) > 1e-3  # what one harmonic is off by
 
 
+def test_more_harmonics_give_the_error_of_one():
+    """As the closed form with one harmonic differs from the exact solution."""
+    mode = oscillator(1).nonlinear_mode(0.0, 1, (1.5, 20.0), more_harmonics=20, options=FINE)
+    exact = np.array([jenkins.exact(a) for a in mode.amplitude])
+    damping = np.abs(mode.damping_ratio - exact[:, 1]).max() / mode.damping_ratio.max()
+    frequency = np.abs(TWO_PI * mode.frequency / exact[:, 0] - 1.0).max()
+    assert damping > 1e-3
+    # the second mode is interpolated linearly between its points
+    assert mode.damping_error == pytest.approx(damping, rel=0.1)
+    assert mode.frequency_error == pytest.approx(frequency, rel=0.1)
+    assert mode.richer == 21
+    assert f"differs by {100 * mode.damping_error:.2g} %" in " ".join(str(mode).split())
+
+
+def test_odd_harmonics_stay_odd_and_are_not_compared_unless_asked_for(tmp_path):
+    mode = oscillator((1, 3)).nonlinear_mode(0.0, 1, (1e-3, 10.0), more_harmonics=2)
+    assert mode.richer == 5 and 0.0 < mode.damping_error < 0.02
+    alone = oscillator((1, 3)).nonlinear_mode(0.0, 1, (1e-3, 10.0))
+    assert alone.richer == 0 and np.isnan(alone.damping_error)
+    assert "More harmonics" not in str(alone)
+    assert mode.cost.evaluations > 1.5 * alone.cost.evaluations
+    mode.save(tmp_path / "mode.h5")
+    assert bd.load(tmp_path / "mode.h5").damping_error == mode.damping_error
+
+
 def test_all_losses_are_balanced():
     """The power of the force in proportion to mass is that of friction and of viscous damping."""
     study = wedge.study(0.5, 3)
