@@ -214,6 +214,7 @@ class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
         preload = np.nan if limit else self.parameter
         kind = f"{limit} resonance peak".strip().capitalize()
         peak = peak_text(self.amplitude, self.frequency)
+        peak += first_harmonic_text(self.half_range, self.amplitude)
         verdict = f"{kind} {peak}{about(self.settings, preload)}"
         if self.search_status not in ("", COMPLETE):
             search = with_reason(self.search_status, self.search_reason)
@@ -229,6 +230,11 @@ class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
 def lower_bound_row(amplitude: float, frequency: float) -> Row:
     """Return the row of a computed amplitude (m) below the unknown peak."""
     return Row("Lower bound", amount(amplitude, "m"), f"{amount(frequency, 'Hz')}, no peak")
+
+
+def first_harmonic_text(half_range: float, amplitude: float) -> str:
+    """Return the addition to an amplitude (m) that half of the peak-to-peak motion (m) exceeds."""
+    return " in the first harmonic" if exceeds(half_range, amplitude) else ""
 
 
 def half_range_rows(half_range: float, amplitude: float) -> list[Row]:

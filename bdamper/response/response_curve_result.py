@@ -21,7 +21,15 @@ from bdamper.harmonic_balance.rotor_speed import RPM
 from bdamper.harmonic_balance.subject import about, not_covered
 from bdamper.response.branches import NO_DIGITS, NO_SOLUTION, UNBOUNDED, LeftOut
 from bdamper.response.motion_range import exceeds, half_range
-from bdamper.response.peak import AT_END, IN_TIME, Peak, contact_rows, half_range_rows, unchecked
+from bdamper.response.peak import (
+    AT_END,
+    IN_TIME,
+    Peak,
+    contact_rows,
+    first_harmonic_text,
+    half_range_rows,
+    unchecked,
+)
 from bdamper.util.display import Fact, InContact, Result
 from bdamper.util.errors import INCOMPLETE, INTERRUPTED, BdamperError, Ending
 from bdamper.util.formatting import amount, counted, peak_text, sentence, short_repr, span
@@ -483,6 +491,7 @@ class ResponseCurve(
         """Return the highest point with preload or rotor speed, engine order and excitation."""
         i = self.peak_index
         peak = peak_text(self.amplitude[i], self.frequency[i])
+        peak += first_harmonic_text(self.half_range, float(self.amplitude[i]))
         if self.peak_at_end:
             kind = "No peak: highest response"
             peak += ", at an end of the curve"

@@ -57,6 +57,8 @@ def test_results_name_it_beside_the_first_harmonic(oscillator, peak, name):
     assert result.half_range == pytest.approx(peak.half_range, rel=2e-2)
     text = said(result)
     assert f"Half peak to peak {result.half_range:.2f} m all harmonics" in text
+    if name != "time":
+        assert "in the first harmonic" in str(result).split("\n")[0]
 
 
 def test_an_optimal_curve_names_it():
@@ -86,7 +88,7 @@ def test_one_harmonic_has_no_other_range():
     study = bd.lumped(1.0, 0.1, 1.0, contacts=[contact], forces={0: 1.0}, harmonics=1)
     peak = study.peak(0.0, (0.1, 0.3))
     assert peak.half_range == pytest.approx(peak.amplitude, rel=1e-7)
-    assert "range" not in str(peak)
+    assert "range" not in str(peak) and "first harmonic" not in str(peak)
 
 
 def test_a_time_response_near_the_first_harmonic_does_not_name_it():
