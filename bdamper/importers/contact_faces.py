@@ -45,7 +45,7 @@ class ContactFaces:
     points : int or (int, int)
         Largest number of contact points in total, or their numbers along t1 and t2; a free body
         needs three along t1.  A single number is reduced to the points that the coarser mesh of
-        both faces resolves (:func:`bdamper.fem.contact_patches.resolved_grid`).
+        both faces resolves.
     kind : {"friction", "constraint"}
         A constraint has no friction.
     sector_b : {-1, 0, 1}, optional
