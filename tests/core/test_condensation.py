@@ -35,14 +35,28 @@ def solved(arrays, y, elimination, transposed=False, seed=0, modes=None):
     return b, rank, orientation, core
 
 
-def assert_same_solutions(arrays, y, tolerance, modes=None):
-    """Condensed solutions agree with full ones; return the number of condensed factorisations."""
+def rounding(arrays, y, transposed, modes):
+    """Relative rounding of a solution: machine precision times the condition of the bordered matrix."""
+    core = _core.Sector(**arrays, elimination=FULL)
+    if modes:
+        core = _core.Modes(core, *modes)
+    n_all = core.n_unknown + 1
+    rng = default_rng(0)
+    row, scale = rng.normal(size=n_all), rng.uniform(0.5, 2.0, n_all)
+    inverse = np.eye(n_all)
+    core.bordered(y, row, scale, inverse, transposed)
+    return np.finfo(float).eps * np.linalg.cond(inverse)
+
+
+def assert_same_solutions(arrays, y, modes=None):
+    """Condensed solutions agree with full ones to twice their rounding (0.26 times on three processors); return the
+    number of condensed factorisations."""
     for transposed in (False, True):
         expected, rank, orientation, _ = solved(arrays, y, FULL, transposed, modes=modes)
         found, *data, core = solved(arrays, y, CONDENSED, transposed, modes=modes)
         assert data == [rank, orientation]
         error = np.abs(found - expected).max(axis=1) / np.abs(expected).max(axis=1)
-        assert error.max() < tolerance
+        assert error.max() < 2.0 * rounding(arrays, y, transposed, modes)
     return core.cost.condensed
 
 
@@ -52,7 +66,7 @@ def test_solutions_are_those_of_full_factors(name):
     for _ in range(6):
         arrays = random_arrays(rng, **LAYOUTS[name])
         y = np.append(rng.normal(size=len(arrays["force"])), rng.uniform(0.3, 2.0))
-        assert assert_same_solutions(arrays, y, 1e-12) == 1
+        assert assert_same_solutions(arrays, y) == 1
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
@@ -73,7 +87,7 @@ def test_nonlinear_modes_have_the_same_solutions(name):
     n = len(arrays["force"])
     modes = rng.normal(size=n), rng.normal(size=n), 2.0
     y = np.append(rng.normal(size=n), [0.9, 0.03, -0.4])
-    assert assert_same_solutions(arrays, y, 1e-12, modes) == 1
+    assert assert_same_solutions(arrays, y, modes) == 1
 
 
 @pytest.mark.parametrize("n_resonant", [1, 3])
@@ -87,7 +101,7 @@ def test_modes_exactly_at_their_resonance(n_resonant):
         arrays["stiffness"][first : first + n_resonant] = (harmonic * omega) ** 2
         arrays["damping"][first : first + n_resonant] = 0.0
     y = np.append(rng.normal(size=len(arrays["force"])), omega)
-    assert assert_same_solutions(arrays, y, 1e-11) == 1
+    assert assert_same_solutions(arrays, y) == 1
 
 
 @pytest.mark.parametrize("detuning", [1e-2, 1e-4, 1e-6, 1e-9, 1e-12, 1e-15])
@@ -96,7 +110,7 @@ def test_modes_close_to_their_resonance(detuning):
     arrays = random_arrays(rng, (8, 16, 16), 1)
     arrays["stiffness"][8], arrays["damping"][8] = 1.25**2 * (1.0 + detuning), 0.0
     y = np.append(rng.normal(size=len(arrays["force"])), 1.25)
-    assert assert_same_solutions(arrays, y, 1e-11) == 1
+    assert assert_same_solutions(arrays, y) == 1
 
 
 @pytest.mark.parametrize("stiffness", [0.0, 1e-14, 1e-9, 1e-5])
@@ -108,7 +122,7 @@ def test_bodies_that_contact_alone_holds(stiffness):
     # the point sticks through a small motion, so that it holds the mean
     arrays["n0"][:], arrays["mu"][:], arrays["w"][:], arrays["shift"][:] = 100.0, 0.9, 0.0, 0.0
     y = np.append(1e-3 * rng.normal(size=len(arrays["force"])), 0.8)
-    assert_same_solutions(arrays, y, 1e-9)
+    assert_same_solutions(arrays, y)
 
 
 def test_a_position_that_nothing_holds_is_solved_by_least_norm():
@@ -146,7 +160,7 @@ def test_points_count_only_by_the_components_that_modes_move():
     y = np.append(rng.normal(size=60), 0.8)
     *_, core = solved(arrays, y, 0)
     assert core.cost.condensed == 1
-    assert assert_same_solutions(arrays, y, 1e-12) == 1
+    assert assert_same_solutions(arrays, y) == 1
 
 
 @pytest.mark.parametrize("elimination", [-1, 3])
