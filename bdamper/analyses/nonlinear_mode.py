@@ -94,8 +94,8 @@ class NonlinearMode(
     richer : int
         Highest harmonic of a second computation that was compared; 0 if there was none.
     damping_error, frequency_error : float
-        Largest difference of the second computation at equal amplitudes: of the damping ratio,
-        relative to the highest one, and of the frequency, relative to itself.  NaN if unknown.
+        Largest relative differences of the second computation at equal amplitudes.  Differences of
+        the damping are relative to the highest damping ratio.  NaN if unknown.
     status, reason, cost, settings, model_hash
         See :class:`bdamper.response.response_curve_result.ResponseCurve`.
     """
