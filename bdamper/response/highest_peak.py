@@ -501,7 +501,9 @@ def found_at(
         if exact and top is not None:
             coarse = curve, top
     if top is not None and curve.complete and not top.note:
-        top = replace(top, note=_resonance_apart(case, frequency, top.peak))
+        note = _resonance_apart(case, frequency, top.peak)
+        if note:
+            top = replace(top, note=note)
     return AtPreload(preload, curve, top, np.nan, "", meter.read())
 
 
