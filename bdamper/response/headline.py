@@ -7,12 +7,13 @@ design amplitude.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.harmonic_balance.subject import excitation_text, friction_coefficients
 from bdamper.model.loads import BASE
 from bdamper.response.branches import NO_SOLUTION
 from bdamper.response.motion_range import exceeds
@@ -393,10 +394,10 @@ def _verdict(curve: OptimalCurve) -> str:
     subject = []
     if settings.get("engine_order"):
         subject.append(f"engine order {settings['engine_order']}")
-    excitation = _excitation_text(curve)
+    excitation = excitation_text(curve.settings)
     if excitation:
         subject.append(excitation)
-    coefficients = _friction_coefficients(curve)
+    coefficients = friction_coefficients(curve.settings)
     if coefficients.size:
         subject.append(f"friction coefficient {_listed(coefficients)}")
     alone = "" if curve.recommended_response is not None else ", by harmonic balance alone"
@@ -500,7 +501,7 @@ def _preload(curve: OptimalCurve) -> str:
     shares = loads_text(curve.settings.get("load_per_preload"))
     if shares:
         text += f" ({shares})"
-    excitation = _excitation_text(curve)
+    excitation = excitation_text(curve.settings)
     if _is_one_newton(curve):
         text += " per newton of excitation"
     elif excitation:
@@ -520,17 +521,6 @@ def _preload(curve: OptimalCurve) -> str:
     if curve.range_in_time:
         text += f"; {_range_in_time(curve)}"
     return f"{text}.{_of_damper(curve, recommended)}"
-
-
-def _excitation_text(curve: OptimalCurve) -> str:
-    """Return the amplitude of the excitation; empty if unknown."""
-    excitation = curve.settings.get("excitation", {})
-    amplitude = excitation.get("amplitude", 0.0)
-    if not amplitude:
-        return ""
-    if excitation.get("location") == BASE:
-        return f"{amplitude:g} m/s² of base acceleration"
-    return f"{amount(amplitude, 'N')} of excitation"
 
 
 def _is_one_newton(curve: OptimalCurve) -> bool:
@@ -720,7 +710,7 @@ def _not_covered(curve: OptimalCurve) -> str:
     joints = stiffness == "model" or "values" in stiffness
     if not joints or curve.settings.get("contact_points") is not None:
         effects.append("more contact points")
-    coefficients = _friction_coefficients(curve)
+    coefficients = friction_coefficients(curve.settings)
     if coefficients.size:
         values = _listed(coefficients)
         factors = [peak.factor for peak in curve.other_friction if peak.ok]
@@ -734,11 +724,3 @@ def _not_covered(curve: OptimalCurve) -> str:
 
 def _listed(coefficients: NDArray) -> str:
     return ", ".join(f"{coefficient:g}" for coefficient in coefficients)
-
-
-def _friction_coefficients(curve: OptimalCurve) -> NDArray:
-    """Return the different friction coefficients of all interfaces and points, without zero."""
-    friction = curve.settings.get("friction_coefficient", 0.0)
-    by_interface = list(friction.values()) if isinstance(friction, Mapping) else [friction]
-    coefficients = np.concatenate([np.ravel(coefficient) for coefficient in by_interface])
-    return np.unique(coefficients[coefficients > 0.0])
