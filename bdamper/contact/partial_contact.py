@@ -30,6 +30,8 @@ WHOLE_LIMIT, PART_LIMIT = 0.05, 0.15
 """Largest relative errors of the shift by whole faces, and by parts of them."""
 SMALL_SHIFT = 0.005
 """Relative shift of mode 1 by bonded faces below which dampers have little effect."""
+LEAST_SHIFT = 1e-6
+"""Relative shift of mode 1 by a part below which an error of it would be rounding."""
 RIGID = 1e-6
 """Relative squared frequency below which a motion of a body is rigid."""
 GROUND = 1.0
@@ -49,7 +51,8 @@ class PartialContact:
     shift : float
         Relative shift of mode 1 by the whole faces.
     errors : mapping of str to float
-        Relative error of the shift for each part; positive if too stiff.
+        Relative error of the shift for the whole faces and each part that shifts mode 1; positive
+        if too stiff.
     """
 
     shift: float
@@ -57,9 +60,9 @@ class PartialContact:
 
     @property
     def worst_part(self) -> str:
-        """Part with the largest error."""
+        """Part with the largest error; the whole faces if no part shifts mode 1."""
         parts = [name for name in self.errors if name != WHOLE]
-        return max(parts, key=lambda name: abs(self.errors[name]))
+        return max(parts, key=lambda name: abs(self.errors[name]), default=WHOLE)
 
     @property
     def accurate(self) -> bool:
@@ -73,7 +76,9 @@ def bonded_parts(coupling: Coupling) -> dict[str, NDArray]:
     thirds = parts_of_faces(coupling)
     named = {f"{name} third": rows for name, rows in thirds.items()}
     corner = np.intersect1d(thirds["outer"], thirds["front"])
-    return {WHOLE: coupling.friction_rows, **named, "outer front corner": corner}
+    parts = {WHOLE: coupling.friction_rows, **named, "outer front corner": corner}
+    # patches of a given shape may leave a corner empty
+    return {name: rows for name, rows in parts.items() if len(rows)}
 
 
 def partial_contact(coupling: Coupling, options: ResidualModes) -> PartialContact:
@@ -96,10 +101,11 @@ def partial_contact(coupling: Coupling, options: ResidualModes) -> PartialContac
     for part, points in bonded_parts(coupling).items():
         rows = numbers[points][active[points]]
         exact = _bonded(basis, complete, rows) - free
-        found = _bonded(basis, represented, rows) - free
-        errors[part] = float(found / exact - 1.0)
         if part == WHOLE:
             shift = float(exact / free)
+        if exact > LEAST_SHIFT * free:
+            found = _bonded(basis, represented, rows) - free
+            errors[part] = float(found / exact - 1.0)
     return PartialContact(shift, errors)
 
 

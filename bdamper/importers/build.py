@@ -843,6 +843,9 @@ def _check_partial_contact(model: Model, nodal_diameter: int, report: ImportRepo
     except ModelError as error:
         report.missing.append(f"shift of mode 1 by parts of the faces: {error}")
         return
+    if WHOLE not in found.errors:
+        report.checks.append("residual modes: bonded faces do not shift mode 1")
+        return
     whole = percent(abs(found.errors[WHOLE]))
     part = found.worst_part
     of_part = percent(abs(found.errors[part]))

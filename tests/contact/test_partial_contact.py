@@ -1,5 +1,8 @@
 """Bonded parts of the faces: the linear test of residual modes against a dense reduction, and vectors of parts."""
 
+from dataclasses import replace
+from unittest import mock
+
 import numpy as np
 import pytest
 import scipy.linalg
@@ -115,6 +118,16 @@ def test_static_forces_remain_complete():
     np.testing.assert_allclose(
         represented[active], complete[active], atol=1e-9 * np.abs(complete).max()
     )
+
+
+def test_parts_that_do_not_shift_the_mode_have_no_error():
+    """Faces at nodes of mode 1: both shifts are rounding, and their ratio would be any number."""
+    made = coupling("bladed_disk")
+    basis = made.basis(1)
+    apart = replace(basis, G=np.zeros_like(basis.G))
+    with mock.patch.object(type(made), "basis", return_value=apart):
+        found = partial_contact(made, ResidualModes())
+    assert abs(found.shift) < 1e-6 and found.errors == {} and found.worst_part == "whole faces"
 
 
 def test_as_many_vectors_as_asked_for():
