@@ -2,12 +2,13 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.analyses.nonlinear_mode import mode_system
+from bdamper.analyses.nonlinear_mode import _with_more_harmonics, mode_system
 from benchmarks import rigs
 from tests.analyses import jenkins, wedge
 
@@ -71,11 +72,28 @@ def test_more_harmonics_give_the_error_of_one():
     assert mode.frequency_error == pytest.approx(frequency, rel=0.1)
     assert mode.richer == 21
     assert f"differs by {100 * mode.damping_error:.2g} %" in " ".join(str(mode).split())
+    assert mode.damping_error < 0.05 and "More harmonics  pass " in str(mode)
+    assert "More harmonics  uncertain " in str(replace(mode, damping_error=0.06))
+
+
+def test_of_several_motions_with_one_amplitude_the_nearest_in_frequency_is_compared():
+    """The second mode folds: one of its motions is 1 % off in frequency and damping, the other 20 %."""
+    mode = oscillator(1).nonlinear_mode(0.0, 1, (1.5, 20.0))
+    by_amplitude = dict(zip(mode.amplitude, zip(mode.frequency, mode.damping_ratio)))
+
+    def motions(amplitude):
+        frequency, damping = by_amplitude[amplitude]
+        return [(1.2 * frequency, 1.2 * damping), (1.01 * frequency, 1.01 * damping)]
+
+    found = mode._compared_with(SimpleNamespace(at=motions), 3)
+    assert found.frequency_error == pytest.approx(0.01) == found.damping_error
 
 
 def test_odd_harmonics_stay_odd_and_are_not_compared_unless_asked_for(tmp_path):
     mode = oscillator((1, 3)).nonlinear_mode(0.0, 1, (1e-3, 10.0), more_harmonics=2)
     assert mode.richer == 5 and 0.0 < mode.damping_error < 0.02
+    assert list(_with_more_harmonics(oscillator((1, 3)).problem, 2).harmonic_numbers) == [1, 3, 5]
+    assert list(_with_more_harmonics(oscillator(3).problem, 2).harmonic_numbers) == [1, 2, 3, 4, 5]
     alone = oscillator((1, 3)).nonlinear_mode(0.0, 1, (1e-3, 10.0))
     assert alone.richer == 0 and np.isnan(alone.damping_error)
     assert "More harmonics" not in str(alone)
