@@ -144,6 +144,17 @@ def test_lost_harmonics_leave_the_case_to_time_integration(masses, monkeypatch):
     assert result.needed == "time integration, study.time_response(peak)"
 
 
+def test_a_small_error_is_not_reached_while_harmonics_do_not_approach_each_other(
+    masses, monkeypatch
+):
+    """Two equal peaks may lie beside a third one: a step with more harmonics comes first."""
+    study, peak = masses
+    monkeypatch.setattr(refinement.ErrorEstimates, "undecided", property(lambda _: True))
+    result = study.refine(peak, tolerance=0.9)
+    assert result.steps[0].error < 0.9 and len(result.steps) == 2
+    assert not result.reached and "harmonic balance does not decide this case" in result.reason
+
+
 def test_plot_shows_steps_tolerance_and_need(refined):
     ax = refined.plot().axes[0]
     _, labels = ax.get_legend_handles_labels()
