@@ -95,14 +95,22 @@ class Flutter(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-flut
         preload = amount(self.preload[least], "N")
         where = f"preload {preload}, nodal diameter {self.nodal_diameter[least]}"
         highest = amount(self.highest, "m")
-        if np.isinf(safe[least]):
-            verdict = f"No flutter: vibration below {highest} stays bounded"
-        elif safe[least] == 0.0:
+        stable = self.amplitude[self.stable & (self.amplitude > 0.0)]
+        leaves_rest = bool(np.any(~self.stable & (self.amplitude == 0.0)))
+        from_rest = ""
+        if leaves_rest and stable.size:
+            from_rest = f"limit cycles from rest up to {amount(stable.max(), 'm')}"
+        if safe[least] == 0.0:
             verdict = f"Flutter from rest: {where}"
+        elif np.isinf(safe[least]) and from_rest:
+            verdict = f"Bounded flutter: {from_rest}, below {highest} none grows without bound"
+        elif np.isinf(safe[least]):
+            verdict = f"No flutter: vibration below {highest} stays bounded"
         else:
             verdict = f"Flutter above {amount(safe[least], 'm')}: {where}"
+            if from_rest:
+                verdict += f"; {from_rest}"
         n_cycles = int(np.count_nonzero(self.amplitude))
-        stable = self.amplitude[self.stable & (self.amplitude > 0.0)]
         largest = f"stable up to {amount(stable.max(), 'm')}" if stable.size else ""
         rows = [
             Row("Limit cycles", str(n_cycles), largest),

@@ -407,7 +407,9 @@ def plot_refinement(result: Refinement, ax: Axes = NEW) -> None:
     tolerance = percent(result.tolerance)
     ax.plot(seconds, error, "o-k", label="estimated error")
     for time, height, step in zip(seconds, error, result.steps):
-        name_point(ax, step.change.partition(",")[0], (time, height))
+        # the first step has the settings of the study
+        if step.change:
+            name_point(ax, step.change.partition(",")[0], (time, height))
     if np.isfinite(result.needed_seconds):
         ax.plot(
             seconds[-1] + result.needed_seconds,

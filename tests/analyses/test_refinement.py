@@ -159,6 +159,8 @@ def test_plot_shows_steps_tolerance_and_need(refined):
     ax = refined.plot().axes[0]
     _, labels = ax.get_legend_handles_labels()
     assert labels == ["estimated error", "tolerance, 0.5 %"]
+    # the first point has the settings of the study, and no name
+    assert [text.get_text() for text in ax.texts] == ["harmonics 1 to 5"]
     errors = [100.0 * step.error for step in refined.steps]
     assert ax.lines[0].get_ydata() == pytest.approx(errors)
     lacking = replace(refined, needed="a model with about 12 modes", needed_seconds=3.0)
