@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from bdamper.fem.contact_patches import (
+    MeshLines,
     Patches,
     mean_frame,
     patches_on_faces,
     patches_on_rectangles,
+    resolved_grid,
 )
 from bdamper.fem.surface import (
     Facets,
@@ -237,3 +239,8 @@ def test_points_follow_the_coarser_mesh_of_two():
     means = patches_on_faces(24, nodes_a, facets_a, nodes_b, facets_b.flipped(), np.eye(3))
     assert [face[:2] for face in means.lines] == [(5, 5), (3, 3)]
     assert means.grid == (3, 3)
+    # in each direction on its own
+    fine, along, across = MeshLines(9, 9, 81), MeshLines(3, 9, 27), MeshLines(9, 3, 27)
+    for second, grid in ((along, (3, 8)), (across, (8, 3))):
+        assert resolved_grid(24, 1.0, 1.0, (fine, second)) == grid
+        assert resolved_grid(24, 1.0, 1.0, (second, fine)) == grid

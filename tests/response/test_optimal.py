@@ -494,6 +494,17 @@ def test_a_robust_optimum_follows_peaks_to_its_lowest_preload(study):
     assert within["known"] and within["amplitude"] < 0.5 * lowest["amplitude"]
 
 
+def test_draws_of_a_robust_optimum_are_unknown_at_its_lowest_preload(study):
+    """Both draws are the study itself, whose peak at 25 N is a lower bound."""
+    assert np.isnan(study.peak(25.0, INTERVAL).amplitude)
+    mu = float(study.settings.friction_coefficient)
+    found = bd.robust_optimum(
+        study, {"friction_coefficient": [mu, mu]}, (25.0, 60.0), n=5, tolerance=0.9,
+        frequency=INTERVAL,
+    )  # fmt: skip
+    assert found.warnings == 2 and 25.0 < found.preload < 60.0
+
+
 def test_one_table_has_all_preloads_that_were_computed(study, tmp_path):
     """The preloads of the search are rows like the requested ones, and each row agrees with its own response curve."""
     asked = np.geomspace(25.0, 60.0, 5)
