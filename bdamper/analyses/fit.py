@@ -606,7 +606,7 @@ def _information(J: NDArray, sizes: Sequence[int]) -> NDArray:
 def _label(test: MeasuredResponse | Measured | MeasuredMode) -> str:
     """Return the name of a test in results."""
     if isinstance(test, MeasuredResponse):
-        return str(test)
+        return test.label
     return test.source or "resonances"
 
 

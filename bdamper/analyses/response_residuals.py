@@ -53,6 +53,8 @@ from bdamper.response.sensitivity import across, sensitivities
 from bdamper.util import validation
 from bdamper.util.display import Summarised
 from bdamper.util.errors import BdamperError, ModelError, SettingError
+from bdamper.util.formatting import amount
+from bdamper.util.statement import Row, Statement
 
 T = TypeVar("T")
 FORCE = "force_factor"
@@ -184,11 +186,22 @@ class MeasuredResponse(Summarised, validation.Checked):
             return np.ones(len(self.data.frequency))
         return np.asarray(self.data.excitation) / self.nominal
 
-    def __str__(self) -> str:
+    @property
+    def label(self) -> str:
+        """Name of the test with its conditions, as results list it."""
         force = "" if self.force is None else f", {self.force:g} N"
         if self.base_acceleration is not None:
             force = f", {self.base_acceleration:g} m/s2"
         return f"{self.data.name} ({self.preload:g} N{force}, {self.sweep})"
+
+    def _statement(self) -> Statement:
+        measured = self.data._statement()
+        conditions = Row("Preload", amount(self.preload, "N"), f"sweep {self.sweep}")
+        rows = [conditions, Row("Control", self.control), *measured.rows]
+        if self.nominal is not None:
+            unit = "m/s2" if self.at_base else "N"
+            rows.insert(1, Row("Excitation", amount(self.nominal, unit)))
+        return replace(measured, rows=rows)
 
 
 def forced(system: Equations[Sector], factor: float) -> Equations[Sector]:

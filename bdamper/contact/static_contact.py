@@ -45,7 +45,8 @@ from bdamper.model.kinematics import Coupling
 from bdamper.util import validation
 from bdamper.util.display import Summarised
 from bdamper.util.errors import ModelError, SettingError, check
-from bdamper.util.formatting import short_repr
+from bdamper.util.formatting import amount, short_repr
+from bdamper.util.statement import Row, Statement
 
 TOLERANCE = 1e-12
 """Largest residual relative to the largest contact force."""
@@ -452,19 +453,27 @@ class WedgeFriction(Summarised):
         """Whether the wedge stays in place by friction without load."""
         return bool(np.isinf(self.highest).any())
 
-    def __str__(self) -> str:
-        lines = [f"Possible normal forces under {self.load:g} N (statics and Coulomb friction):"]
+    _states_all = True
+
+    def _statement(self) -> Statement:
+        subject = f"normal forces under {amount(self.load, 'N')}"
+        remarks = ["Not covered: elasticity of the faces (study.static)"]
+        if self.self_locking:
+            verdict = f"The wedge is self-locking, friction alone can hold it: {subject}"
+            remarks.insert(
+                0,
+                "With tan(alpha) <= mu the normal force is not unique and may remain without load",
+            )
+        else:
+            verdict = f"The wedge slides out without load: {subject}"
+        rows = []
         for name, low, high, angle, mu in zip(
             self.interfaces, self.lowest, self.highest, self.angle, self.friction
         ):
-            face = f"face at {np.degrees(angle):.4g} deg, mu {mu:g}"
-            lines.append(f"  {name}: {low:.6g} to {high:.6g} N ({face})")
-        if self.self_locking:
-            lines.append(
-                "  self-locking, tan(alpha) <= mu: "
-                "the normal force is not unique and may remain without load"
-            )
-        return "\n".join(lines)
+            force = f"{low:.6g} N or more" if np.isinf(high) else f"{low:.6g} to {high:.6g} N"
+            face = f"normal force; face at {np.degrees(angle):.4g} deg, friction {mu:g}"
+            rows.append(Row(name, force, face))
+        return Statement([verdict], rows, remarks=remarks)
 
 
 def _corners(coupling: Coupling, name: str, friction: NDArray) -> NDArray:

@@ -67,8 +67,9 @@ from bdamper.model.validation import check_model
 from bdamper.util import validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import ModelError, SettingError, check
-from bdamper.util.formatting import percent, short_repr
+from bdamper.util.formatting import counted, percent, short_repr
 from bdamper.util.progress import one_thread, progress_stages, shows_progress
+from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import FilePath
 
 if TYPE_CHECKING:
@@ -184,60 +185,99 @@ class BuiltModel(Plottable):
         """Write the model file, with the report in its provenance."""
         save_model(self.model, path)
 
-    def __str__(self) -> str:
-        parts: dict[str, Sequence[str]] = {
-            "Comparisons that FAILED": self.failed,
-            "Read": [f"{name}: {text}" for name, text in self.sources.items()],
-            "Frequencies of the sector, Hz, for each nodal diameter": self._frequency_lines(),
-        }
+    def _statement(self) -> Statement:
+        bodies = ", ".join(
+            body.name for body in self.model.bodies.values() if body.kind != "ground"
+        )
+        subject = f"imported model of {counted(self.model.n_blades, 'sector')} with {bodies}"
+        if self.failed:
+            verdict = [f"Not confirmed by the other program: {text}" for text in self.failed]
+        elif self.checks:
+            verdict = [f"All checks passed: {subject}"]
+        else:
+            verdict = [f"Not checked: {subject}"]
+        checks = [_named_row(text, "FAIL") for text in self.failed]
+        checks += [_named_row(text, "pass") for text in self.checks]
+        remarks = []
+        if self.failed:
+            remarks.append(
+                "Remedy: compare element types, supports and mass formulation of both programs"
+            )
+        remarks += [f"Not in this model: {text}" for text in self.missing]
+        return Statement(
+            verdict, self._quantity_rows(), checks, remarks, table=self._frequency_table()
+        )
+
+    _states_all = True
+
+    def _quantity_rows(self) -> list[Row]:
+        """Return files, mass properties, damping and interfaces of the model."""
+        rows = []
+        for name, text in self.sources.items():
+            first, *others = text.split("\n")
+            rows += [Row(name, "source", first), *(Row("", "", line) for line in others)]
+        for text in self.bases:
+            rows.append(_named_row(text, "origin"))
         for body in self.model.bodies.values():
             if body.centre is not None and body.inertia is not None:
-                parts[f"Free body {body.name}, recomputed"] = _free_body_lines(body)
-        parts["Modal damping ratio"] = [
-            f"{body.name}: {body.damping_text}"
-            for body in self.model.bodies.values()
-            if body.damping_text
+                rows += _free_body_rows(body)
+            if body.damping_text:
+                rows.append(Row(body.name, body.damping_text, "modal damping ratio"))
+        for text in self.faces:
+            first, *others = text.split("\n")
+            name, _, finding = first.partition(": ")
+            points, _, rest = finding.partition(" points")
+            rows.append(Row(name, f"{points} points", rest.strip(" ,")))
+            rows += [Row("", "", line) for line in others]
+        return rows
+
+    def _frequency_table(self) -> list[tuple[str, ...]]:
+        """Return the lowest frequencies of the sector at each nodal diameter."""
+        table: list[tuple[str, ...]] = [
+            ("Nodal diameter", "Modes", "Lowest frequencies of the sector (Hz)")
         ]
-        parts["Origin of these numbers"] = self.bases
-        parts["Interfaces"] = self.faces
-        parts["Checks passed"] = self.checks
-        parts["Not in this model"] = self.missing
-        lines = ["Import report"]
-        for title, texts in parts.items():
-            if texts:
-                lines += ["", title, *(f"  {text}" for text in texts)]
-        return "\n".join(lines)
-
-    def _frequency_lines(self) -> list[str]:
-        lines = []
         for d, frequencies in self.frequencies.items():
-            shown = "  ".join(f"{hertz:.6g}" for hertz in frequencies[:6])
-            if len(frequencies) > 6:
-                shown += "  ..."
-            lines.append(f"{d:4d}  {shown}  ({len(frequencies)} modes)")
-        return lines
+            table.append((str(d), str(len(frequencies)), _lowest(frequencies)))
+        return table
 
 
-def _free_body_lines(body: Body) -> list[str]:
-    """Return mass, centre, inertia and elastic frequencies of a free body as lines of text."""
+def _lowest(frequencies: NDArray) -> str:
+    """Return the six lowest frequencies as text."""
+    return "  ".join(f"{hertz:.6g}" for hertz in frequencies[:6])
+
+
+def _named_row(text: str, value: str) -> Row:
+    """Return the row of a text "name: finding"; a text without a name concerns the model."""
+    name, colon, finding = text.partition(": ")
+    if not colon:
+        return Row("model", value, text)
+    return Row(name, value, finding)
+
+
+def _free_body_rows(body: Body) -> list[Row]:
+    """Return mass, centre, inertia and elastic frequencies of a free body."""
     assert body.centre is not None and body.inertia is not None
     centre = ", ".join(f"{coordinate:.6g}" for coordinate in body.centre)
     moments = ", ".join(f"{moment:.6g}" for moment in np.linalg.eigvalsh(body.inertia))
-    lines = [
-        f"mass {body.mass:.6g} kg, centre ({centre}) m, radius {body.radius:.6g} m",
-        f"principal moments of inertia {moments} kg m2",
+    is_ring = body.kind == "ring"
+    mass = f"mass per sector, at a radius of {body.radius:.6g} m"
+    if not is_ring:
+        mass = mass.replace(" per sector", "")
+    rows = [
+        Row(body.name, f"{body.mass:.6g} kg", mass),
+        Row("", "", f"centre ({centre}) m"),
+        Row("", "", f"principal moments of inertia {moments} kg m2"),
     ]
-    # the first six frequencies belong to the rigid motions
-    if body.kind == "ring":
-        lines[0] += ", per sector"
+    if is_ring:
         for d, basis in body.bases.items():
-            lowest = "  ".join(f"{hertz:.6g}" for hertz in frequencies_of(basis)[:6])
-            lines.append(f"nodal diameter {d}, Hz: {lowest}")
-        return lines
-    elastic = frequencies_of(body.bases[0])[6:12]
+            lowest = _lowest(frequencies_of(basis))
+            rows.append(Row("", "", f"nodal diameter {d}: frequencies {lowest} Hz"))
+        return rows
+    # the first six frequencies belong to the rigid motions
+    elastic = frequencies_of(body.bases[0])[6:]
     if len(elastic):
-        lines.append("elastic modes, Hz: " + "  ".join(f"{hertz:.6g}" for hertz in elastic))
-    return lines
+        rows.append(Row("", "", f"elastic modes {_lowest(elastic)} Hz"))
+    return rows
 
 
 # ---- Model ----
@@ -308,7 +348,7 @@ def build_model(
     faces = _sector_faces(bodies["blade"], sector)
     n_blades = faces.n_sectors
     diameters, excited, reason = _diameters(n_blades, reduction, blade)
-    report.checks.append(f"{len(diameters)} nodal diameters, {reason}")
+    report.checks.append(f"{counted(len(diameters), 'nodal diameter')}, {reason}")
     expected = checks.expected_frequencies or {}
     for d in expected:
         allowed = f"nodal diameters out of {list(diameters)}"
@@ -414,7 +454,7 @@ def _diameters(
         if harmonics is None and period <= INTEGRATED:
             n_harmonics = max(most, period)
         wanted.update(needed_nodal_diameters(n_blades, order, n_harmonics))
-    reason = f"for {most} harmonics of engine order {', '.join(map(str, orders))}"
+    reason = f"for {counted(most, 'harmonic')} of engine order {', '.join(map(str, orders))}"
     if harmonics is None:
         reason += " and time integration"
         if with_modes:
@@ -901,7 +941,7 @@ def _assembled(
     _check_partial_contact(model, ring.pictured[0], report)
     built = BuiltModel(
         model,
-        sources={name: str(body.raw) for name, body in bodies.items()},
+        sources={name: body.raw.source_text for name, body in bodies.items()},
         faces=laid.faces,
         checks=tuple(report.checks),
         missing=tuple(report.missing),

@@ -24,7 +24,7 @@ from bdamper.model.contact_points import ROWS
 from bdamper.model.structure import ContactStiffness, Interface, Port, turn
 from bdamper.util import quantities, validation
 from bdamper.util.errors import check, warn_implausible
-from bdamper.util.formatting import short_repr
+from bdamper.util.formatting import area_text, short_repr
 
 
 @short_repr
@@ -411,11 +411,13 @@ def _laid(
     fractions = ", ".join(
         f"{100 * area / whole:.4g} % of face {side}" for side, whole in zip("ab", areas)
     )
-    normal = ", ".join(f"{component:.4f}" for component in means.frame[:, 2].mean(axis=0))
+    # a component that is zero but for rounding has no sign
+    mean_normal = means.frame[:, 2].mean(axis=0).round(4) + 0.0
+    normal = ", ".join(f"{component:.4f}" for component in mean_normal)
     text = (
-        f"{contact.name}: {_points_text(contact, means)}, {area:.6g} m2 ({fractions}), "
+        f"{contact.name}: {_points_text(contact, means)}, {area_text(area)} ({fractions}), "
         f"side b in sector {sector:+d}\n"
-        f"    mean outward normal of side a ({normal}), "
+        f"mean outward normal of side a ({normal}), "
         f"meshes {distance.min():.2g} to {distance.max():.2g} m apart"
     )
     return interface, means, text

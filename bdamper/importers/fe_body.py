@@ -30,8 +30,9 @@ from numpy.typing import ArrayLike, NDArray
 from bdamper.util import quantities, validation
 from bdamper.util.display import Summarised
 from bdamper.util.errors import BdamperError, ModelError, check, mismatch, too_little_memory
-from bdamper.util.formatting import short_repr
+from bdamper.util.formatting import counted, short_repr
 from bdamper.util.records import check_all
+from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import MOST_BYTES, FilePath, as_path, existing
 
 # ---- Data of one body ----
@@ -301,26 +302,40 @@ class FEBody(Summarised):
             f"shapes {shapes[:2]}",
         )
 
-    def __str__(self) -> str:
+    _states_all = True
+
+    def _statement(self) -> Statement:
+        return Statement([self.source], self._size_rows(), remarks=self.notes)
+
+    @property
+    def source_text(self) -> str:
+        """Source, sizes and notes of the body, a line for each."""
+        sizes = [
+            f"{row.name.lower()}: {', '.join(text for text in row[1:] if text)}"
+            for row in self._size_rows()
+        ]
+        return "\n".join([self.source, *sizes, *self.notes])
+
+    def _size_rows(self) -> list[Row]:
+        """Return the numbers of nodes, elements and equations, and the sizes of the sets."""
         n_elements = sum(len(elements) for elements in self.elements)
-        lines = [f"{self.source}: {len(self.nodes)} nodes, {n_elements} solid elements"]
+        rows = [Row("Nodes", str(len(self.nodes)), counted(n_elements, "solid element"))]
         if self.stiffness is not None:
-            lines.append(
-                f"  {self.stiffness.shape[0]} equations, "
-                f"{self.stiffness.nnz} entries in the stiffness matrix"
-            )
+            entries = f"{self.stiffness.nnz} entries in the stiffness matrix"
+            rows.append(Row("Equations", str(self.stiffness.shape[0]), entries))
         for modes in self.modes:
-            lines.append(f"  {len(modes.frequency)} modes of nodal diameter {modes.nodal_diameter}")
+            diameter = f"nodal diameter {modes.nodal_diameter}"
+            rows.append(Row("Modes", str(len(modes.frequency)), diameter))
         if self.node_sets:
-            sizes = [f"{name} ({len(members)})" for name, members in self.node_sets.items()]
-            lines.append(f"  node sets {', '.join(sizes)}")
+            members = [f"{name} ({len(nodes)})" for name, nodes in self.node_sets.items()]
+            rows.append(Row("Node sets", str(len(members)), ", ".join(members)))
         if self.face_sets:
-            sizes = [f"{name} ({sum(map(len, faces))})" for name, faces in self.face_sets.items()]
-            lines.append(f"  face sets {', '.join(sizes)}")
+            members = [f"{name} ({sum(map(len, faces))})" for name, faces in self.face_sets.items()]
+            rows.append(Row("Face sets", str(len(members)), ", ".join(members)))
         if self.faster:
-            lines.append(f"  at {self.faster.rotor_speed:g} rad/s: {self.faster.source}")
-        lines += [f"  {note}" for note in self.notes]
-        return "\n".join(lines)
+            speed = f"{self.faster.rotor_speed:g} rad/s"
+            rows.append(Row("Second speed", speed, self.faster.source))
+        return rows
 
 
 # ---- Shared parts of the readers ----

@@ -30,8 +30,9 @@ from bdamper.importers.fe_body import data_lines, parsing, reader
 from bdamper.util import quantities, validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import check, import_extra, mismatch
-from bdamper.util.formatting import short_repr
+from bdamper.util.formatting import counted, short_repr
 from bdamper.util.records import check_all
+from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import Storable, existing
 from bdamper.util.tables import Column, Hertz, Radians, Tabular
 
@@ -211,13 +212,15 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
         derivative = (2j * np.pi * np.asarray(self.frequency)) ** order
         return np.asarray(factor * self.response / derivative)
 
-    def __str__(self) -> str:
-        peak = int(np.argmax(self.amplitude))
-        return (
-            f"{self.name}: {len(self.frequency)} points from {self.frequency.min():.6g} "
-            f"to {self.frequency.max():.6g} Hz, largest {self.amplitude[peak]:.6g} {self.unit} "
-            f"at {self.frequency[peak]:.6g} Hz ({self.source})"
-        )
+    def _statement(self) -> Statement:
+        top = int(np.argmax(self.amplitude))
+        largest = f"{self.amplitude[top]:.6g} {self.unit}".rstrip()
+        verdict = f"Largest value {largest} at {self.frequency[top]:.6g} Hz: {self.name}"
+        band = f"{self.frequency.min():.6g} to {self.frequency.max():.6g} Hz"
+        rows = [Row("Frequency", band, counted(len(self.frequency), "point"))]
+        if self.source:
+            rows.append(Row("Source", "", self.source))
+        return Statement([verdict], rows)
 
 
 def motion_unit(where: str, unit: str) -> tuple[float, int]:

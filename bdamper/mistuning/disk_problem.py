@@ -36,6 +36,7 @@ from bdamper.util import validation
 from bdamper.util.display import Summarised
 from bdamper.util.errors import SettingError, StaticError
 from bdamper.util.progress import one_thread
+from bdamper.util.statement import Row, Statement
 
 # ---- Static state ----
 
@@ -496,8 +497,8 @@ class DiskProblem(Summarised):
     def record(self) -> dict[str, Any]:
         """Return the settings and the model hash that all results store."""
         disk = {
-            "mistuning": str(self.mistuning),
-            "dampers": str(self.dampers),
+            "mistuning": Mistuning.of(self.n_blades, self.mistuning).record_text,
+            "dampers": "None" if self.dampers is None else self.dampers.record_text,
             "deviation": self.deviation.tolist(),
         }
         return {
@@ -505,15 +506,17 @@ class DiskProblem(Summarised):
             "model_hash": self.study.model.hash,
         }
 
-    def __str__(self) -> str:
-        s = self.structure
-        lines = [
-            f"bladed disk of {self.n_blades} blades, {s.n} coordinates of each blade, "
-            f"{s.n_damper} of each damper",
-            f"  {self.mistuning}",
-            f"  {self.dampers or 'equal dampers'}",
-        ]
-        return "\n".join(lines)
+    _states_all = True
+
+    def _statement(self) -> Statement:
+        structure = self.structure
+        coordinates = (
+            f"{structure.n} coordinates of each blade, {structure.n_damper} of each damper"
+        )
+        mistuning = Mistuning.of(self.n_blades, self.mistuning)._headline()
+        dampers = "equal dampers" if self.dampers is None else self.dampers._headline()
+        rows = [Row("Blades", "", mistuning), Row("Dampers", "", dampers)]
+        return Statement([f"Bladed disk of {self.n_blades} blades: {coordinates}"], rows)
 
     def __repr__(self) -> str:
-        return str(self).split("\n", 1)[0]
+        return self._headline()

@@ -20,7 +20,8 @@ from bdamper.importers.measurements import HEADER, HERTZ, check_unit
 from bdamper.util import plausible_ranges, validation
 from bdamper.util.display import Plottable, Summarised
 from bdamper.util.errors import SettingError, mismatch
-from bdamper.util.formatting import short_repr
+from bdamper.util.formatting import counted, extent, sentence, short_repr
+from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import FilePath, Storable, existing
 from bdamper.util.tables import Column, Tabular
 
@@ -224,21 +225,50 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
             columns[f"deviation_{k}"] = Column(of_mode)
         return columns
 
-    def __str__(self) -> str:
+    @property
+    def origin(self) -> str:
+        """Source of the deviations with its seed, and the number of modes of each blade."""
+        text = self.source
+        if self.seed:
+            text += f", seed {' '.join(map(str, self.seed))}"
+        if self.deviation.ndim == 2:
+            text += f", {counted(self.deviation.shape[1], 'mode')} of each blade"
+        return text
+
+    @property
+    def record_text(self) -> str:
+        """Text in the settings of results; files of earlier results have the same."""
         modes = ""
         if self.deviation.ndim == 2:
             modes = f", {self.deviation.shape[1]} modes each"
         seed = ""
         if self.seed:
             seed = f", seed {' '.join(map(str, self.seed))}"
-        percent = 100.0 * self.deviation
-        # a mean that is zero but for rounding has no sign
-        mean = percent.mean().round(9) + 0.0
+        percents = 100.0 * self.deviation
+        mean = percents.mean().round(9) + 0.0
         return (
             f"frequency deviations of {self.n_blades} blades clamped at the root{modes} "
-            f"({self.source}{seed}): mean {mean:.3g} %, standard deviation {percent.std():.3g} %, "
-            f"from {percent.min():.3g} to {percent.max():.3g} %"
+            f"({self.source}{seed}): mean {mean:.3g} %, standard deviation {percents.std():.3g} %, "
+            f"from {percents.min():.3g} to {percents.max():.3g} %"
         )
+
+    def _statement(self) -> Statement:
+        percents = 100.0 * self.deviation
+        # a mean that is zero but for rounding has no sign
+        mean = percents.mean().round(9) + 0.0
+        of_blade = percents.reshape(self.n_blades, -1)
+        lowest, highest = int(of_blade.min(axis=1).argmin()), int(of_blade.max(axis=1).argmax())
+        blades = f"blade {lowest} lowest, blade {highest} highest"
+        verdict = (
+            f"Standard deviation {percents.std():.3g} %: frequencies of "
+            f"{counted(self.n_blades, 'blade')} clamped at the root"
+        )
+        rows = [
+            Row("Source", "", self.origin),
+            Row("Mean", f"{mean:.3g} %", "shifts all blades alike"),
+            Row("Range", f"{percents.min():.3g} to {percents.max():.3g} %", blades),
+        ]
+        return Statement([verdict], rows, remarks=["Not covered: mode shapes, damping"])
 
 
 @validation.check_arguments
@@ -356,14 +386,34 @@ class DamperVariation(Summarised, Storable, kind="bdamper-damper-variation"):
     def n_blades(self) -> int:
         return len(self.missing)
 
-    def __str__(self) -> str:
+    @property
+    def record_text(self) -> str:
+        """Text in the settings of results; files of earlier results have the same."""
         lines = [f"{self.n_blades} dampers, {int(self.missing.sum())} missing"]
         for name in _LIMITS:
             values = getattr(self, name)
-            title = name.replace("_", " ")
             kind = "" if name == "gap" else "factor "
+            title = name.replace("_", " ")
             lines.append(f"  {title}: {kind}{values.min():.4g} to {values.max():.4g}")
         return "\n".join(lines)
+
+    _states_all = True
+
+    def _statement(self) -> Statement:
+        missing = np.flatnonzero(self.missing)
+        verdict = f"{counted(self.n_blades, 'damper')}, {len(missing) or 'none'} missing"
+        rows = []
+        if len(missing):
+            rows.append(Row("Missing", str(len(missing)), f"number {', '.join(map(str, missing))}"))
+        for name in _LIMITS:
+            low, high = getattr(self, name).min(), getattr(self, name).max()
+            title = sentence(name.replace("_", " "))
+            if name == "gap":
+                rows.append(Row(title, extent(low, high, "m"), "increase of the gaps"))
+                continue
+            factors = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
+            rows.append(Row(title, factors, "factor on the nominal value"))
+        return Statement([verdict], rows)
 
 
 _LIMITS: dict[str, dict[str, Any]] = {

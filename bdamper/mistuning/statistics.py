@@ -21,6 +21,7 @@ from bdamper.util import validation
 from bdamper.util.display import Summarised
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import amount, short_repr
+from bdamper.util.statement import Row, Statement
 
 
 class Interval(NamedTuple):
@@ -148,11 +149,21 @@ class WeibullTail(Summarised):
             )
         return float(scipy.stats.weibull_max.ppf(q, self.shape, self.bound, self.scale))
 
-    def __str__(self) -> str:
-        return (
-            f"Weibull tail from {self.threshold:.4g} on ({self.n_tail} of {self.n} values): "
-            f"shape {self.shape:.3g}, bound {self.bound:.4g}, "
-            f"largest distance from the empirical distribution {self.distance:.2g}"
+    _states_all = True
+
+    def _statement(self) -> Statement:
+        values = f"{self.n_tail} of {self.n} values, from {self.threshold:.4g} on"
+        return Statement(
+            [f"Upper bound {self.bound:.4g} of the maxima: Weibull tail of {values}"],
+            [
+                Row("Bound", f"{self.bound:.4g}", "no higher value in this distribution"),
+                Row("Shape", f"{self.shape:.3g}"),
+                Row("Scale", f"{self.scale:.4g}"),
+                Row(
+                    "Fit", f"{self.distance:.2g}", "largest distance from the sample's distribution"
+                ),
+            ],
+            remarks=["Not covered: confidence limits of the bound, values below the threshold"],
         )
 
 

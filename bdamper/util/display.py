@@ -15,7 +15,7 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache, reduce, wraps
 from importlib import metadata
 from os import PathLike
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar, cast
 
 import numpy as np
 
@@ -143,6 +143,8 @@ class Summarised:
     """
 
     _summary_fields: tuple[str, ...] = ()
+    _states_all: ClassVar[bool] = False
+    """Whether the statement has all values, so that ``print`` need not name ``summary``."""
 
     def _headline(self) -> str:
         """Return the main result in one line: the verdict of the statement."""
@@ -251,6 +253,8 @@ class Summarised:
 
     def __str__(self) -> str:
         statement = self._printed_statement()
+        if statement is not None and self._states_all:
+            return statement.text
         if statement is not None:
             return f"{statement.text}\n\nsummary() has all values"
         rows = [row for row in self._table() if row]

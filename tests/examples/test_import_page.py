@@ -80,7 +80,7 @@ def test_page(tmp_path, monkeypatch, capsys):
     exec(compile("\n".join(blocks), str(PAGE), "exec"), space)
     for name in ("report.png", "curve.png", "optimum.png", "ring.png"):
         assert Path(name).stat().st_size > 5_000
-    assert capsys.readouterr().out.count("Import report") == 1
+    assert capsys.readouterr().out.count("imported model of") == 1
     assert space["built"].failed == () and space["curve"].complete
     best, optimum, peak = space["best"], space["optimum"].optimum, space["peak"]
     assert peak.amplitude == pytest.approx(best.amplitude, rel=1e-2)

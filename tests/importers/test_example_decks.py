@@ -151,9 +151,8 @@ def test_decks_and_instances_give_the_same_model_on_the_command_line(tmp_path, m
     out = capsys.readouterr()
     assert "wrote sector.h5, sector.txt, sector.png" in out.err
     assert (tmp_path / "sector.txt").read_text() in out.out
-    assert (
-        "blade: density of the matrices 7850 kg/m3" in out.out
-    )  # the bore is held and has no rows
+    # the bore is held and has no rows
+    assert re.search(r"^blade +pass +density of the matrices 7850 kg/m3$", out.out, re.M)
     assert (tmp_path / "sector.png").stat().st_size > 10_000
     files = ["sector.cdb", "--damper", "damper.cdb", "--out", "ansys", "--tip", "117"]
     assert main(["import", *files, *WEDGE]) == 0
@@ -172,10 +171,11 @@ def test_decks_and_instances_give_the_same_model_on_the_command_line(tmp_path, m
     # three rows are the least along t1; along t2 the blade has three lines of nodes
     assert [face.n_points for face in one.interfaces.values()] == [9, 9, 4, 4]
     chosen = (
-        "left: 9 points (3 x 3 along t1 and t2; lines of nodes: 3 x 5 on side a and 2 x 3 on side b"
+        "left 9 points (3 x 3 along t1 and t2; lines of nodes: 3 x 5 on side a and 2 x 3 on side b"
     )
-    assert chosen in out.out
-    assert "which do not resolve 24 points" in out.out
+    printed = " ".join(out.out.split())
+    assert chosen in printed
+    assert "which do not resolve 24 points" in printed
     assert [one.interfaces[name].gap.tolist() for name in ("front", "back")] == [
         pytest.approx([2e-4] * 4)
     ] * 2

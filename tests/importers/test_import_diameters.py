@@ -19,6 +19,7 @@ from bdamper.util.errors import ModelError, SettingError
 from tests.annulus import small_sector
 from tests.fe_bodies import SIX_BLADES, contacts
 from tests.imports import build
+from tests.printed import said
 
 N = 6
 SETTINGS = SIX_BLADES | {"n_modes": 4, "contacts": contacts(4)}
@@ -70,7 +71,7 @@ def test_the_report_names_them_and_nine_harmonics_run(bodies):
     assert sorted(blade.bases) == [0, 1, 2, 3]
     assert list(built.model.meshes["blade"].modes) == [1, 2]
     text = "4 nodal diameters, for 9 harmonics of engine order 1, 2 and time integration"
-    assert text in str(built)
+    assert text in said(built)
     study = bd.Study(
         built.model, bd.Excitation("tip"), engine_order=2, friction_coefficient=0.3, harmonics=9
     )

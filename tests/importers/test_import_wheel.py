@@ -15,6 +15,7 @@ from bdamper.util.errors import BdamperError
 from tests.annulus import small_sector
 from tests.fe_bodies import FIRST_NUMBER, SIX_BLADES, contacts
 from tests.imports import build
+from tests.printed import said
 
 N = 6
 SETTINGS = SIX_BLADES | {"nodal_diameters": (0, 1, 2, 3), "n_modes": 6, "contacts": contacts(4)}
@@ -43,7 +44,7 @@ def test_a_set_of_nodes_makes_the_local_basis(fe, bodies):
     for d, basis in built.model.bodies["blade"].bases.items():
         np.testing.assert_allclose(local.nodal_diameter(d).omega2[:3], basis.omega2[:3], rtol=1e-4)
     assert np.all(local.blade_stiffness[-16:] == 0.0)
-    assert "of them at its root; clamped there" in str(built)
+    assert "of them at its root; clamped there" in said(built)
     few = (
         build(*bodies, **SETTINGS, blade_nodes="BLADE", local_sizes=LocalSizes(4, 6, 6))
         .model.bodies["blade"]

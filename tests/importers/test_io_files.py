@@ -496,7 +496,7 @@ def test_measured_response(universal, tmp_path):
     np.testing.assert_allclose(found.frequency, x, rtol=1e-5)
     np.testing.assert_allclose(found.response, y, rtol=1e-4)
     assert (found.node, found.direction, found.name, found.unit) == (17, -2, "tip", "m")
-    assert "tip: 51 points from 100 to 200 Hz" in str(found)
+    assert "100 to 200 Hz  51 points" in str(found) and found._headline().endswith(" Hz: tip")
     (axes,) = found.plot(scale=1e3).axes
     np.testing.assert_allclose(axes.lines[0].get_ydata(), 1e3 * found.amplitude)
     found.save(tmp_path / "m.h5")

@@ -5,6 +5,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.mistuning import DamperVariation, Mistuning
+from tests.printed import said
 
 
 def test_stiffness_follows_the_square_of_the_frequency():
@@ -116,3 +117,37 @@ def test_quoted_tables_are_read_and_empty_ones_refused(tmp_path):
         bd.ModelError, match="expected one row of frequencies for each blade, found none"
     ):
         Mistuning.from_csv(empty)
+
+
+def test_deviations_print_as_rows():
+    one = Mistuning([0.05, -0.02, 0.0], source="bench")
+    shown = said(one)
+    mean, deviation = 0.01, np.std([5.0, -2.0, 0.0])
+    assert shown.startswith(f"Standard deviation {deviation:.3g} %: frequencies of 3 blades")
+    assert f"Mean {100.0 * mean:g} % " in shown
+    assert "Range -2 to 5 % blade 1 lowest, blade 0 highest" in shown
+    assert "seed 4, 2 modes of each blade" in said(
+        Mistuning([[0.01, 0.02], [0.0, 0.03]], "normal", (4,))
+    )
+
+
+def test_dampers_print_as_rows():
+    dampers = DamperVariation.of(4, missing=[1, 3], mass=[1.0, 1.0, 1.2, 0.9], gap=2e-5)
+    shown = said(dampers)
+    assert shown.startswith("4 dampers, 2 missing Missing 2 number 1, 3 Mass 0.9 to 1.2 factor")
+    assert shown.endswith("Gap 20 µm increase of the gaps")
+
+
+def test_results_keep_the_record_of_earlier_versions():
+    """Stored peaks are compared with their disk by these texts, copied from earlier files."""
+    assert Mistuning.random(6, 0.02, seed=1).record_text == (
+        "frequency deviations of 6 blades clamped at the root (normal, standard deviation 0.02, "
+        "seed 1): mean 0.992 %, standard deviation 0.734 %, from 0.364 to 2.48 %"
+    )
+    assert DamperVariation.of(6, missing=[2], mass=1.1).record_text == (
+        "6 dampers, 1 missing\n"
+        "  mass: factor 1.1 to 1.1\n"
+        "  friction coefficient: factor 1 to 1\n"
+        "  contact stiffness: factor 1 to 1\n"
+        "  gap: 0 to 0"
+    )

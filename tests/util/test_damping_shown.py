@@ -85,5 +85,9 @@ def test_model_command_and_import_report_show_both(capsys, tmp_path):
             in text
         )
     report = str(BuiltModel(model, {}, (), (), (), (), ()))
-    for text in ("blade: 0.001 to 0.004", f"radius {radius:.6g} m", f"mass {damper.mass:.6g} kg"):
+    report = " ".join(report.split())
+    for text in (
+        "blade 0.001 to 0.004 modal damping ratio",
+        f"damper {damper.mass:.6g} kg mass, at a radius of {radius:.6g} m",
+    ):
         assert text in report

@@ -2,7 +2,9 @@
 
 import copy
 import doctest
+import importlib
 import inspect
+import pkgutil
 import re
 import sys
 from dataclasses import replace
@@ -23,7 +25,8 @@ from bdamper.mistuning.statistics import WeibullTail
 from bdamper.response.headline import NEAR_BEST, checks
 from bdamper.response.sensitivity import PeakSensitivity, Sensitivities
 from bdamper.response.verification import Convergence, FrictionPeak, HarmonicPeak, TimeResponse
-from bdamper.util.display import Fact
+from bdamper.util import display
+from bdamper.util.display import Fact, Summarised, _kinds
 from bdamper.util.formatting import amount, span, table_lines
 from bdamper.util.progress import LongWork, shows_progress
 from tests.each import each
@@ -475,13 +478,30 @@ def test_every_result_that_prints_itself_is_shown_in_notebooks():
         BladedDisk,
     )
     assert all("_repr_html_" in dir(kind) for kind in (*printing, MeasuredResponse))
-    assert DamperVariation.of(6)._repr_html_().startswith("<div><pre>6 dampers, 0 missing")
+    assert DamperVariation.of(6)._repr_html_().startswith("<div><p><b>6 dampers, none missing</b>")
+
+
+def test_every_result_prints_a_statement():
+    """Studies and models, which are not results, list their settings and parts."""
+    for module in pkgutil.walk_packages(bd.__path__, "bdamper."):
+        # pictures need optional packages and define no results
+        if not module.name.startswith(("bdamper.plot", "bdamper.__main__")):
+            importlib.import_module(module.name)
+    kinds = [kind for kind in _kinds(Summarised) if kind.__module__.startswith("bdamper.")]
+    printing = [kind for kind in kinds if kind.__module__ != display.__name__]
+    without = {kind.__name__ for kind in printing if kind._statement is Summarised._statement}
+    assert without == {"AllBlades", "Model", "Study"}
+    assert not [
+        kind
+        for kind in printing
+        if kind._statement is not Summarised._statement and "__str__" in vars(kind)
+    ]
 
 
 def test_the_repr_of_a_bladed_disk_is_one_line():
     disk = BladedDisk(lumped_study(), Mistuning.random(6, 0.02, seed=1))
-    assert repr(disk) == "bladed disk of 6 blades, 3 coordinates of each blade, 6 of each damper"
-    assert str(disk).startswith(repr(disk)) and len(str(disk).splitlines()) == 3
+    assert repr(disk) == "Bladed disk of 6 blades: 3 coordinates of each blade, 6 of each damper"
+    assert str(disk).startswith(repr(disk))
 
 
 def test_progress_is_on_outside_of_longer_work():
