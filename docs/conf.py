@@ -2,10 +2,14 @@
 
 import os
 import shutil
+import sys
 import warnings
 from pathlib import Path
 
 import bdamper
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from tools import messages
 
 DOCS = Path(__file__).resolve().parent
 os.environ.setdefault("MPLBACKEND", "Agg")
@@ -76,6 +80,9 @@ html_sidebars = {
     page.stem: [] for page in DOCS.glob("*.md") if "toctree" not in page.read_text(encoding="utf-8")
 }
 highlight_language = "none"
+
+# messages with their texts in the code
+messages.PAGE.write_text(messages.page(), encoding="utf-8")
 
 # the tutorial: notebooks, whose links to pages are made those of this folder
 for made in (

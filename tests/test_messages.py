@@ -1,65 +1,55 @@
-"""Messages that docs/messages.md explains are those of the package."""
+"""The page of messages is made of the catalogue and of the texts of the package."""
 
 import ast
-import re
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+import pytest
 
-
-def texts(node: ast.AST) -> str:
-    """Return the strings of a syntax tree, the values of f-strings as an ellipsis, one string on each line."""
-    found = []
-    for part in ast.walk(node):
-        if isinstance(part, ast.JoinedStr):
-            found.append(
-                "".join(x.value if isinstance(x, ast.Constant) else " ... " for x in part.values)
-            )
-        elif isinstance(part, ast.Constant) and isinstance(part.value, str):
-            found.append(re.sub(r"\s+", " ", part.value))
-    return "\n".join(found)
+from tools import messages
+from tools.messages import pattern, read_catalogue, sources, strings
 
 
-def sources() -> dict[str, ast.Module]:
-    paths = sorted((ROOT / "bdamper").rglob("*.py"))
-    return {
-        str(path.relative_to(ROOT)): ast.parse(path.read_text(encoding="utf-8")) for path in paths
-    }
+def fragments():
+    """Parts of messages that the catalogue explains."""
+    rows = [row for section in read_catalogue()["section"] for row in section.get("row", ())]
+    return [fragment for row in rows for fragment in row["texts"]]
 
 
-def quoted() -> dict[str, list[str]]:
-    """Return the quoted messages of the page with their parts between ellipses."""
-    page = (ROOT / "docs" / "messages.md").read_text(encoding="utf-8")
-    phrases = [
-        phrase
-        for row in re.findall(r"^\| ([^|]*) \|", page, re.M)
-        for phrase in re.findall(r'"([^"]+)"', row)
-    ]
-    return {phrase: [part.strip(" .:") for part in phrase.split("...")] for phrase in phrases}
+def test_the_page_is_made_of_the_texts_of_the_package():
+    """``python tools/messages.py`` writes it again."""
+    assert messages.PAGE.read_text(encoding="utf-8") == messages.page()
 
 
-def test_quoted_messages_occur_in_the_package():
-    said = " ".join(texts(tree) for tree in sources().values())
-    assert len(quoted()) > 40
-    assert not [
-        phrase for phrase, parts in quoted().items() if not all(part in said for part in parts)
-    ]
+def test_a_text_that_the_package_does_not_have_is_an_error():
+    code = '''
+def f(n):
+    """Return the seat of the damper."""
+    "the seat of the damper"
+    raise ValueError(f"{n:.3g} points; seat of '{n}', expected one", "the budget was " "spent")
+'''
+    texts = [*strings(ast.parse(code))]
+    assert texts == ["... points; seat of '...', expected one", "the budget was spent"]
+    assert messages.text_of("the budget", texts) == "the budget was spent"
+    assert messages.text_of("points ... expected", texts) == texts[0]
+    assert messages.text_of("late", [f"{'long ' * 20} late"]) == "late"
+    assert messages.text_of("seat", ["...: a seat"]) == "a seat"
+    # docstrings are no messages
+    with pytest.raises(SystemExit, match="no text of the package contains 'seat of the damper'"):
+        messages.text_of("seat of the damper", texts)
 
 
 def test_every_warning_is_on_the_page():
     """Warnings with a text in the call, and the likely mistakes of values that are not plausible."""
-    parts = [part for of in quoted().values() for part in of if len(part) > 8]
-    found = []
-    for tree in sources().values():
-        calls = (node for node in ast.walk(tree) if isinstance(node, ast.Call))
-        found += [
-            texts(call)
-            for call in calls
-            if getattr(call.func, "id", "") in ("warn", "warn_implausible")
+    explained = [pattern(fragment) for fragment in fragments() if len(fragment) > 8]
+    texts = []
+    for tree in sources():
+        calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
+        warned = [
+            call for call in calls if getattr(call.func, "id", "") in ("warn", "warn_implausible")
         ]
-    ranges = texts(sources()["bdamper/util/plausible_ranges.py"]).splitlines()
-    found = [text for text in found if len(text) > 60] + [
-        text for text in ranges if text.endswith("suspected")
-    ]
-    assert len(found) > 40
-    assert not [text for text in found if not any(part in text for part in parts)]
+        texts += ["\n".join(strings(call)) for call in warned]
+    texts = [text for text in texts if len(text) > 60]
+    mistakes = [text for tree in sources() for text in strings(tree) if text.endswith("suspected")]
+    # a text of values alone has no words to search for
+    texts += [text for text in mistakes if text != "... suspected"]
+    assert len(texts) > 40
+    assert not [text for text in texts if not any(known.search(text) for known in explained)]
