@@ -1,6 +1,7 @@
 """The public names: few, and each in the API reference."""
 
 import dataclasses
+import datetime
 import importlib
 import inspect
 import re
@@ -72,6 +73,23 @@ def test_the_version_stands_in_one_place():
     else:
         assert newest == version, "the newest heading of CHANGELOG.md is this version"
     assert "version" not in re.findall(r"^(\w+) *=", (ROOT / "pyproject.toml").read_text(), re.M)
+
+
+def test_a_citation_names_release_date_and_method():
+    citation = (ROOT / "CITATION.cff").read_text()
+    date = re.search(r"^date-released: (\S+)$", citation, re.M)[1]
+    assert datetime.date.fromisoformat(date) <= datetime.date.today()
+    for author in ("Cigeroglu", "An", "Menq"):
+        assert f"{{family-names: {author}," in citation
+    assert "journal: Journal of Engineering for Gas Turbines and Power\n" in citation
+    assert re.search(r"^    volume: 131\n    year: 2009$", citation, re.M)
+
+
+def test_pushes_are_checked_and_tags_build_wheels():
+    folder = ROOT / ".github" / "workflows"
+    checks, wheels = ((folder / f"{name}.yml").read_text() for name in ("checks", "wheels"))
+    assert re.search(r"^on:\n  push:\n    branches: \[main\]$", checks, re.M)
+    assert re.search(r"^on:\n  push:\n    tags: \[\"v\*\"\]$", wheels, re.M)
 
 
 def study_methods():
