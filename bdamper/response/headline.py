@@ -1,8 +1,8 @@
-"""Checks of an optimal curve, its printed statement, and its headline for report and explorer.
+"""Checks of an optimal curve and its statement, for print, notebooks, report and explorer.
 
-Both give the preload, the design amplitude with the values of each method, and the effects that are
-not covered. If a check has failed, they begin with the failure and name a remedy, and there is no
-design amplitude.
+The statement gives the preload, the design amplitude with the values of each method, and the
+effects that are not covered. If a check has failed, it begins with the failure and names a remedy,
+and there is no design amplitude.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ ENDS = {
 NEAR_BEST = 1.2
 """Amplitude over the optimum that defines the printed range of acceptable preloads."""
 CLEARLY = 1.5
-"""Smallest ratio of the slopes on both sides of an optimum at which the headline names the steeper
+"""Smallest ratio of the slopes on both sides of an optimum at which the statement names the steeper
 one."""
 GOOD, FAIR = 0.05, 0.2
 """Largest relative differences of a green and of an amber check."""
@@ -324,34 +324,6 @@ def known_in_time(response: TimeResponse) -> bool:
     return bool(np.isfinite(response.mean)) and response.status != INTERRUPTED
 
 
-def headline(curve: OptimalCurve, further: Sequence[Check] = ()) -> str:
-    """Return the headline of an optimal curve, with failed checks first.
-
-    ``further`` are checks of a report.
-    """
-    best = curve.optimum
-    if best.kind == "flat" and not np.isfinite(best.preload):
-        return f"The preload does not matter: {peak_text(best.amplitude, best.frequency)}."
-    if not np.isfinite(best.preload):
-        return f"No optimum: {best.status_text}{_first_incomplete(curve)}."
-    sentences = []
-    red = [*failed(curve), *(check for check in further if check.colour == "red")]
-    if red:
-        failures = "; ".join(check.failure for check in red)
-        remedies = "; ".join(dict.fromkeys(check.remedy for check in red))
-        sentences.append(f"Not for design: {failures}. {_capitalised(remedies)}.")
-    sentences += [_preload(curve), _amplitude(curve, bool(red)), _range(curve)]
-    # red checks are among the failures, white ones were not computed
-    friction = _other_friction(curve)
-    if friction.colour in ("green", "amber"):
-        sentences.append(f"Other friction: {friction.found}.")
-    friction_range = _friction_range(curve)
-    if friction_range.colour in ("green", "amber"):
-        sentences.append(f"{_capitalised(friction_range.found)}.")
-    sentences += [_locked(curve), _doubts(curve), _not_covered(curve)]
-    return " ".join(sentence for sentence in sentences if sentence)
-
-
 def _first_incomplete(curve: OptimalCurve) -> str:
     """Return the status at the lowest preload whose curve is not complete."""
     for preload, status in zip(curve.preload, curve.status):
@@ -373,8 +345,12 @@ def statement(curve: OptimalCurve, further: Sequence[Check] = ()) -> Statement:
 
     ``further`` are checks of a report.
     """
-    if not np.isfinite(curve.optimum.preload) or curve.optimum.kind == "flat":
-        return Statement([headline(curve)])
+    best = curve.optimum
+    if best.kind == "flat":
+        peak = peak_text(best.amplitude, best.frequency)
+        return Statement([f"The preload does not matter: {peak}"])
+    if not np.isfinite(best.preload):
+        return Statement([f"No optimum: {best.status_text}{_first_incomplete(curve)}"])
     failures = [*failed(curve), *(check for check in further if check.colour == "red")]
     remedies = "; ".join(dict.fromkeys(check.remedy for check in failures))
     remarks = [_doubts(curve), _locked(curve)]
@@ -384,7 +360,7 @@ def statement(curve: OptimalCurve, further: Sequence[Check] = ()) -> Statement:
         verdict=[f"Not for design: {check.failure}" for check in failures] or [_verdict(curve)],
         rows=[*_preload_rows(curve), *_amplitude_rows(curve, bool(failures))],
         checks=[Row(check.name, RESULTS[check.colour], check.found) for check in checks(curve)],
-        remarks=[text for text in (*remarks, _not_covered(curve).rstrip(".")) if text],
+        remarks=[text for text in (*remarks, _not_covered(curve)) if text],
     )
 
 
@@ -412,7 +388,7 @@ def _preload_rows(curve: OptimalCurve) -> list[Row]:
     within = f"{span(low, high, 'N')}: within {percent(NEAR_BEST - 1.0)} by harmonic balance"
     steeper = _steeper(curve)
     if steeper:
-        within += f";{steeper.removeprefix(' and')} this range"
+        within += f"; {steeper} this range"
     remarks = [within]
     shares = loads_text(curve.settings.get("load_per_preload"))
     if shares:
@@ -426,8 +402,8 @@ def _preload_rows(curve: OptimalCurve) -> list[Row]:
     remarks += [text for text in (_not_integrated(curve), _of_damper(curve, best)) if text]
     if curve.range_in_time:
         remarks.append(_range_in_time(curve))
-    rows = [Row("Preload", amount(best, "N"), remarks[0].strip())]
-    return rows + [Row("", "", text.strip().rstrip(".")) for text in remarks[1:]]
+    first, *others = remarks
+    return [Row("Preload", amount(best, "N"), first), *(Row("", "", text) for text in others)]
 
 
 def _amplitude_rows(curve: OptimalCurve, any_failed: bool) -> list[Row]:
@@ -464,7 +440,7 @@ def _amplitude_rows(curve: OptimalCurve, any_failed: bool) -> list[Row]:
             rows.append(Row("", span(least, most, "m"), "different blades"))
     half_range = _range(curve)
     if half_range:
-        rows.append(Row("", "", half_range.rstrip(".")))
+        rows.append(Row("", "", half_range))
     return rows
 
 
@@ -491,36 +467,6 @@ def _not_integrated(curve: OptimalCurve) -> str:
         return ""
     side = "lower" if best == integrated[0] else "higher"
     return f"{side} preloads were not integrated"
-
-
-def _preload(curve: OptimalCurve) -> str:
-    """Return the recommended preload and the range of preloads around the optimum."""
-    optimum = curve.optimum
-    recommended = curve.recommended_preload
-    text = f"Preload: {amount(recommended, 'N')}"
-    shares = loads_text(curve.settings.get("load_per_preload"))
-    if shares:
-        text += f" ({shares})"
-    excitation = excitation_text(curve.settings)
-    if _is_one_newton(curve):
-        text += " per newton of excitation"
-    elif excitation:
-        text += f" at {excitation}"
-    if optimum.uncertainty > GOOD and optimum.known_to:
-        text += f" ({optimum.known_to})"
-    if not np.isclose(recommended, optimum.preload):
-        text += f", least in time (harmonic balance alone: {amount(optimum.preload, 'N')})"
-    not_integrated = _not_integrated(curve)
-    if not_integrated:
-        text += f"; {not_integrated}"
-    low, high = curve.near_best
-    text += (
-        f"; by harmonic balance the amplitude is within {percent(NEAR_BEST - 1.0)} of the minimum "
-        f"from {span(low, high, 'N')}{_steeper(curve)}"
-    )
-    if curve.range_in_time:
-        text += f"; {_range_in_time(curve)}"
-    return f"{text}.{_of_damper(curve, recommended)}"
 
 
 def _is_one_newton(curve: OptimalCurve) -> bool:
@@ -573,8 +519,8 @@ def _of_damper(curve: OptimalCurve, preload: float) -> str:
     load = curve.mass_radius * speed**2
     rotor_speed = amount(30.0 * speed / np.pi, "rpm")
     return (
-        f" The damper has {amount(load, 'N')} at {rotor_speed}; the preload needs "
-        f"{preload / load:.2g} times its mass."
+        f"The damper has {amount(load, 'N')} at {rotor_speed}; the preload needs "
+        f"{preload / load:.2g} times its mass"
     )
 
 
@@ -586,9 +532,9 @@ def _steeper(curve: OptimalCurve) -> str:
     below, below_certain = _rise(curve, curve.preload < curve.optimum.preload)
     above, above_certain = _rise(curve, curve.preload > curve.optimum.preload)
     if above_certain and below >= CLEARLY * above > 0.0:
-        return " and rises faster below"
+        return "rises faster below"
     if below_certain and above >= CLEARLY * below > 0.0:
-        return " and rises faster above"
+        return "rises faster above"
     return ""
 
 
@@ -606,38 +552,6 @@ def _rise(curve: OptimalCurve, side: NDArray) -> tuple[float, bool]:
     return float(slope.max(initial=0.0)), bool(known[side].all())
 
 
-def _amplitude(curve: OptimalCurve, any_failed: bool) -> str:
-    """Return the design amplitude, unless a check has failed, and the amplitudes by each method."""
-    optimum = curve.optimum
-    highest = optimum.amplitude
-    # text after the amplitude by harmonic balance
-    additions = ""
-    convergence = curve.convergence
-    if convergence is not None and len(convergence.peaks) > 1:
-        low, high = convergence.range
-        highest = max(highest, high)
-        additions += f" ({span(low, high, 'm')} with more harmonics)"
-    free = curve.free.amplitude
-    if np.isfinite(free):
-        ratio = f"{free / optimum.amplitude:.3g}"
-        additions += f", {ratio} times below the free blade ({amount(free, 'm')})"
-    response = curve.recommended_response
-    if response is None or not known_in_time(response):
-        peak = peak_text(highest, optimum.frequency)
-        return f"Amplitude by harmonic balance alone, not for the stress: {peak}{additions}."
-    in_time = span(response.lowest, response.largest, "m")
-    balance = peak_text(optimum.amplitude, optimum.frequency)
-    if not np.isclose(response.preload, optimum.preload):
-        in_time = f"at {amount(response.preload, 'N')} {in_time}"
-        balance = f"{amount(response.balance, 'm')} there, at its optimum {balance}"
-    design = _design(curve, any_failed)
-    text = f"{design} in time {in_time}, by harmonic balance {balance}{additions}."
-    if response.blades_differ:
-        lowest_blade, highest_blade = response.spread
-        text += f" Blades do not vibrate alike: {span(lowest_blade, highest_blade, 'm')}."
-    return text
-
-
 def _range(curve: OptimalCurve) -> str:
     """Return half of the range of motion where other harmonics than the first add to it."""
     best = curve.optimum
@@ -650,7 +564,7 @@ def _range(curve: OptimalCurve) -> str:
     if not parts:
         return ""
     half_range = ", ".join(parts)
-    return f"The amplitudes are of the first harmonic; half of the range of motion is {half_range}."
+    return f"The amplitudes are of the first harmonic; half of the range of motion is {half_range}"
 
 
 def _locked(curve: OptimalCurve) -> str:
@@ -659,18 +573,6 @@ def _locked(curve: OptimalCurve) -> str:
     for response_curve in curve.curves:
         notes |= dict.fromkeys(response_curve.self_locking)
     return " ".join(f"{_capitalised(note)}." for note in notes)
-
-
-def _design(curve: OptimalCurve, any_failed: bool) -> str:
-    """Return the design amplitude with the check that gives it, or why there is none."""
-    if any_failed:
-        return "Amplitude"
-    amplitudes = checked_amplitudes(curve)
-    unknown = [name for name, size in amplitudes.items() if np.isnan(size)]
-    if unknown:
-        return f"No design amplitude, it is not known {' and '.join(unknown)};"
-    highest = max(amplitudes, key=lambda name: amplitudes[name])
-    return f"Design amplitude: {amount(curve.design_amplitude, 'm')} ({highest});"
 
 
 def _doubts(curve: OptimalCurve) -> str:
@@ -719,7 +621,7 @@ def _not_covered(curve: OptimalCurve) -> str:
         else:
             beyond = "other than"
         effects.append(f"friction coefficients {beyond} {values}")
-    return f"Not covered: {', '.join(effects)}."
+    return f"Not covered: {', '.join(effects)}"
 
 
 def _listed(coefficients: NDArray) -> str:

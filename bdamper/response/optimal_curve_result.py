@@ -17,7 +17,6 @@ from bdamper.response.headline import (
     NEAR_BEST,
     checked_amplitudes,
     failed,
-    headline,
     known_in_time,
     statement,
 )
@@ -301,7 +300,7 @@ class OptimalCurve(
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Failed checks, with which the headline begins.
+        """Failed checks, with which the statement begins.
 
         Empty if none failed or the preload does not matter.
         """
@@ -477,9 +476,6 @@ class OptimalCurve(
         """
         subject = {"project": project, "author": author, "date": date, "model_file": model_file}
         return cast(Path, draw(self, "report", path, study, fit, disk, **subject))
-
-    def _headline(self) -> str:
-        return headline(self)
 
     def _statement(self) -> Statement:
         return statement(self)

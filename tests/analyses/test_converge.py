@@ -315,10 +315,9 @@ class TestOptimalCurve:
             more.cost.evaluations > alone.cost.evaluations
             and found.cost.seconds > curve.cost.seconds
         )
-        assert (
-            f"({span(*more.range, 'm')} with more harmonics)" in found._headline()
-            and more.note in said(found)
-        )
+        assert f"{span(*more.range, 'm')} {more.peaks[0].harmonics} to " in said(
+            found
+        ) and more.note in said(found)
         found.save(tmp_path / "optimal.h5")
         assert bd.load(tmp_path / "optimal.h5").convergence == more
 

@@ -14,6 +14,7 @@ from bdamper.response.headline import checks
 from bdamper.response.verification import FrictionPeak, FrictionRange
 from bdamper.util.formatting import amount
 from tests.each import each
+from tests.printed import said
 from tests.util.test_disk import BAND, pressed
 
 STUDY = pressed()
@@ -111,19 +112,23 @@ def test_the_check(curve, below, above, colour):
     judged = with_range(curve, power_law(below, above))
     (check,) = [c for c in checks(judged) if c.name == NAME]
     assert (check.colour, check.found) == (colour, judged.friction_range.text)
-    line = judged._headline()
-    assert (check.failure in line) == (colour == "red")
-    assert (f"T{check.found[1:]}." in line) == (colour == "green")
-    remedied = with_range(curve, power_law(below, above), remedy=3.0)._headline()
+    assert (check.failure in judged._headline()) == (colour == "red")
+    (row,) = [row for row in judged._statement().checks if row.name == NAME]
+    assert row == (
+        NAME,
+        {"red": "FAIL", "amber": "uncertain", "green": "pass"}[colour],
+        check.found,
+    )
+    remedied = said(with_range(curve, power_law(below, above), remedy=3.0))
     assert (
-        "hoose 3 N, where the amplitude does not double with 0.67 and 1.5 times" in remedied
+        "choose 3 N, where the amplitude does not double with 0.67 and 1.5 times" in remedied
     ) == (colour == "red")
 
 
 def test_unknown_within_the_spread_is_amber(curve):
     judged = with_range(curve, lambda f: np.nan if f < 0.69 else 1.0)
     (check,) = [c for c in checks(judged) if c.name == NAME]
-    assert check.colour == "amber" and "unknown with 0.67 times" in judged._headline()
+    assert check.colour == "amber" and "unknown with 0.67 times" in said(judged)
     (check,) = [c for c in checks(replace(judged, friction_range=None)) if c.name == NAME]
     assert check.colour == "white"
 
@@ -147,7 +152,7 @@ def test_the_remedy_is_the_nearest_tolerant_preload(monkeypatch):
     found = robust_optimum.with_other_friction(STUDY.problem, flat)
     nearest = min(p for p in curve.preload if p >= 1.5 * limit)
     assert found.friction_range.limits[0].near and found.friction_range.remedy == nearest
-    assert f"hoose {amount(nearest, 'N')}" in found._headline()
+    assert f"choose {amount(nearest, 'N')}" in said(found)
     easy = robust_optimum.with_other_friction(
         STUDY.problem, replace(flat, optimum=replace(flat.optimum, preload=1.9))
     )

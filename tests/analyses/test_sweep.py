@@ -924,11 +924,10 @@ class TestUncertainty:
             found.friction_range.text
             == "the amplitude does not double from 0.25 to 4 times the friction"
         )
-        assert found._headline().endswith("friction coefficients beyond 0.7 to 1.3 times 0.3.")
-        moved = replace(found, time_response=tuple(times[:1]))._headline()
-        assert "Other friction" not in moved and moved.endswith(
-            "friction coefficients other than 0.3."
-        )
+        assert "friction coefficients beyond 0.7 to 1.3 times 0.3 summary" in said(found)
+        moved = said(replace(found, time_response=tuple(times[:1])))
+        assert "Other friction coefficients not run" in moved
+        assert "friction coefficients other than 0.3 summary" in moved
         lost = stands_in(peak, bd.BdamperError("why"), rattling).other_friction
         assert [k.status_text for k in lost[1:]] == [
             "not found: why",
@@ -938,7 +937,7 @@ class TestUncertainty:
         part = stands_in(peak, peak, KeyboardInterrupt())
         assert [k.status for k in part.other_friction] == ["complete", "complete", "interrupted"]
         assert part.friction_range.interrupted and not found.friction_range.interrupted
-        assert "beyond 0." not in stands_in(peak, bd.BdamperError("why"), rattling)._headline()
+        assert "beyond 0." not in said(stands_in(peak, bd.BdamperError("why"), rattling))
 
     def test_a_factor_on_all_friction_coefficients(self, study):
         assert study.replace(friction_factor=1.5).settings.friction_coefficient == pytest.approx(

@@ -15,6 +15,7 @@ from bdamper.harmonic_balance.rolling import (
     rows_to_slide,
 )
 from bdamper.response.headline import checks
+from tests.printed import said
 
 FRICTION_BETWEEN_LIMITS = 0.37
 """On the difficult disk a damper rolls on three rows above 0.35, and on four rows above 0.39."""
@@ -148,7 +149,7 @@ def test_headline_checks_and_files(tmp_path):
     assert curve.model_doubts == (doubt,)
     assert f"{doubt}; amplitudes may be wrong by several times" in curve.failures
     assert curve._headline().startswith(f"Not for design: {doubt};")
-    assert "se more rows of contact points along t1" in curve._headline()
+    assert "Remedy: use more rows of contact points along t1" in said(curve)
     assert np.isnan(curve.design_amplitude)
 
     path = tmp_path / "curve.h5"

@@ -17,6 +17,7 @@ from bdamper.importers import ContactFaces, read_calculix
 from examples.calculix.decks import matrix_input, run_job, sector_input
 from tests.calculix_runs import free_input, read_frequencies
 from tests.imports import build
+from tests.printed import said
 from tools.shrouded import meshes, modes_alone, shrouded
 
 pytestmark = [
@@ -102,7 +103,7 @@ def test_shroud_and_two_strips_have_an_optimum_over_the_load_of_the_strips(strip
     assert np.isfinite(curve.lower_bound[0])
     assert 10.0 < best.preload < 300.0, "between a shroud that does all and strips that stick"
     assert best.amplitude <= np.nanmin(curve.amplitude) < 1e-2 * curve.free.amplitude
-    assert "(front 1, rear 0.6)" in curve._headline()
+    assert "loads per newton: front 1, rear 0.6" in said(curve)
     state = study.static(best.preload).normal_force
     assert state["rear_left"] + state["rear_right"] == pytest.approx(0.6 * best.preload, rel=0.03)
     assert 0.0 < state["shroud"] < 5.0, "the strips bend the platforms"

@@ -15,6 +15,7 @@ from bdamper.plot.report import lights
 from bdamper.response.verification import TimeResponse
 from bdamper.util.formatting import amount
 from tests.every_result import result as made
+from tests.printed import said
 
 
 class Page(HTMLParser):
@@ -164,13 +165,13 @@ def test_an_optimum_at_the_end_of_the_range_is_red(study, curve):
     assert colours(curve, "Optimum within the range") == "green"
     end = study.optimal_curve((150.0, 300.0), 4, check=False)
     assert end.optimum.kind == "end" and colours(end, "Optimum within the range") == "red"
-    assert "Include preloads below 150 N" in end._headline()
+    assert "Remedy: include preloads below 150 N" in said(end)
     amplitude = end.amplitude.copy()
     amplitude[1] = np.nan
-    alone = replace(end, amplitude=amplitude)._headline()
+    alone = said(replace(end, amplitude=amplitude))
     assert (
-        "Include preloads" not in alone
-        and "find a value at the next preload first" in alone.replace("Find", "find")
+        "include preloads" not in alone
+        and "Remedy: find a value at the next preload first" in alone
     )
 
 

@@ -16,6 +16,7 @@ from bdamper.response.followed_peak import Followed, follow_upward, followed_pea
 from bdamper.response.linear_limits import peak_interval
 from bdamper.response.peak import coarse_options
 from bdamper.response.response_curve_result import NO_STEADY
+from tests.printed import said as printed
 from tests.util.test_disk import BAND, pressed
 
 FOUND = {1.0: 10.0, 2.0: 9.0, 3.0: 4.0, 4.0: 3.9, 5.0: 3.8}
@@ -219,7 +220,7 @@ def test_doubts_of_the_curve_at_the_optimum(curve, change, said):
     best = curve.optimum.preload
     curves = tuple(replace(k, **change) if k.preload == best else k for k in curve.curves)
     assert any(k.preload == best for k in curves)
-    line = replace(curve, curves=curves)._headline()
+    line = printed(replace(curve, curves=curves))
     assert ("Doubt at " in line) == bool(said) and said in line
 
 

@@ -50,7 +50,7 @@ def test_no_optimum_says_why(study):
     """Within this band the response only rises."""
     curve = study.optimal_curve([1000.0, 2000.0], frequency=(250.0, 270.0), check=False)
     assert curve.status[0].startswith("incomplete: highest at an end")
-    assert curve._headline().endswith(f"; at 1 kN {curve.status[0]}.")
+    assert curve._headline().endswith(f"; at 1 kN {curve.status[0]}")
 
 
 class TestOptimalCurve:

@@ -12,6 +12,9 @@ from bdamper.response.verification import Convergence, FrictionPeak, HarmonicPea
 from bdamper.time_domain import time_response as in_time
 from bdamper.util.formatting import amount, percent, span
 from tests.plain import plain_study
+from tests.printed import row, said, value
+
+DESIGN = "Design amplitude"
 
 
 @pytest.fixture(scope="module")
@@ -45,9 +48,8 @@ def test_by_default_it_is_computed_at_the_optimum_and_above(study, curve, monkey
     ]
     assert found.convergence.preload == one.preload == curve.optimum.preload
     assert one.balance == pytest.approx(curve.optimum.amplitude, rel=1e-3)
-    assert found.failures and ". Amplitude in time " in found._headline(), (
-        "the optimum is at the end of the range"
-    )
+    # the optimum is at the end of the range
+    assert found.failures and value(found, "Time integration") and not value(found, DESIGN)
     inside = replace(found, optimum=replace(found.optimum, kind="smooth", status="complete"))
     # the integration is below the harmonic balance, and other friction coefficients are above it
     least = found.optimum_in_time
@@ -58,7 +60,10 @@ def test_by_default_it_is_computed_at_the_optimum_and_above(study, curve, monkey
         *(k.amplitude for k in found.other_friction),
     ]
     assert not inside.failures and inside.design_amplitude == max(tried) > least.largest
-    assert f"Design amplitude: {amount(max(tried), 'm')} (with " in inside._headline()
+    assert row(inside, DESIGN)[1:] == (
+        amount(max(tried), "m"),
+        "largest of all checks, with 1.3 times the friction",
+    )
     found.save(tmp_path / "optimal.h5")
     assert bd.load(tmp_path / "optimal.h5").time_response == found.time_response
     ax = found.plot().axes[0]
@@ -73,39 +78,32 @@ def test_neighbours_on_request(study, curve, monkeypatch):
     np.testing.assert_allclose(
         [k.preload for k in found.time_response], [best / 1.35, best, best * 1.35]
     )
-    said, least = found._headline(), found.optimum_in_time
+    text, least = said(found), found.optimum_in_time
     tops = [max(k.highest, k.highest_period) for k in found.time_response]
     assert max(least.highest, least.highest_period) == min(tops) and least in found.time_response
-    assert f"Preload: {amount(least.preload, 'N')}" in said
-    assert (
-        f"in time at {amount(least.preload, 'N')} {span(least.lowest, min(tops), 'm')}, by harmonic"
-        in said
-    )
-    assert ("preloads were not integrated" in said) == (least.preload != best)
+    assert value(found, "Preload") == amount(least.preload, "N")
+    assert value(found, "Time integration") == span(least.lowest, min(tops), "m")
+    assert ("preloads were not integrated" in text) == (least.preload != best)
     assert ("optimum in time", least._headline()) in [fact[:2] for fact in found._facts()]
     assert "least in time" in found.plot().axes[0].get_legend_handles_labels()[1]
     plt.close("all")
     low, middle, high = found.time_response
     half = replace(middle, highest=0.5 * low.highest, highest_period=0.5 * low.highest)
     lower = replace(found, time_response=(low, half, high))
-    assert lower.optimum_in_time.preload == best and "not integrated" not in lower._headline()
+    assert lower.optimum_in_time.preload == best and "not integrated" not in said(lower)
     beats = replace(half, highest_period=2.0 * max(k.highest_period for k in (low, high)))
     assert replace(found, time_response=(low, beats, high)).optimum_in_time is not beats
     lone = replace(
         found, time_response=(low, replace(middle, mean=np.nan), replace(high, mean=np.nan))
     )
-    assert lone.optimum_in_time is None and f"Preload: {amount(best, 'N')}" in lone._headline()
+    assert lone.optimum_in_time is None and value(lone, "Preload") == amount(best, "N")
     wide = replace(half, status="incomplete", reason="not settled")
     doubtful = replace(found, time_response=(low, wide, high))
-    said = doubtful._headline()
-    assert doubtful.failures and said.startswith(
-        f"Not for design: {'; '.join(doubtful.failures)}. "
-    )
-    assert (
-        "is incomplete: not settled. " in said
-        and f"Amplitude in time {span(wide.lowest, wide.largest, 'm')}" in said
-    )
-    assert np.isnan(doubtful.design_amplitude) and "esign amplitude" not in said
+    verdict = doubtful._statement().verdict
+    assert verdict == [f"Not for design: {failure}" for failure in doubtful.failures]
+    assert verdict[-1].endswith("is incomplete: not settled")
+    assert value(doubtful, "Time integration") == span(wide.lowest, wide.largest, "m")
+    assert np.isnan(doubtful.design_amplitude) and not value(doubtful, DESIGN)
     stopped = replace(found, time_response=(low, replace(wide, status="interrupted"), high))
     assert stopped.optimum_in_time in (low, high)
 
@@ -142,7 +140,7 @@ def test_the_ends_of_the_range_on_request(study, monkeypatch, tmp_path):
     assert [k.preload for k in found.range_in_time] == [low, high]
     more = [0.5 * abs(np.log(p / rises.best)) for p in (low, high)]
     ends = " and ".join(f"{percent(x)} at {amount(p, 'N')}" for x, p in zip(more, (low, high)))
-    assert f"; in time it is higher than its minimum by {ends}." in found._headline()
+    assert ("", "", f"in time it is higher than its minimum by {ends}") in found._statement().rows
     (light,) = [check for check in checks(found) if check.name == "Ends of the range in time"]
     assert light.colour == ("green" if max(more) <= 0.2 else "amber") and ends in light.found
     found.save(tmp_path / "optimal.h5")
@@ -156,13 +154,11 @@ def test_the_ends_of_the_range_on_request(study, monkeypatch, tmp_path):
     assert light.colour == "amber" and f"and unknown at {amount(high, 'N')}" in light.found
     others = [k for k in found.time_response if k.preload != low]
     assert not replace(found, time_response=tuple(others)).range_in_time
-    assert not plain.range_in_time and "in time" not in plain._headline().partition(". ")[0]
+    assert not plain.range_in_time and "in time it is higher" not in said(plain)
 
 
 def test_the_range_is_named_a_result_of_harmonic_balance(curve, tmp_path):
-    assert (
-        "by harmonic balance the amplitude is within 20 % of the minimum from" in curve._headline()
-    )
+    assert ": within 20 % by harmonic balance" in row(curve, "Preload").remark
     labels = curve.plot().axes[0].get_legend_handles_labels()[1]
     assert "at most 20 % higher by harmonic balance" in labels
     plt.close("all")
@@ -198,15 +194,14 @@ def test_the_bottom_line_says_what_is_open(study, curve):
         status="incomplete",
         reason="some steps failed",
     )
-    assert (
-        "is incomplete: some steps failed. " in replace(curve, time_response=(known,))._headline()
-    )
+    assert "is incomplete: some steps failed" in replace(curve, time_response=(known,))._headline()
     none = TimeResponse(
         *(np.nan,) * 4, best.preload, 1e-5, status="not found", reason="no motion stays"
     )
-    said = replace(curve, time_response=(none,))._headline()
-    assert "is not found: no motion stays. " in said and "by harmonic balance alone" in said
-    assert "Not covered: motion in time, " in said
+    without = replace(curve, time_response=(none,))
+    assert "is not found: no motion stays" in without._headline()
+    assert "not for the stress" in row(without, "Harmonic balance").remark
+    assert "Not covered: motion in time, " in said(without)
 
 
 def checked(curve, **changes):
@@ -234,18 +229,21 @@ def test_the_design_amplitude_is_the_largest_of_all_checks(curve):
     size, passed = curve.optimum.amplitude, checked(curve)
     (response,) = passed.time_response
     assert not passed.failures and passed.design_amplitude == pytest.approx(1.1 * size, rel=1e-14)
-    assert (
-        f"Design amplitude: {amount(1.1 * size, 'm')} (with 0.7 times the friction); in time "
-        in passed._headline()
+    largest = "largest of all checks"
+    assert row(passed, DESIGN) == (
+        DESIGN,
+        amount(1.1 * size, "m"),
+        f"{largest}, with 0.7 times the friction",
     )
     single = replace(passed, time_response=(replace(response, highest_period=1.2 * size),))
     assert single.design_amplitude == pytest.approx(1.2 * size, rel=1e-14)
-    assert "(in time); in time " in single._headline()
+    assert row(single, DESIGN).remark == f"{largest}, in time"
     alone = replace(passed, other_friction=())
     assert alone.design_amplitude == pytest.approx(1.02 * size, rel=1e-14)
-    assert "(with more harmonics); in time " in alone._headline()
+    assert row(alone, DESIGN).remark == f"{largest}, with more harmonics"
     only = replace(alone, convergence=None)
-    assert only.design_amplitude == size and "(by harmonic balance); in time " in only._headline()
+    assert only.design_amplitude == size
+    assert row(only, DESIGN).remark == f"{largest}, by harmonic balance"
     elsewhere = replace(
         passed,
         other_friction=tuple(replace(k, preload=2.0 * k.preload) for k in passed.other_friction),
@@ -263,10 +261,8 @@ def test_without_a_known_amplitude_of_all_checks_there_is_no_design_amplitude(cu
     ):
         doubtful = replace(passed, other_friction=(first, unknown, more))
         assert np.isnan(doubtful.design_amplitude)
-        assert (
-            "No design amplitude, it is not known with 0.7 times the friction; in time "
-            in doubtful._headline()
-        )
+        reason = "the peak with 0.7 times the friction is not complete"
+        assert row(doubtful, DESIGN) == (DESIGN, "unknown", reason)
     for change in (
         {"other_friction": (first, replace(less, amplitude=3.0 * first.amplitude), more)},
         {"time_response": (replace(response, status="incomplete", reason="not settled"),)},
@@ -274,12 +270,11 @@ def test_without_a_known_amplitude_of_all_checks_there_is_no_design_amplitude(cu
     ):
         failed = replace(passed, **change)
         assert failed.failures and np.isnan(failed.design_amplitude)
-        assert failed._headline().startswith("Not for design: ") and "esign amplitude" not in str(
-            failed
-        )
-        assert ". Amplitude in time " in failed._headline()
+        assert failed._headline().startswith("Not for design: ")
+        assert "esign amplitude" not in str(failed)
+        assert value(failed, "Time integration")
     without = replace(passed, time_response=())
     assert (
         np.isnan(without.design_amplitude)
-        and "by harmonic balance alone, not for the stress" in without._headline()
+        and "not for the stress" in row(without, "Harmonic balance").remark
     )

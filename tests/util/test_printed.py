@@ -32,7 +32,8 @@ from bdamper.util.progress import LongWork, shows_progress
 from tests.each import each
 from tests.mistuning.lumped import lumped_study
 from tests.plain import plain_study
-from tests.printed import said
+from tests.printed import check as printed_check
+from tests.printed import row, said, value
 
 INTERVAL = (270.0, 380.0)
 
@@ -161,20 +162,25 @@ class TestBottomLine:
     def test_of_an_optimal_curve(self, study):
         curve = study.optimal_curve((200.0, 5e3), 6, frequency=INTERVAL, check=False)
         curve = replace(curve, model_doubts=())  # tests/harmonic_balance/test_rolling.py
-        o, headline = curve.optimum, curve._headline()
+        o, text = curve.optimum, said(curve)
         low, high = curve.preloads_within(NEAR_BEST * o.amplitude)
-        assert headline == (
-            f"Preload: {amount(o.preload, 'N')} per newton of excitation; by harmonic balance the amplitude is within 20 % "
-            f"of the minimum from {span(low, high, 'N')}. "
-            f"Amplitude by harmonic balance alone, not for the stress: {amount(o.amplitude, 'm')} at "
-            f"{amount(o.frequency, 'Hz')}, {curve.free.amplitude / o.amplitude:.3g} times below the free blade "
-            f"({amount(curve.free.amplitude, 'm')}). Not covered: motion in time, more blade modes, "
-            "mistuning, wear, more contact points, friction coefficients other than 0.4."
+        preload, size = amount(o.preload, "N"), amount(o.amplitude, "m")
+        ratio = f"{curve.free.amplitude / o.amplitude:.3g}"
+        assert text.startswith(
+            f"Lowest amplitude at {preload}, by harmonic balance alone: engine order 5, 1 N of "
+            "excitation, friction coefficient 0.4 "
+            f"Preload {preload} {span(low, high, 'N')}: within 20 % by harmonic balance "
+            f"Harmonic balance {size} {amount(o.frequency, 'Hz')}, {ratio} times below the free "
+            f"blade ({amount(curve.free.amplitude, 'm')}); not for the stress "
+        )
+        assert text.endswith(
+            "Not covered: motion in time, more blade modes, mistuning, wear, more contact points, "
+            "friction coefficients other than 0.4 summary() has all values"
         )
         assert low == 200.0, "the first preload: the amplitude has not risen there"
-        assert "rises faster" not in headline
+        assert "rises faster" not in text
         shares = o.preload * np.array([0.5, 0.8, 0.9, 1.0, 1.2, 2.0])
-        below, above = " and rises faster below", " and rises faster above"
+        below, above = "; rises faster below this range", "; rises faster above this range"
         for ends, side in (((1.5, 1.6), ""), ((9.0, 1.6), below), ((1.5, 9.0), above)):
             values = o.amplitude * np.array([ends[0], 1.1, 1.0, 1.0, 1.1, ends[1]])
             unknown = np.full(6, np.nan)
@@ -185,55 +191,45 @@ class TestBottomLine:
                 lower_bound=values,
             )
             for c in (steep, bound):  # a lower bound counts as well
-                headline = c._headline().partition(". Amplitude")[0]
-                assert headline.endswith(side) and ("faster" in headline) == bool(side)
+                remark = row(c, "Preload").remark
+                assert remark.endswith(side) and ("faster" in remark) == bool(side)
             # the amplitude of the flatter side is a lower bound and may rise faster than the other side
             doubtful = np.where(values == 1.6 * o.amplitude, np.nan, values)
             doubtful[[0, -1]] = np.where(
                 values[[0, -1]] == 1.5 * o.amplitude, np.nan, doubtful[[0, -1]]
             )
-            assert (
-                "faster" not in replace(steep, amplitude=doubtful, lower_bound=values)._headline()
-            )
+            assert "faster" not in said(replace(steep, amplitude=doubtful, lower_bound=values))
         at_twenty = {
             **curve.settings,
             "excitation": {**curve.settings["excitation"], "amplitude": 20.0},
         }
-        headline = replace(curve, settings=at_twenty)._headline()
-        assert f"{amount(o.preload, 'N')} at 20 N of excitation;" in headline
+        text = said(replace(curve, settings=at_twenty))
+        assert "20 N of excitation" in text
         load = study.at_speed(2.0 * np.pi * o.frequency / 5.0).preload
         assert (
-            f" The damper has {amount(load, 'N')} at {amount(12.0 * o.frequency, 'rpm')}; the preload needs "
-            in headline
-        )
-        assert f" {o.preload / load:.2g} times its mass. Amplitude" in headline
-        assert (
-            "times its mass"
-            not in replace(curve, settings=at_twenty, mass_radius=np.nan)._headline()
-        )
-        faster = replace(
-            curve, settings=at_twenty | {"speed": 4.0 * np.pi * o.frequency / 5.0}
-        )._headline()
-        assert (
-            f" The damper has {amount(4.0 * load, 'N')} at {amount(24.0 * o.frequency, 'rpm')}; the"
-            in faster
-        )
+            f" The damper has {amount(load, 'N')} at {amount(12.0 * o.frequency, 'rpm')}; the "
+            f"preload needs {o.preload / load:.2g} times its mass "
+        ) in text
+        assert "times its mass" not in said(replace(curve, settings=at_twenty, mass_radius=np.nan))
+        twice_the_speed = {"speed": 4.0 * np.pi * o.frequency / 5.0}
+        faster = said(replace(curve, settings=at_twenty | twice_the_speed))
+        speed = amount(24.0 * o.frequency, "rpm")
+        assert f" The damper has {amount(4.0 * load, 'N')} at {speed}; the" in faster
         shares = at_twenty | {"load_per_preload": {"damper": 2.0}}  # the load is not the preload
-        assert "times its mass" not in replace(curve, settings=shares)._headline()
+        assert "times its mass" not in said(replace(curve, settings=shares))
         in_time = tuple(
             TimeResponse(0.9 * a, 0.8 * a, a, 1.0, p * o.preload, a)
             for p, a in ((1.0, 2.0), (1.35, 1.0))
         )
-        best = f"Preload: {amount(1.35 * o.preload, 'N')} per newton of excitation, least in time (harmonic balance alone: "
-        more = replace(curve, time_response=in_time)._headline()
-        assert more.startswith(
-            f"{best}{amount(o.preload, 'N')}); higher preloads were not integrated; by harmonic"
-        )
+        more = replace(curve, time_response=in_time)
+        assert value(more, "Preload") == amount(1.35 * o.preload, "N")
         assert (
-            f"Design amplitude: 1 m (in time); in time at {amount(1.35 * o.preload, 'N')} 0.8 to 1 m, by"
-            in more
-        )
-        assert "motion in time" not in more
+            f"lowest in time integration; by harmonic balance {amount(o.preload, 'N')} "
+            "higher preloads were not integrated"
+        ) in said(more)
+        assert row(more, "Design amplitude")[1:] == ("1 m", "largest of all checks, in time")
+        assert value(more, "Time integration") == "0.8 to 1 m"
+        assert "motion in time" not in said(more)
         lines = str(curve).split("\n")
         assert len(lines) <= 30 and max(map(len, lines)) <= 88
         assert lines[-1] == "summary() has all values"
@@ -253,7 +249,7 @@ class TestBottomLine:
                 settings=curve.settings
                 | {"contact_stiffness": stiffness, "contact_points": points},
             )
-            assert ("more contact points" in given._headline()) == more, (
+            assert ("more contact points" in said(given)) == more, (
                 "contact points with given stiffnesses are joints"
             )
 
@@ -304,8 +300,8 @@ class TestBottomLine:
         printed = " ".join(str(curve).split())
         assert printed.startswith(f"Not for design: {failure}")
         assert f"Remedy: {remedy[:1].lower()}{remedy[1:].rstrip('.')}" in printed
-        assert curve._headline().startswith(f"Not for design: {first}")
-        assert " Preload: " in curve._headline()
+        assert curve._headline().startswith(f"Not for design: {failure}")
+        assert row(curve, "Preload").value
         assert np.isnan(curve.design_amplitude) and "esign amplitude" not in str(curve)
 
     @each(
@@ -328,21 +324,20 @@ class TestBottomLine:
         heights += f" and {'unknown' if np.isnan(factors[1]) else bound + amount(factors[1], 'm')}"
         found = f"{heights} with 0.7 and 1.3 times the friction, by harmonic balance"
         assert (check.colour, check.found) == (colour, found)
-        failure = f"Not for design: at 1 kN the amplitude is {found}. Choose a preload for these friction coefficients"
+        failure = f"Not for design: at 1 kN the amplitude is {found}"
         assert (failure in curve._headline()) == (colour == "red")
-        assert (f" Other friction: {check.found}. Not covered" in curve._headline()) == (
-            colour != "red"
-        )
+        remedy = "Remedy: choose a preload for these friction coefficients"
+        assert (remedy in said(curve)) == (colour == "red")
+        result = {"red": "FAIL", "amber": "uncertain", "green": "pass"}[colour]
+        assert printed_check(curve, check.name)[1:] == (result, found)
         known = "1.3" if status == "complete" else "1"  # what was not found is not covered
-        assert f"friction coefficients beyond 0.7 to {known} times 0.4." in curve._headline()
+        assert f"friction coefficients beyond 0.7 to {known} times 0.4 summary" in said(curve)
 
     def test_friction_coefficients_of_points(self, study):
         points = {"left": np.array([0.0, 0.5, 0.2]), "right": 0.3}
         curve = study.optimal_curve((200.0, 5e3), 4, frequency=INTERVAL, check=False)
-        headline = replace(
-            curve, settings=curve.settings | {"friction_coefficient": points}
-        )._headline()
-        assert headline.endswith("friction coefficients other than 0.2, 0.3, 0.5.")
+        text = said(replace(curve, settings=curve.settings | {"friction_coefficient": points}))
+        assert "friction coefficients other than 0.2, 0.3, 0.5 summary" in text
 
     def test_the_margin_is_that_near_the_preload(self, bonded):
         o = replace(bonded.optimum, preload=1000.0, kind="smooth", status="complete")
@@ -363,10 +358,7 @@ class TestBottomLine:
         uncertain = replace(curve, optimum=o)
         (check,) = [c for c in checks(uncertain) if c.name == "Optimum verified"]
         assert (check.colour, check.found) == ("amber", "complete, preload known to 24 %")
-        first = (
-            f"Preload: {amount(o.preload, 'N')} per newton of excitation (preload known to 24 %)"
-        )
-        assert first in uncertain._headline()
+        assert ("", "", "preload known to 24 %") in uncertain._statement().rows
         assert (
             o.text.endswith(", preload known to 24 %")
             and Fact("optimum", o.text) in uncertain._facts()
@@ -374,7 +366,7 @@ class TestBottomLine:
         lost = replace(curve, optimum=replace(o, status="incomplete", reason="why"))
         assert "optimum incomplete: why, preload known to 24 %" in lost.warnings
         fine = replace(curve, optimum=replace(o, uncertainty=1e-6))
-        assert "known to" not in fine._headline() and checks(fine)[1].colour == "green"
+        assert "known to" not in said(fine) and checks(fine)[1].colour == "green"
 
     def test_a_status_follows_the_amplitude_that_it_is_about(self):
         response = TimeResponse(
@@ -390,9 +382,9 @@ class TestBottomLine:
         alone = Convergence(
             curve.optimum.preload, 0.05, (first,), status="incomplete", reason="why"
         )
-        headline = replace(curve, convergence=alone)._headline()
-        assert "with more harmonics)" not in headline
-        assert "ely on the amplitude in time" in headline
+        text = said(replace(curve, convergence=alone))
+        assert "3 to 3 harmonics" not in text
+        assert "rely on the amplitude in time" in text
 
 
 def test_details_have_the_units_of_the_columns(peak):
