@@ -1,6 +1,7 @@
 """Settings of the documentation; sphinx-gallery runs the examples that have changed."""
 
 import os
+import re
 import shutil
 import sys
 import warnings
@@ -34,7 +35,6 @@ extensions = [
     "myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon", "sphinx_gallery.gen_gallery",
 ]  # fmt: skip
 templates_path = ["_templates"]
-autosummary_generate = True
 autosummary_ignore_module_all = False
 nitpicky = True
 nitpick_ignore_regex = [
@@ -46,7 +46,13 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "none"
 napoleon_use_ivar = True
 napoleon_use_rtype = False
-exclude_patterns = ["_build", "_templates", "gallery/*.ipynb", "gallery/*.py"]
+exclude_patterns = [
+    "_build",
+    "_templates",
+    "gallery/*.ipynb",
+    "gallery/*.py",
+    "**/listed_names.rst",
+]
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",
     "gallery_dirs": "gallery",
@@ -76,9 +82,7 @@ html_theme_options = {
 html_static_path = ["_static"]
 html_css_files = ["wide.css"]
 # pages without subpages have no empty column beside them, and what is printed is no code
-html_sidebars = {
-    page.stem: [] for page in DOCS.glob("*.md") if "toctree" not in page.read_text(encoding="utf-8")
-}
+html_sidebars = {page.stem: [] for page in DOCS.glob("*.md") if page.stem != "index"}
 highlight_language = "none"
 
 # messages with their texts in the code
@@ -95,3 +99,74 @@ for made in (
 for page in sorted((DOCS.parent / "notebooks").glob("*.[mi]*")):
     text = page.read_text(encoding="utf-8").replace("](../docs/", "](../")
     (DOCS / "tutorial" / page.name).write_text(text, encoding="utf-8")
+
+
+# Pages are written for readers of a checkout.  The build makes directives of their lists of names and pages.
+NAMES = re.compile(r"(?:^\* `bdamper\.[\w.]+`\n)+", re.M)
+DATA = re.compile(r"^\* `(bdamper\.[A-Z_0-9]+)`: (.+)\n", re.M)
+PAGES = re.compile(r"^\*\*(\w[\w ]*)\*\*: (\[.+)\n", re.M)
+LINK = re.compile(r"\]\(([\w/.-]+?)(?:\.md|\.ipynb)?\)")
+
+
+def autosummaries(text: str, folder: str) -> str:
+    """Return text whose lists of names are autosummaries; the page of each name is in the folder."""
+    modules = text.find("\n## Modules\n")
+
+    def directive(found: re.Match[str]) -> str:
+        is_module = 0 <= modules < found.start()
+        option = ":template: autosummary/room.rst" if is_module else ":nosignatures:"
+        names = re.findall(r"`(.+)`", found[0])
+        head = [".. autosummary::", f"   :toctree: {folder}", f"   {option}", ""]
+        return "\n".join([*head, *(f"   {name}" for name in names), "", ""])
+
+    return NAMES.sub(directive, text)
+
+
+def data_directive(found: re.Match[str]) -> str:
+    """Return the directive of a constant; literals have double backquotes there."""
+    description = found[2].replace("`", "``")
+    return f"```{{eval-rst}}\n.. py:data:: {found[1]}\n\n   {description}\n```\n"
+
+
+def toctree(caption: str, links: str) -> str:
+    """Return a hidden table of contents of the pages in a text with links."""
+    option = [f":caption: {caption}"] if caption else []
+    return "\n".join(["", "```{toctree}", *option, ":hidden:", *LINK.findall(links), "```", ""])
+
+
+def with_directives(app: object, docname: str, source: list[str]) -> None:
+    """Replace the lists of a page by directives, and links into the checkout by links to built pages."""
+    text = source[0]
+    if docname in REFERENCES:
+        listed = autosummaries(text, "reference")
+        text = re.sub(
+            r"(?:^\.\. autosummary::\n(?:   .*\n|\n)+)",
+            lambda found: "```{eval-rst}\n" + found[0].rstrip() + "\n```\n\n",
+            listed,
+            flags=re.M,
+        )
+        text = DATA.sub(data_directive, text)
+    up = "../" * docname.count("/")
+    text = text.replace(f"](../{up}notebooks/", f"]({up}tutorial/")
+    text = text.replace(f"](../{up}examples/GALLERY_HEADER.rst)", f"]({up}gallery/index)")
+    if docname == "index":
+        text += "".join(toctree(caption, links) for caption, links in PAGES.findall(text))
+    if docname == "tutorial/index":
+        notebooks = "".join(re.findall(r"\]\([\w]+\.ipynb\)", text))
+        text += toctree("", notebooks)
+    source[0] = text
+
+
+# autosummary writes the pages of names from files on the disk
+REFERENCES = ("api", "specification/classes")
+autosummary_generate = []
+for name in REFERENCES:
+    home = (DOCS / name).parent / "reference"
+    home.mkdir(exist_ok=True)
+    listed_names = home / "listed_names.rst"
+    listed_names.write_text(autosummaries((DOCS / f"{name}.md").read_text(encoding="utf-8"), "."))
+    autosummary_generate.append(str(listed_names.relative_to(DOCS)))
+
+
+def setup(app: object) -> None:
+    app.connect("source-read", with_directives)

@@ -13,8 +13,6 @@ PAGES = [
     *DOCS.glob("specification/*.md"),
 ]
 PAGES += (ROOT / "notebooks").glob("*.[mi]*")
-MADE = {"gallery/index", "gallery/index.md"}
-"""Pages that ``make docs`` writes; it copies the notebooks to docs/tutorial as well."""
 
 
 def text_of(path):
@@ -38,17 +36,35 @@ def test_internal_links():
         for link in re.findall(
             r"\]\(([^)\s]+)\)", re.sub(r"```.*?```", "", text_of(page), flags=re.S)
         ):
-            if re.match(r"\w+:", link) or link in MADE:
+            if re.match(r"\w+:", link):
                 continue
             path, _, anchor = link.partition("#")
-            source = (
-                ROOT / path.replace("tutorial/", "notebooks/")
-                if path.startswith("tutorial/")
-                else page.parent / path
-            )
-            target = source.resolve() if path else page
+            target = (page.parent / path).resolve() if path else page
             seen += 1
             if not target.is_file() or (anchor and anchor not in anchors(text_of(target))):
                 wrong.append(f"{page.relative_to(ROOT)}: {link}")
     assert not wrong
     assert seen > 50
+
+
+def test_pages_of_a_checkout_show_lists_instead_of_directives():
+    """The build makes tables of contents and of names from the lists of these pages."""
+    shown = [
+        *DOCS.glob("*.md"),
+        DOCS / "specification" / "classes.md",
+        ROOT / "notebooks" / "index.md",
+    ]
+    directives = [page.name for page in shown if re.search(r"^```\{", page.read_text(), re.M)]
+    assert not directives
+
+
+def test_the_first_page_lists_every_page():
+    """A page that is not listed is not in the table of contents."""
+    text = (DOCS / "index.md").read_text()
+    listed = re.findall(r"\]\(([\w/.-]+\.md)\)", text[text.index("## All pages") :])
+    pages = {str(page.relative_to(DOCS)) for page in PAGES if DOCS in page.parents}
+    assert {*listed, "index.md"} == pages | {"../notebooks/index.md"}
+    assert len(listed) == len(set(listed))
+    tutorials = (ROOT / "notebooks" / "index.md").read_text()
+    for notebook in (ROOT / "notebooks").glob("*.ipynb"):
+        assert f"]({notebook.name})" in tutorials

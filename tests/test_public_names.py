@@ -20,7 +20,7 @@ METHODS = ROOT / "tests" / "golden" / "study_methods.txt"
 
 def test_every_public_name_is_in_the_reference():
     reference = (ROOT / "docs" / "api.md").read_text()
-    named = re.findall(r"^(?:   |\.\. py:data:: )bdamper\.(\w+)$", reference, re.M)
+    named = re.findall(r"^\* `bdamper\.(\w+)`", reference, re.M)
     rooms = {path.stem for path in (ROOT / "bdamper").iterdir()}
     public = set(bd.__all__) - rooms
     assert set(named) - rooms == public
@@ -42,7 +42,7 @@ def test_every_name_of_the_import_is_in_the_reference():
 
 def test_everything_in_the_reference_is_there():
     pages = [(ROOT / "docs" / name).read_text() for name in ("api.md", "specification/classes.md")]
-    for path in re.findall(r"^(?:   |\.\. py:data:: )(bdamper\.\S+)$", "\n".join(pages), re.M):
+    for path in re.findall(r"^\* `(bdamper\.[\w.]+)`", "\n".join(pages), re.M):
         assert found(path).__doc__, path
 
 
