@@ -23,8 +23,9 @@ import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.fem.cyclic_symmetry import CyclicSector, lowest_modes
+from bdamper.fem.cyclic_symmetry import CyclicSector
 from bdamper.fem.generated_models import SectorFE, averaging_matrix, wedge_patches
+from bdamper.fem.lowest_modes import lowest_modes
 from bdamper.fem.reduced_bodies import FreeBody
 from bdamper.fem.sector_faces import sector_phase
 
@@ -63,17 +64,11 @@ def bonded_frequencies(
     factor = scipy.linalg.lu_factor(system * unit[:, None] * unit)
 
     def solve(load: NDArray) -> NDArray:
-        load = load.ravel()
         f_b, f_d = load[:n_b], load[n_b:]
-        # Loads on the damper may be complex while its matrices are real.
-        if dtype.kind == "c":
-            pair = damper.elastic_response(np.stack([f_d.real, f_d.imag], axis=1))
-            u_d = pair[:, 0] + 1j * pair[:, 1]
-        else:
-            u_d = damper.elastic_response(f_d)
+        u_d = damper.elastic_response(f_d)
         u_b = sector.solver.solve(f_b)
         right_side = np.concatenate([g_blade @ u_b - g_damper @ u_d, -(damper.rigid.T @ f_d)])
-        solution = unit * scipy.linalg.lu_solve(factor, unit * right_side)
+        solution = unit[:, None] * scipy.linalg.lu_solve(factor, unit[:, None] * right_side)
         multiplier, eta = solution[:n_lambda], solution[n_lambda:]
         u_b = u_b - blade_columns @ multiplier
         u_d = u_d + damper_columns @ multiplier + damper.rigid @ eta

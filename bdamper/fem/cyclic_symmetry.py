@@ -11,8 +11,8 @@ with :math:`x_R = R x_L`
 by interpolation if the meshes of the faces differ (:mod:`bdamper.fem.sector_faces`).  With the
 matrix T from the independent to all degrees of freedom, the Hermitian eigenproblem of one sector is
 :math:`(T^H K T - \omega^2 T^H M T)\,q = 0`, :math:`u = T q`, :math:`u^H M u = 1`.  The matrices are
-real for d = 0 and d = N/2.  One factorisation of :math:`T^H K T` is sufficient for modes (shift and
-invert about zero) and static receptances.
+real for d = 0 and d = N/2.  Modes (shift and invert about zero) and static receptances of all nodal
+diameters share the factorisation of the inside (:mod:`bdamper.fem.sector_inside`).
 
 The lowest modes of a slender blade are up to 1e5 times softer than the remaining response, which
 residual modes describe. Solved as a part of the whole, this remainder is lost in rounding.  It is
@@ -42,36 +42,25 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.linalg import eigh, null_space
-from scipy.sparse.linalg import LinearOperator, SuperLU, eigsh, splu
+from scipy.linalg import null_space
 
+from bdamper.fem.lowest_modes import lowest_modes
 from bdamper.fem.sector_faces import SectorFaces
+from bdamper.fem.sector_inside import CondensedSolver, SectorInside
 from bdamper.fem.surface import Structure, check, hermitian
 from bdamper.model.modal_basis import fix_phase
 
 # ---- Cyclic sector ----
 
 
-def factorise(matrix: sp.spmatrix) -> SuperLU:
-    """Factorise a sparse positive definite Hermitian matrix.
-
-    Raises
-    ------
-    ValueError
-        If the diagonal is not positive; SuperLU crashes on an empty row in its symmetric mode.
-    """
-    diagonal = matrix.diagonal().real
-    if not (np.isfinite(matrix.data).all() and len(diagonal) and diagonal.min() > 0.0):
-        raise ValueError(
-            "a positive definite matrix has finite entries and a positive diagonal, "
-            "and this one has not"
-        )
-    return splu(
-        matrix.tocsc(),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    )
+def fixed_components(n_nodes: int, clamped: NDArray) -> NDArray:
+    """Return the fixed components (n_nodes, 3) bool of clamped nodes (n,) or of such a mask."""
+    clamped = np.asarray(clamped)
+    if clamped.dtype == bool and clamped.shape == (n_nodes, 3):
+        return clamped
+    fixed = np.zeros((n_nodes, 3), bool)
+    fixed[clamped] = True
+    return fixed
 
 
 def cyclic_transformation(
@@ -93,12 +82,7 @@ def cyclic_transformation(
     ValueError
         If the fixed components of the faces contradict the phase condition.
     """
-    clamped = np.asarray(clamped)
-    if clamped.dtype == bool and clamped.shape == (n_nodes, 3):
-        fixed = clamped
-    else:
-        fixed = np.zeros((n_nodes, 3), bool)
-        fixed[clamped] = True
+    fixed = fixed_components(n_nodes, clamped)
     left, right = faces.independent, faces.dependent
     if faces.matching:
         images = (faces.weights @ fixed[left].astype(float)) > 0.5
@@ -135,45 +119,6 @@ def cyclic_transformation(
     return t.tocsr()
 
 
-def lowest_modes(
-    stiffness: sp.spmatrix,
-    mass: sp.spmatrix,
-    solve: Callable[[NDArray], NDArray],
-    n_modes: int,
-    n_rigid: int = 0,
-) -> tuple[NDArray, NDArray]:
-    """Compute the lowest modes of ``stiffness x = omega2 mass x``.
-
-    ``solve`` applies the inverse of the stiffness, apart from ``n_rigid`` motions without force.
-
-    Returns
-    -------
-    omega2 : (n_modes,) float, ascending
-    shapes : (n, n_modes)
-        Mass-normalised.
-    """
-    n = mass.shape[0]
-    n_krylov = 2 * n_modes + 20
-    if n <= n_krylov:  # too small for a Krylov space
-        omega2, shapes = eigh(hermitian(stiffness.toarray()), hermitian(mass.toarray()))
-        # without rigid motions
-        elastic = np.flatnonzero(omega2 > 1e-12 * np.abs(omega2).max())
-        lowest = elastic[elastic >= n_rigid][:n_modes]
-        return omega2[lowest], shapes[:, lowest]
-    inverse = LinearOperator((n, n), matvec=solve, dtype=mass.dtype)
-    # a fixed start vector makes the result reproducible
-    start = np.random.default_rng(0).standard_normal(n).astype(mass.dtype)
-    _, v = eigsh(
-        stiffness, n_modes, M=mass, sigma=0.0, OPinv=inverse, v0=start, ncv=min(n, n_krylov)
-    )
-    # The complex Lanczos vectors come from a general Arnoldi process, which does not keep them
-    # orthogonal in the mass matrix; one Rayleigh-Ritz step does.
-    reduced_stiffness = hermitian(v.conj().T @ (stiffness @ v))
-    reduced_mass = hermitian(v.conj().T @ (mass @ v))
-    omega2, combination = eigh(reduced_stiffness, reduced_mass)
-    return omega2, v @ combination
-
-
 @dataclass
 class CyclicSector:
     """One sector at one nodal diameter: reduced matrices, factorisation and modes, computed on
@@ -187,12 +132,15 @@ class CyclicSector:
     clamped : int array or mask
         Clamped nodes or components, see :func:`cyclic_transformation`.
     nodal_diameter : int
+    inside : SectorInside, optional
+        Factorisation that the sectors of several nodal diameters share; by default its own.
     """
 
     body: Structure
     faces: SectorFaces
     clamped: NDArray
     nodal_diameter: int
+    inside: SectorInside | None = field(default=None, repr=False)
     _modes: tuple[NDArray, NDArray] | None = field(default=None, init=False, repr=False)
     _reduced_shapes: NDArray | None = field(default=None, init=False, repr=False)
     _contact: tuple[sp.spmatrix, NDArray] | None = field(default=None, init=False, repr=False)
@@ -201,19 +149,33 @@ class CyclicSector:
         self.transformation = cyclic_transformation(
             len(self.body.nodes), self.faces, self.clamped, self.nodal_diameter
         )
+        if self.inside is None:
+            self.inside = sector_inside(self.body, self.faces, self.clamped)
+
+    def _reduced(self, matrix: sp.spmatrix) -> sp.csr_matrix:
         adjoint = self.transformation.conj().T
-        self.stiffness = (adjoint @ self.body.stiffness @ self.transformation).tocsr()
-        self.mass = (adjoint @ self.body.mass @ self.transformation).tocsr()
+        return (adjoint @ matrix @ self.transformation).tocsr()
 
     @cached_property
-    def solver(self) -> SuperLU:
-        """Factorisation of the reduced stiffness matrix."""
-        return factorise(self.stiffness)
+    def stiffness(self) -> sp.csr_matrix:
+        """Reduced stiffness matrix (n_independent, n_independent)."""
+        return self._reduced(self.body.stiffness)
 
-    def forget_factors(self) -> None:
-        """Free the memory of the factorisation, but keep the modes."""
-        if "solver" in vars(self):
-            del self.solver
+    @cached_property
+    def mass(self) -> sp.csr_matrix:
+        """Reduced mass matrix (n_independent, n_independent)."""
+        return self._reduced(self.body.mass)
+
+    @cached_property
+    def solver(self) -> CondensedSolver:
+        """Solver with the reduced stiffness matrix."""
+        assert self.inside is not None
+        return CondensedSolver(self.inside, self.transformation)
+
+    def forget_matrices(self) -> None:
+        """Free the memory of reduced matrices and solver, but keep the modes."""
+        for name in ("solver", "stiffness", "mass"):
+            vars(self).pop(name, None)
 
     def modes(self, n_modes: int) -> tuple[NDArray, NDArray]:
         """Compute the lowest modes.
@@ -229,6 +191,16 @@ class CyclicSector:
             self._reduced_shapes = reduced
             self._modes = omega2, fix_phase(self.transformation @ reduced, self.body.mass)
         return self._modes[0][:n_modes], self._modes[1][:, :n_modes]
+
+    def approximate_modes(self, n_modes: int) -> tuple[NDArray, NDArray]:
+        """Return the lowest modes, from the modes of the inside unless they have been computed.
+
+        See :meth:`bdamper.fem.sector_inside.SectorInside.modes`.
+        """
+        if self._modes is not None and len(self._modes[0]) >= n_modes:
+            return self.modes(n_modes)
+        assert self.inside is not None
+        return self.inside.modes(self.transformation, n_modes)
 
     def static_response(self, load: sp.spmatrix | NDArray) -> NDArray:
         """Return displacements (n_independent, n) under ``load`` (3 n_nodes, n) on all nodes of the
@@ -267,6 +239,14 @@ class CyclicSector:
         (n, 3 n_nodes), m/N."""
         reduced = contact @ self.transformation
         return hermitian(reduced @ self.contact_response(contact))
+
+
+def sector_inside(body: Structure, faces: SectorFaces, clamped: NDArray) -> SectorInside:
+    """Return the inside of a sector for all nodal diameters.
+
+    ``clamped`` has clamped nodes or components, see :func:`cyclic_transformation`.
+    """
+    return SectorInside(body, faces, fixed_components(len(body.nodes), clamped))
 
 
 Sectors = Callable[[int], CyclicSector]

@@ -44,6 +44,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -51,7 +52,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from bdamper.fem.contact_patches import Patches, patch_grid, patches_on_rectangles
-from bdamper.fem.cyclic_symmetry import CyclicSector
+from bdamper.fem.cyclic_symmetry import CyclicSector, sector_inside
 from bdamper.fem.element_stress import Solids, StressRows, near_patches
 from bdamper.fem.local_basis import BladePart, LocalSizes, damper_motion, local_basis
 from bdamper.fem.meshes import (
@@ -84,6 +85,7 @@ from bdamper.fem.reduced_bodies import (
 )
 from bdamper.fem.rotation import Rotation
 from bdamper.fem.sector_faces import match_faces
+from bdamper.fem.sector_inside import SectorInside
 from bdamper.model.modal_basis import LocalBasis
 from bdamper.model.structure import Body, Interface, Model, StressSet, turn
 from bdamper.util import validation
@@ -196,8 +198,8 @@ class SectorFE:
     density : MeshDensity
     material : Material
     keep_factors : bool
-        Keep the factorisations of all nodal diameters, not only the latest (half a gigabyte each
-        for the reference mesh).
+        Keep the matrices of all nodal diameters, not only the latest; all of them share one
+        factorisation.
     """
 
     geometry: Geometry = field(default_factory=Geometry)
@@ -222,16 +224,20 @@ class SectorFE:
         self.clamped: NDArray = np.flatnonzero(radius < g.bore_radius + 1e-8)
         self._cyclic: dict[int, CyclicSector] = {}
 
+    @cached_property
+    def _inside(self) -> SectorInside:
+        return sector_inside(self.blade, self.faces, self.clamped)
+
     def cyclic(self, nodal_diameter: int) -> CyclicSector:
         """Return the sector at one nodal diameter, 0 to ``n_blades // 2``."""
         validation.integer("nodal diameter", nodal_diameter, most=self.geometry.n_blades // 2)
         if not self.keep_factors:
             for d, other in self._cyclic.items():
                 if d != nodal_diameter:
-                    other.forget_factors()
+                    other.forget_matrices()
         if nodal_diameter not in self._cyclic:
             self._cyclic[nodal_diameter] = CyclicSector(
-                self.blade, self.faces, self.clamped, nodal_diameter
+                self.blade, self.faces, self.clamped, nodal_diameter, self._inside
             )
         return self._cyclic[nodal_diameter]
 

@@ -36,15 +36,14 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.linalg import eigh
-from scipy.sparse.linalg import SuperLU
 
 from bdamper.fem.cyclic_symmetry import (
     CyclicSector,
     Sectors,
     cyclic_transformation,
-    factorise,
-    lowest_modes,
 )
+from bdamper.fem.factorisation import Factors, factorise
+from bdamper.fem.lowest_modes import lowest_modes
 from bdamper.fem.reduced_bodies import (
     Wanted,
     location_loads,
@@ -53,6 +52,7 @@ from bdamper.fem.reduced_bodies import (
     residual_shapes,
 )
 from bdamper.fem.sector_faces import SectorFaces
+from bdamper.fem.sector_inside import SectorInside, face_ties
 from bdamper.fem.surface import Structure, check, hermitian
 from bdamper.model.modal_basis import LocalBasis, fix_phase, rigid_motions
 from bdamper.model.structure import Interface, Port
@@ -158,7 +158,7 @@ class BladePart:
         )
 
     @cached_property
-    def solver(self) -> SuperLU:
+    def solver(self) -> Factors:
         """Factorisation of the stiffness of the blade clamped at its root."""
         return factorise(self.body.stiffness[self.own_dofs][:, self.own_dofs])
 
@@ -210,53 +210,44 @@ def disk_matrices(
     (3 n_nodes, n) and disk.
 
     ``sector`` is the sector at any of the nodal diameters.  The disk between its cut faces and the
-    roots is real and factorised once; only the stiffness of the faces depends on the nodal
-    diameter.  With a factorisation at each of 19 nodal diameters the import of a sector of 2,865
-    nodes takes 1.4 times as long.
+    roots is real and factorised once; only the motion of the faces depends on the nodal diameter.
     """
     body = blade.body
-    motion = carried[blade.root_dofs]
     # the clamped blade and its root do not take part in the solution for the disk
     held = blade.fixed.copy()
     held.ravel()[blade.own_dofs] = True
-    moving = ~held.ravel()
-    moving[blade.root_dofs] = False
-    on_faces = np.zeros(body.n_dof, bool)
-    on_faces[body.dofs(sector.faces.nodes)] = True
-    face = np.flatnonzero(moving & on_faces)
-    inner = np.flatnonzero(moving & ~on_faces)
+    held.ravel()[blade.root_dofs] = True
+    disk = SectorInside(body, sector.faces, held)
 
-    # disk with held faces, driven by the roots
-    inner_stiffness = body.stiffness[inner]
-    factor = factorise(inner_stiffness[:, inner])
-    coupling = inner_stiffness[:, face].tocsc()
-    driven = factor.solve(np.ascontiguousarray(inner_stiffness[:, blade.root_dofs] @ motion))
-
-    # stiffness of the faces without the inner displacements, and forces of the roots on them
-    face_stiffness = body.stiffness[face]
-    stiffness = face_stiffness[:, face].toarray()
-    for start in range(0, len(face), 64):  # columns at a time, for memory
-        columns = slice(start, start + 64)
-        stiffness[:, columns] -= coupling.T @ factor.solve(coupling[:, columns].toarray())
-    load = face_stiffness[:, blade.root_dofs] @ motion - coupling.T @ driven
+    # shapes with held faces, driven by the roots
+    driven = np.array(carried)
+    driven[disk.face] = 0.0
+    driven[disk.inner] = 0.0
+    driven[disk.inner] = -disk.factors.solve((body.stiffness @ driven)[disk.inner])
+    force = body.stiffness @ driven
+    momentum = body.mass @ driven
+    stiffness_driven = hermitian(driven.T @ force)
+    mass_driven = hermitian(driven.T @ momentum)
+    # forces and momenta of the driven shapes on the static shapes of the faces
+    load = force[disk.face]
+    momentum_of_faces = momentum[disk.face] + disk.force_on_faces(momentum[disk.inner])
 
     stiffness_of_wave, mass_of_wave = [], []
     for d in range(sector.faces.n_sectors // 2 + 1):
         blade.step(f"disk of the wheel, nodal diameter {d}")
-        t = cyclic_transformation(len(body.nodes), sector.faces, held, d)[face]
-        t = t[:, np.unique(t.indices)].toarray()
-        shapes = np.zeros(carried.shape, t.dtype)
-        shapes[blade.own_dofs] = carried[blade.own_dofs]
-        shapes[blade.root_dofs] = motion
-        shapes[face] = -t @ np.linalg.solve(t.conj().T @ stiffness @ t, t.conj().T @ load)
-        push = coupling @ shapes[face]
-        # the factorisation is real
-        pushed = factor.solve(np.ascontiguousarray(push.real))
-        if np.iscomplexobj(t):
-            pushed = pushed + 1j * factor.solve(np.ascontiguousarray(push.imag))
-        shapes[inner] = -driven - pushed
-        stiffness_of_wave.append(hermitian(shapes.conj().T @ (body.stiffness @ shapes)))
-        mass_of_wave.append(hermitian(shapes.conj().T @ (body.mass @ shapes)))
+        t, _ = face_ties(disk, cyclic_transformation(len(body.nodes), sector.faces, held, d))
+        adjoint = t.conj().T
+        of_wave = adjoint @ (disk.face_stiffness @ t)
+        motion = -t @ np.linalg.solve(of_wave, adjoint @ load)
+        stiffness = motion.conj().T @ (disk.face_stiffness @ motion)
+        # hermitian halves the sum with the adjoint
+        stiffness_of_wave.append(
+            stiffness_driven + hermitian(stiffness + 2.0 * motion.conj().T @ load)
+        )
+        mass = motion.conj().T @ (disk.face_mass @ motion)
+        mass_of_wave.append(
+            mass_driven + hermitian(mass + 2.0 * motion.conj().T @ momentum_of_faces)
+        )
     return np.array(stiffness_of_wave, complex), np.array(mass_of_wave, complex)
 
 
@@ -270,7 +261,7 @@ def root_shapes(blade: BladePart, sector: Sectors, n_sectors: int, sizes: LocalS
     """Return the principal shapes (n_root_dofs, n) of the root in the lowest modes."""
     motions = []
     for d in sampled_waves(n_sectors):
-        omega2, shapes = sector(d).modes(sizes.modes)
+        omega2, shapes = sector(d).approximate_modes(sizes.modes)
         root_motion = shapes[blade.root_dofs] / np.sqrt(omega2)
         motions += [root_motion.real, root_motion.imag]
     shapes, size, _ = np.linalg.svd(np.hstack(motions), full_matrices=False)

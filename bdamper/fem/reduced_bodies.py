@@ -54,15 +54,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.linalg import qr
-from scipy.sparse.linalg import SuperLU
 
-from bdamper.fem.cyclic_symmetry import (
-    CyclicSector,
-    Sectors,
-    cyclic_transformation,
-    factorise,
-    lowest_modes,
-)
+from bdamper.fem.cyclic_symmetry import CyclicSector, Sectors, cyclic_transformation
+from bdamper.fem.factorisation import Factors, factorise
+from bdamper.fem.lowest_modes import lowest_modes
 from bdamper.fem.rotation import Rotation, spin_displacement
 from bdamper.fem.sector_faces import SectorFaces
 from bdamper.fem.surface import Facets, Structure, check, corner_count, hermitian
@@ -131,7 +126,7 @@ class Floating:
         self._kept = np.setdiff1d(np.arange(len(rigid)), constrained)
 
     @cached_property
-    def solver(self) -> SuperLU:
+    def solver(self) -> Factors:
         """Factorisation of the stiffness matrix of the constrained structure."""
         return factorise(self.stiffness[self._kept][:, self._kept])
 

@@ -118,7 +118,8 @@ class Rotation:
         """
         change = (omega**2 - self.omega_ref**2) * self.per_squared_speed
         stiffness = sector.body.stiffness + change
-        return replace(sector, body=replace(sector.body, stiffness=stiffness))
+        # another stiffness has its own inside
+        return replace(sector, body=replace(sector.body, stiffness=stiffness), inside=None)
 
     def basis(
         self, basis: ModalBasis, sector: CyclicSector, shapes: NDArray, contact: sp.spmatrix

@@ -85,9 +85,11 @@ def test_decks_give_the_model_of_the_arrays(strips):
     np.testing.assert_allclose(
         stuck_frequencies(decks)[:6], stuck_frequencies(arrays)[:6], rtol=1e-6
     )
-    # friction makes the force on the shroud depend on the way to the static state, by up to 1e-3 of it
+    # With this friction 16 of 20 points stick.  Where most points slip, the force on the shroud depends
+    # on the way to the static state, by up to 1e-3 of it; with a friction coefficient below 1e-4 rounding
+    # decides whether a static state is found.
     found, expected = (
-        study.replace(friction_coefficient=1e-7).static(100.0).normal_force
+        study.replace(friction_coefficient=1.5).static(100.0).normal_force
         for study in (decks, arrays)
     )
     assert found == pytest.approx(expected, rel=1e-6)

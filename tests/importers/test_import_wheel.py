@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.fem import LocalSizes, cyclic_symmetry
+from bdamper.fem import LocalSizes, sector_inside
 from bdamper.importers import ContactFaces
 from bdamper.model.validation import check_model
 from bdamper.util.errors import BdamperError
@@ -53,20 +53,20 @@ def test_a_set_of_nodes_makes_the_local_basis(fe, bodies):
     assert few.n == 16
 
 
-def test_each_sector_is_factorised_once_on_one_thread(bodies, monkeypatch):
-    """Sectors at nodal diameters of the model serve the local basis, too; threads of a BLAS cost more than they bring."""
-    threads, plain = [], cyclic_symmetry.factorise
+def test_all_nodal_diameters_share_a_factorisation_on_one_thread(bodies, monkeypatch):
+    """One for the modes and one for the disk; threads of a BLAS cost more than they bring."""
+    threads, plain = [], sector_inside.factorise
 
     def noted(matrix):
         threads.extend(lib["num_threads"] for lib in threadpool_info() if lib["user_api"] == "blas")
         threads.append(None)
         return plain(matrix)
 
-    monkeypatch.setattr(cyclic_symmetry, "factorise", noted)
+    monkeypatch.setattr(sector_inside, "factorise", noted)
     with threadpool_limits(2, user_api="blas"):
         model = build(*bodies, **{**SETTINGS, "n_modes": 10}, blade_nodes="BLADE").model
     assert sorted(model.bodies["blade"].bases) == [0, 1, 2, 3]
-    assert threads.count(None) == 4
+    assert threads.count(None) == 2  # the inside of the sector, and the disk
     assert set(threads) == {1, None}
 
 
@@ -108,7 +108,7 @@ def test_a_set_that_is_no_blade_is_refused(fe, bodies, wheel, words):
 
 def test_blades_that_touch_each_other_are_refused_before_the_work(bodies, monkeypatch):
     """A wheel does not serve them, and a build for it says so at once."""
-    monkeypatch.setattr(cyclic_symmetry, "factorise", lambda matrix: pytest.fail("work was done"))
+    monkeypatch.setattr(sector_inside, "factorise", lambda matrix: pytest.fail("work was done"))
     shroud = ContactFaces("shroud", "HIGH", "LOW", "blade", "blade", points=2)
     with pytest.raises(
         BdamperError, match="blade_nodes: expected blades that touch dampers, found 'shroud'"

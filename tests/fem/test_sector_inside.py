@@ -1,0 +1,144 @@
+"""One factorisation of the inside of a sector for all nodal diameters."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_matrix
+from scipy.sparse.linalg import LinearOperator, eigsh, splu
+
+pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
+
+from bdamper.fem import sector_inside
+from bdamper.fem.cyclic_symmetry import CyclicSector
+from bdamper.fem.factorisation import factorise
+from bdamper.fem.generated_models import SectorFE
+from bdamper.fem.lowest_modes import lowest_modes
+from bdamper.fem.meshes import MeshDensity
+from bdamper.fem.sector_faces import no_faces
+
+SMALL = MeshDensity(2, 1, 1, 2, 1, 1, 1, 3, 3, 1, 2, 6)
+DIAMETERS = [0, 3, 32]
+ROUNDING = 5e-9
+"""Of squared frequencies: the terms of the strain energy are up to 1e7 times their sum."""
+
+
+@pytest.fixture(scope="module")
+def fe():
+    return SectorFE(density=SMALL)
+
+
+def extended(matrix):
+    """A matrix in the longest floating-point type of the machine, where it is longer."""
+    return matrix.astype(np.clongdouble if np.iscomplexobj(matrix) else np.longdouble)
+
+
+def exact_omega2(sector, shapes):
+    """Rayleigh quotients of reduced shapes without the rounding of the strain energy."""
+    shapes = extended(shapes)
+    strain = np.einsum("ij,ij->j", shapes.conj(), extended(sector.stiffness) @ shapes)
+    kinetic = np.einsum("ij,ij->j", shapes.conj(), extended(sector.mass) @ shapes)
+    return (strain.real / kinetic.real).astype(float)
+
+
+@pytest.mark.parametrize("d", DIAMETERS)
+def test_the_solver_inverts_the_stiffness_of_a_nodal_diameter(fe, d):
+    sector = fe.cyclic(d)
+    force = np.random.default_rng(d).standard_normal((sector.stiffness.shape[0], 3))
+    expected = splu(sector.stiffness.tocsc()).solve(force.astype(sector.stiffness.dtype))
+    found = sector.solver.solve(force)
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-8 * scale)
+    one = sector.solver.solve(force[:, 0])
+    np.testing.assert_allclose(one, found[:, 0], rtol=0.0, atol=1e-12 * scale)
+
+
+@pytest.mark.parametrize("d", DIAMETERS)
+def test_shapes_are_as_accurate_as_from_a_factorisation_of_the_nodal_diameter(fe, d):
+    """What remains of a difference in the frequencies is rounding of the strain energy.
+
+    The frequencies of two solutions differ by up to 1e-9 in double precision.  In extended precision
+    their shapes have the same frequencies, which therefore are those of the matrices.
+    """
+    sector = fe.cyclic(d)
+    omega2, _ = sector.modes(20)
+    exact = exact_omega2(sector, sector._reduced_shapes[:, :20])
+    factors = splu(sector.stiffness.tocsc())
+    n, dtype = sector.mass.shape[0], sector.mass.dtype
+    flexibility = LinearOperator((n, n), lambda x: factors.solve(x.astype(dtype)), dtype=dtype)
+    _, shapes = eigsh(
+        sector.stiffness, 20, M=sector.mass, sigma=0.0, v0=np.ones(n), OPinv=flexibility
+    )
+    reference = np.sort(exact_omega2(sector, shapes))
+    if np.finfo(np.longdouble).eps < 1e-18:
+        np.testing.assert_allclose(exact, reference, rtol=1e-11)
+    np.testing.assert_allclose(omega2, reference, rtol=ROUNDING)
+
+
+@pytest.mark.parametrize("d", DIAMETERS)
+def test_modes_of_the_inside_give_upper_bounds_close_to_the_modes(fe, d):
+    exact, shapes = fe.cyclic(d).modes(12)
+    sector = CyclicSector(fe.blade, fe.faces, fe.clamped, d, fe.cyclic(0).inside)
+    near, near_shapes = sector.approximate_modes(12)
+    assert np.all(near >= exact * (1.0 - 1e-8))
+    np.testing.assert_allclose(np.sqrt(near), np.sqrt(exact), rtol=3e-3)
+    overlap = np.abs(np.sum(near_shapes.conj() * (fe.blade.mass @ shapes), axis=0))
+    assert overlap[0] == pytest.approx(1.0, abs=1e-6)
+    own, _ = sector.modes(12)
+    assert np.array_equal(sector.approximate_modes(12)[0], own), "modes that exist are used"
+
+
+def test_static_shapes_that_are_not_stored_give_the_same(fe, monkeypatch):
+    stored = CyclicSector(fe.blade, fe.faces, fe.clamped, 3)
+    monkeypatch.setattr(sector_inside, "STORED", 0.0)
+    again = CyclicSector(fe.blade, fe.faces, fe.clamped, 3)
+    np.testing.assert_allclose(again.modes(10)[0], stored.modes(10)[0], rtol=ROUNDING)
+    found, expected = again.inside.face_mass, stored.inside.face_mass
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+    near = stored.approximate_modes(10)[0]
+    np.testing.assert_allclose(again.approximate_modes(10)[0], near, rtol=ROUNDING)
+
+
+def test_a_body_without_faces_is_its_inside(fe):
+    body = CyclicSector(fe.blade, no_faces(), fe.clamped, 0)
+    force = np.random.default_rng(1).standard_normal(body.stiffness.shape[0])
+    expected = splu(body.stiffness.tocsc()).solve(force)
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(body.solver.solve(force), expected, rtol=0.0, atol=1e-8 * scale)
+    assert len(body.solver.pivots) == len(force) and np.all(body.solver.pivots > 0.0)
+
+
+def test_pivots_show_an_indefinite_stiffness(fe):
+    """By Sylvester's law the inside and the condensed faces have the negative eigenvalues of both."""
+    lowest = fe.cyclic(3).modes(2)[0]
+    for shift, n_negative in ((0.5 * lowest[0], 0), (lowest.mean(), 1)):
+        softer = replace(fe.blade, stiffness=fe.blade.stiffness - shift * fe.blade.mass)
+        pivots = CyclicSector(softer, fe.faces, fe.clamped, 3).solver.pivots
+        assert (pivots < 0.0).sum() == n_negative
+
+
+def test_a_complex_factorisation_solves_real_and_complex_forces():
+    rng = np.random.default_rng(2)
+    factor = rng.standard_normal((6, 6)) + 1j * rng.standard_normal((6, 6))
+    dense = factor @ factor.conj().T + 6.0 * np.eye(6)
+    force = rng.standard_normal((6, 2))
+    for load in (force, force[:, 0], 1j * force):
+        found = factorise(csr_matrix(dense)).solve(load)
+        np.testing.assert_allclose(found, np.linalg.solve(dense, load), rtol=1e-12)
+    real = dense.real
+    for load in (force, force[:, 0], force + 2j * force[::-1]):
+        found = factorise(csr_matrix(real)).solve(load)
+        np.testing.assert_allclose(found, np.linalg.solve(real, load), rtol=1e-12)
+
+
+def test_lowest_modes_of_a_chain_with_double_frequencies():
+    """Two equal chains of springs between walls: omega2 = 4 sin2(pi k / (2 n + 2))."""
+    n, n_modes = 200, 9
+    chain = np.diag(np.full(n, 2.0)) - np.eye(n, k=1) - np.eye(n, k=-1)
+    stiffness = csr_matrix(np.kron(np.eye(2), chain))
+    mass = csr_matrix(np.eye(2 * n))
+    omega2, shapes = lowest_modes(stiffness, mass, factorise(stiffness).solve, n_modes)
+    k = np.repeat(np.arange(1, 6), 2)[:n_modes]
+    expected = 4.0 * np.sin(np.pi * k / (2 * n + 2)) ** 2
+    np.testing.assert_allclose(omega2, expected, rtol=1e-11)
+    np.testing.assert_allclose(shapes.T @ shapes, np.eye(n_modes), atol=1e-12)
