@@ -69,6 +69,12 @@ def has_more_points(settings: Settings) -> bool:
     return not joints or settings.get("contact_points") is not None
 
 
+def has_residual_modes(settings: Settings) -> bool:
+    """Return whether residual modes represent the flexibility of the omitted modes."""
+    # a name, or a mapping from the name to options
+    return "residual_modes" in settings.get("contact_stiffness", "")
+
+
 def not_covered(settings: Settings, effects: Sequence[str] = (), equal_blades: bool = True) -> str:
     """Return the line on effects that a computed amplitude does not contain."""
     listed = [*effects, "mistuning", "wear"] if equal_blades else [*effects, "wear"]

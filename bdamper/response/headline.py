@@ -13,7 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.harmonic_balance.subject import excitation_text, friction_coefficients
+from bdamper.harmonic_balance.subject import (
+    excitation_text,
+    friction_coefficients,
+    has_residual_modes,
+)
 from bdamper.model.loads import BASE
 from bdamper.response.branches import NO_SOLUTION
 from bdamper.response.motion_range import exceeds
@@ -38,6 +42,12 @@ GOOD, FAIR = 0.05, 0.2
 """Largest relative differences of a green and of an amber check."""
 SAFE = 1.5
 """Smallest fatigue margin of a green check."""
+CURVES_PER_ESTIMATE = 7.0
+"""Time of an error estimate in units of a response curve, without a reference of all force vectors:
+sum of the medians of 30 load cases (measured.md).
+"""
+VECTORS_OF_REFERENCE = 54
+"""Typical number of force vectors of this reference, those of two faces of nine points."""
 
 
 class Check(NamedTuple):
@@ -76,6 +86,7 @@ def checks(curve: OptimalCurve) -> list[Check]:
         _friction_range(curve),
         *_ends_of_range(curve),
         *_fatigue_margins(curve),
+        _errors_by_source(curve),
     ]
 
 
@@ -207,6 +218,37 @@ def _in_time(curve: OptimalCurve) -> Check:
     change = nearest.mean / nearest.balance - 1.0
     failure = f"harmonic balance and time integration differ by {abs(100.0 * change):.0f} %"
     return Check(graded(abs(change), GOOD, FAIR), name, found, rule, failure, remedy)
+
+
+def _errors_by_source(curve: OptimalCurve) -> Check:
+    """Name the estimate of errors by source, which the curve does not contain, and its price."""
+    preload = _rounded(curve.recommended_preload, 3)
+    n_curves = _rounded(_curves_per_estimate(curve), 1)
+    call = f"study.estimate_errors(study.peak({preload}))"
+    found = f"{call} takes the time of about {n_curves} response curves; these are {len(curve)}"
+    return Check("white", "Errors by source", found, "white, not part of an optimal curve")
+
+
+def _rounded(value: float, digits: int) -> str:
+    """Return a number with the given number of significant digits."""
+    return f"{float(f'{value:.{digits}g}'):g}"
+
+
+def _curves_per_estimate(curve: OptimalCurve) -> float:
+    """Return the time of an error estimate in units of a response curve, within a factor of 2.
+
+    With residual modes the reference with a vector for every contact force decides.  It has at
+    least three harmonics, and the time grows with the square of the number of unknowns.
+    """
+    if not has_residual_modes(curve.settings):
+        return CURVES_PER_ESTIMATE
+    n_unknowns = curve.unknowns.shape[1]
+    harmonics = len(curve.settings["harmonics"])
+    # mean, and cosine and sine of each harmonic
+    coordinates = n_unknowns / (2 * harmonics + 1)
+    coordinates_of_reference = coordinates + VECTORS_OF_REFERENCE
+    n_of_reference = (2 * max(harmonics, 3) + 1) * coordinates_of_reference
+    return float((n_of_reference / n_unknowns) ** 2)
 
 
 def _more_harmonics(curve: OptimalCurve) -> Check:

@@ -1,5 +1,6 @@
 """Error estimates by source, ladders of settings: against solutions of richer studies, and each other."""
 
+import re
 from dataclasses import fields as dataclass_fields
 from dataclasses import replace
 
@@ -63,6 +64,23 @@ def test_all_sources_of_a_peak(study, place, peak):
     assert "not estimated" not in errors.line and "\n" not in errors.line
     with pytest.raises(SettingError, match=r"source: expected one of .* found 'friction'"):
         errors["friction"]
+
+
+def test_an_optimal_curve_names_the_estimate_and_its_price():
+    """The reference with all force vectors decides; its time grows with its unknowns squared."""
+    model = bd.reference_model("turbine_blade", 9)
+    study = bd.Study(model, bd.Excitation("tip"), 5, friction_coefficient=0.3, harmonics=1)
+    curve = study.optimal_curve((90.0, 120.0), 2, check=False)
+    preload = f"{curve.recommended_preload:.3g}"
+    call = rf"study\.estimate_errors\(study\.peak\({preload}\)\)"
+    price = rf"{call} takes the time of about (\d+) response curves; these are {len(curve)}"
+    (found,) = re.findall(price, said(curve))
+    reference = richer_study(with_stand_ins(study.problem, 3), "residual flexibility").problem
+    expected = (reference.n_unknowns / study.problem.n_unknowns) ** 2
+    assert 0.5 < float(found) / expected < 2.0
+    # the options of residual modes are as expensive as their name
+    options = curve.settings | {"contact_stiffness": {"residual_modes": {"n_vectors": 6}}}
+    assert said(replace(curve, settings=options)) == said(curve)
 
 
 def test_a_model_that_has_no_more_modes_gives_no_number(study, place, peak):
