@@ -16,7 +16,7 @@ def main() -> None:
     unknown = [name for name in asked if name not in names]
     if unknown:
         sys.exit(f"benchmarks: expected names out of {names}, found {unknown}")
-    sys.argv[1:] = []  # what a benchmark of its own would read
+    sys.argv[1:] = []  # a benchmark must not read these arguments
     for name in asked:
         print(f"# {name}\n", flush=True)
         importlib.import_module(f"benchmarks.bench_{name}").main()

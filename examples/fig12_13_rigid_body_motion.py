@@ -56,9 +56,9 @@ with np.load(STORED / "rigid_motion.npz") as file:
     }
 
 # %%
-# **Fig. 12.** Mean at low preload, X and Y translation and Z rotation: holds but for the axial position, in both.  Where
-# every point slips in the axial direction within the period friction does not hold the mean position, and the damper
-# drifts by up to the clearance of its end faces.  Mean at high preload, Y translation: holds in both.
+# **Fig. 12.** At low preload the paper has a mean of X and Y translation and Z rotation.  Both settings agree except
+# for the axial position: where every point slips axially within the period, friction does not hold the mean position,
+# and the damper drifts by up to the clearance of its end faces.  At high preload the mean is Y translation in both.
 
 plot_motion("bias", "Mean", "fig12_rigid_motion_mean")
 

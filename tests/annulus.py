@@ -28,7 +28,7 @@ def small_sector(n_blades: int, disk: float = 1.0) -> SectorFE:
     """A coarse sector (1,551 degrees of freedom) of a wheel of 5 to 8 blades, the stiffness of its disk times ``disk``."""
     angle = (
         np.pi / 3 if n_blades > 5 else np.pi / 4
-    )  # of the faces, such that platforms slope downward
+    )  # angle of the faces, so that platforms slope downward
     geometry = Geometry(
         n_blades, bore_radius=0.05, rim_radius=0.08, ridge_radius=0.1215, face_angle=angle
     )

@@ -31,8 +31,8 @@ from bdamper.model.structure import (
     SurfaceMesh,
 )
 
-RADIUS = 0.30  # of the centre of the damper, m
-HEIGHT = 0.012  # of its section, m
+RADIUS = 0.30  # radius of the centre of the damper, m
+HEIGHT = 0.012  # height of the section of the damper, m
 LENGTH = 0.040  # along the axis of rotation, m
 DENSITY = 7800.0  # kg/m3
 BLADE_OMEGA = 2 * np.pi * np.array([310.0, 690.0, 1240.0, 1850.0, 2570.0, 3400.0, 4300.0, 5300.0])

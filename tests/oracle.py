@@ -175,7 +175,7 @@ def friction_of_rows(u, g, kt, mu, w, cuts_of_g):
     for slips, bound, at, sign in ((plus, lo, lo_at, 1.0), (minus, hi, hi_at, -1.0)):
         row, k = np.nonzero(
             slips & (sign * (before - at[:, :-1]) > 0.0)
-        )  # those that stick before they slip
+        )  # points that stick before they slip
         a, b = start[row, k], end[row, k]
         for _ in range(54):
             middle = 0.5 * (a + b)

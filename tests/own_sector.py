@@ -235,7 +235,7 @@ class OwnSector:
             lines += ["*SURFACE, NAME=UNDER", *_surface(elements, sets["RIGHT_UNDERSIDE"])]
             lines += [f"*TIE, NAME=BOND, POSITION TOLERANCE={near:g}, ADJUST=NO", "LEFT, UNDER"]
             dependent.append(faces["RIGHT"] + first)
-            independent.append("LEFT_UNDERSIDE")  # of the next blade
+            independent.append("LEFT_UNDERSIDE")  # underside of the next blade
         lines += [
             "*SURFACE, NAME=DEPENDENT, TYPE=NODE",
             *(f"{n + 1}," for n in np.concatenate(dependent)),

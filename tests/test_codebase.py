@@ -449,7 +449,7 @@ def test_the_stub_of_the_core_names_all_of_it():
     assert public == {name for name in dir(_core) if not name.startswith("__")}
     for name, node in classes.items():
         kind = getattr(_core, name, None)
-        if kind is None:  # what classes of the stub share
+        if kind is None:  # shared by all classes of the stub
             continue
         body = [
             *node.body,

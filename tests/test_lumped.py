@@ -170,7 +170,7 @@ def test_energy_and_history_of_a_cubic_spring():
     [
         ({"mass": [1.0, 0.0]}, "mass: expected a positive definite matrix"),
         (
-            {"mass": [1.0, 1e-10]},  # which is one
+            {"mass": [1.0, 1e-10]},  # positive definite, but nearly singular
             "mass: expected a positive definite matrix with eigenvalues above 1e-09 of its largest entry, 1 kg, found an "
             "eigenvalue of 1e-10 kg",
         ),

@@ -610,7 +610,7 @@ def _nlvib(figures, measure) -> Problem:
         assert curve.complete
         square = np.linalg.norm(curve.harmonics, axis=1) / np.sqrt(
             2.0
-        )  # as NLvib takes it, the mean halved, too
+        )  # convention of NLvib, where the mean is halved as well
         top = int(np.argmax(square))
         rows += [
             Row(f"example {example}, {name}: largest RMS", height, float(square[top]), 1e-3),

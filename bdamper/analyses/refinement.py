@@ -451,7 +451,7 @@ class _Search:
 
 
 def _usable(tops: Tops | None) -> Tops | None:
-    """Return the peaks of a more detailed study, None without a maximum."""
+    """Return the peaks of a more detailed study, or None if they contain no maximum."""
     if tops is None or tops.at_end or not tops.peaks[0].ok:
         return None
     return tops

@@ -622,7 +622,7 @@ class _FrictionPeaks:
         return sum(self.costs.values(), Cost())
 
     def at(self, preload: float) -> Callable[[float], FrictionPeak]:
-        """Return the function of the factor at one preload (N)."""
+        """Return a function that computes the peak at a preload (N) for a factor on friction."""
         return lambda factor: self._peak(preload, factor)
 
     def _peak(self, preload: float, factor: float) -> FrictionPeak:

@@ -699,7 +699,7 @@ class OwnLaws:
             where = f"friction_law: {point.where}" if point else ""
             raise SettingError(
                 f"{where}: expected finite forces and states, "
-                f"found others at the motion {motion[first].tolist()} m"
+                f"found NaN or infinite ones at the motion {motion[first].tolist()} m"
             )
         return force, derivative, after
 

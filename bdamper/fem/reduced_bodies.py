@@ -209,7 +209,10 @@ class FreeBody(Generic[S]):
         omega2 : (n_modes,) float, rad2/s2
         shapes : (3 n_nodes, n_modes) float, kg^-1/2
         """
-        check(n_modes >= 6, f"a free body has six rigid modes; n_modes = {n_modes}")
+        check(
+            n_modes >= 6,
+            f"n_modes: expected at least six, the rigid modes of a free body, found {n_modes}",
+        )
         n_elastic = n_modes - 6
         missing = self._modes is None or len(self._modes[0]) < n_elastic
         if n_elastic and missing:

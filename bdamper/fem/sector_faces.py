@@ -138,7 +138,7 @@ def match_faces(
     """
     check(
         len(left) and len(right),
-        f"sector faces with {len(left)} and {len(right)} nodes: none may be empty",
+        f"sector faces: expected nodes on both, found {len(left)} and {len(right)}",
     )
     pitch = 2.0 * np.pi / n_sectors if angle is None else angle
     distance, index = cKDTree(nodes[right]).query(nodes[left] @ turn(pitch).T)

@@ -151,7 +151,7 @@ class Search:
         Peaks outside are ignored.
     meter : CostMeter
     springs : float
-        Springs of the sweep.
+        Stiffness of the holding springs during the sweep, relative to the stuck contacts.
     """
 
     system: DiskSystem

@@ -1,7 +1,7 @@
 """Report of an optimal curve for a design review: one HTML file, from ``report.html``.
 
 Each check has a colour and a rule: green if passed, amber if uncertain, red if failed, white if not
-computed.  A red check is in the first sentence.  The file contains no link, and equal results of
+computed.  The first lines name each failed check.  The file contains no link, and equal results of
 one day give identical files.
 """
 

@@ -173,9 +173,9 @@ class StepPoint(NamedTuple):
 
 
 def _on_cubic(near: StepPoint, far: StepPoint, s: float, a: Correction) -> NDArray:
-    """Return a point of the cubic through two points of a step that starts at ``a``.
+    """Interpolate between two points of a step from ``a`` by a cubic.
 
-    If the far tangent turns away, it is a point of the near tangent.
+    If one of their tangents turns away from the initial tangent, extrapolate along the near one.
     """
     length = far.s - near.s
     near_cosine = float(near.tangent @ a.tangent)

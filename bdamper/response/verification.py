@@ -543,7 +543,7 @@ class FrictionPeak(WithStatus, Record):
         return "unknown"
 
     def compared_with(self, own: FrictionPeak) -> str:
-        """Return "high" if the amplitude exceeds twice that of ``own``, "low", or "unknown"."""
+        """Compare with twice the amplitude of ``own``: "high", "low" (up to it) or "unknown"."""
         limit = MUCH * own.amplitude
         if self.amplitude > limit or self.lower_bound > limit:
             return "high"

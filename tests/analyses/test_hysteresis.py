@@ -39,7 +39,7 @@ def area(x, f):
 
 def test_energies_balance_along_a_curve(study, curve):
     found = study.dissipation(curve)
-    assert not found._facts()  # those of a single solution would be numbers of points here
+    assert not found._facts()  # the facts of a single solution would be numbers of points here
     assert np.abs(found.imbalance).max() < 2e-9  # the residual of a point of a curve is 1e-9
     assert found.amplitude == pytest.approx(curve.amplitude, rel=1e-12)
     assert (found.energy >= -1e-12 * found.excitation.max()).all()

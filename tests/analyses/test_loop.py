@@ -136,7 +136,7 @@ def test_a_band_damper():
     record = np.array(json.loads(path.read_text())["data"])[1059:1571]
     x, force = 0.0254 * record[:, 1], 4448.2216 * record[:, 2]
     rigid, found = (bd.fit_loop(x, force, normal=1e4, backlash=play) for play in (False, True))
-    best = found.force.copy()  # of all laws with monotonic branches, by the force alone
+    best = found.force.copy()  # best force of all laws with monotonic branches
     for branch in np.split(np.arange(len(best)), [np.argmin(found.displacement)]):
         best[branch] = isotonic_regression(best[branch], increasing=branch[0] > 0).x
     assert 0.17 < np.std(found.force - best) / np.std(found.force) < 0.19

@@ -30,7 +30,7 @@ def test_one_harmonic_is_the_closed_form():
     omega, zeta = np.transpose([jenkins.closed_form(a) for a in mode.amplitude])
     np.testing.assert_allclose(TWO_PI * mode.frequency, omega, rtol=1e-10)
     np.testing.assert_allclose(mode.damping_ratio, zeta, rtol=1e-10)
-    # the largest damping is a point of the curve, where the closed form has its maximum
+    # the curve has a point at the largest damping of the closed form
     top = mode.point_kind.index("maximum")
     a = mode.amplitude[top]
     assert top == np.argmax(mode.damping_ratio)
@@ -57,7 +57,7 @@ def test_many_harmonics_are_the_exact_solution():
     assert len(worst) > 5
     assert np.abs(worst).max() < 1e-5
     one = [jenkins.closed_form(a)[1] / jenkins.exact(a)[1] - 1.0 for a in (3.0, 6.0)]
-    assert min(map(abs, one)) > 1e-3  # what one harmonic is off by
+    assert min(map(abs, one)) > 1e-3  # error of one harmonic
 
 
 def test_more_harmonics_give_the_error_of_one():

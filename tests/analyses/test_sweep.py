@@ -330,7 +330,7 @@ class TestInterrupted:
             os._exit(0)
         try:
             os.read(here, 1)
-            os.close(file.file)  # as the system does where the parent is killed
+            os.close(file.file)  # the system closes the files of a killed parent
             with closing(ResultsFile(tmp_path / "r.jsonl", {"format": "x"})) as again:
                 assert not list(again.finished())
         finally:
@@ -875,7 +875,7 @@ class TestUncertainty:
             stored.other_friction == found.other_friction
             and stored.mass_radius == found.mass_radius
         )
-        with h5py.File(tmp_path / "found.h5", "a") as file:  # as a file of an earlier version
+        with h5py.File(tmp_path / "found.h5", "a") as file:  # like a file of an earlier version
             del file["other_friction"], file.attrs["mass_radius"]
         assert bd.load(tmp_path / "found.h5").other_friction == () and np.isnan(
             bd.load(tmp_path / "found.h5").mass_radius

@@ -149,7 +149,8 @@ def test_values_that_end_at_larger_motions(tmp_path):
     assert curve.status == "incomplete"
     assert f"forces of {AT} may not be finite there" in curve.reason
     with pytest.raises(
-        bd.SettingError, match=rf"{AT}: expected finite .*, found others at the motion \[1.3"
+        bd.SettingError,
+        match=rf"{AT}: expected finite .*, found NaN or infinite ones at the motion \[1.3",
     ):
         study.problem.own_laws.step(np.array([[1.3, 0.0, 0.0]]), np.zeros((1, 3)))
 

@@ -129,7 +129,7 @@ def test_a_position_that_nothing_holds_is_solved_by_least_norm():
     rng = default_rng(11)
     arrays = random_arrays(rng, (10, 12), 1)
     arrays["stiffness"][0] = 0.0
-    arrays["G"][[0, 10, 20]] = 0.0  # of the first mode of the mean
+    arrays["G"][[0, 10, 20]] = 0.0  # entries of the first mode of the mean
     y = np.append(rng.normal(size=len(arrays["force"])), 0.8)
     found, rank, _, core = solved(arrays, y, CONDENSED)
     expected, *_ = solved(arrays, y, FULL)

@@ -98,7 +98,7 @@ def test_closing_where_a_bound_of_the_slider_is_extreme():
         level = rng.choice([0.0, rng.uniform(-0.9, 0.9)])
         of_v, of_u = rng.uniform(0.0, 2.0 * np.pi, 2)
         closing = of_v - np.arccos(-level)
-        slope = -size * np.sin(closing - of_v)  # of v, upward
+        slope = -size * np.sin(closing - of_v)  # slope of v where it rises
         amplitude = rng.choice([-1.0, 1.0]) * mu * kn * slope / -np.sin(closing - of_u)
         point = Point(np.ones(2), kn, mu, kn * size * level, np.zeros(2))
         for off in 1e-15 * rng.normal(size=8):

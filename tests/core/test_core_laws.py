@@ -190,7 +190,7 @@ def test_small_motions_of_bouc_wen_settle():
     force, tangent, _ = own(x, _core.bouc_wen, p, [0, 0, 0, 0.5, -0.3])
     assert (
         abs(force[0, 0]) < 1e-12 and abs(force[1, 0]) < 1e-12
-    )  # what it began with is forgotten, by symmetry
+    )  # by symmetry the initial state has no effect
     assert np.isfinite(tangent).all()
 
 

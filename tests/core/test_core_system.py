@@ -121,7 +121,7 @@ def spoiled(arrays):
     for name, value in arrays.items():
         yield name, value.astype("c8")
         yield name, value[None]
-        if name not in ("n_mode", "kn"):  # which tell the numbers of modes and points
+        if name not in ("n_mode", "kn"):  # these arrays give the numbers of modes and points
             yield name, value.ravel()[:-1].copy()
         for bad in {"n_mode": [-3], "law": [7], "w": [np.nan]}.get(name, [np.nan, np.inf]):
             yield name, changed(value, -1, bad)

@@ -28,7 +28,7 @@ def test_from_files_to_a_report(tmp_path, monkeypatch):
     )
     assert [loop.kt, loop.mu, loop.spread] == pytest.approx([1e8, 0.42, 0.5], rel=1e-3)
     assert found.misfit < 1.5 and np.nanmax(found.predictions) < 2.5
-    truth = np.array([1.0, 1.0, 1.05, 0.42, 0.8])  # of the names in their order
+    truth = np.array([1.0, 1.0, 1.05, 0.42, 0.8])  # in the order of the names
     # 95 % intervals contain all five values in 77 % of draws, 99 % intervals in 95 %, and 99.9 % intervals in 99.5 %;
     # the libraries and the processor decide which of the draws this one is
     middle, wider = 0.5 * (found.low + found.high), 3.291 / 1.960 * 0.5 * (found.high - found.low)

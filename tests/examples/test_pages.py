@@ -210,7 +210,7 @@ def test_optimal_preloads_of_the_first_page():
         assert preload == pytest.approx(best.preload, rel=0.01)
         per_newton[excitation] = best.preload / excitation
     one = first_study(1.0).at_speed(rpm=8860)
-    # so small a load presses a part of the faces alone
+    # this small load closes only a part of the faces
     with pytest.warns(bd.PlausibilityWarning, match="preload|contact at rest"):
         per_newton[1.0] = one.optimal_curve((90.0, 130.0), 3, check=False).optimum.preload
     shown = re.search(

@@ -82,7 +82,7 @@ def test_stored_curves_belong_to_the_shipped_model():
         assert np.nanmax(result.residual) < 1e-8, path.name
         if not path.name.startswith(("points", "optimal_rig")):
             assert result.model_hash == model.hash, path.name
-    # one of them again
+    # compute one stored curve again
     kept = paper_disk.stored("mode_2_500N")
     again = paper_disk.study(2).frequency_response(500.0, paper_disk.MODES[2].band)
     assert kept.peak.amplitude == pytest.approx(again.peak.amplitude, rel=1e-6)
@@ -274,7 +274,7 @@ def test_rigid_body_motion(tmp_path):
     assert np.all(tx > np.maximum(rz, ty))
     assert np.array_equal(rz > ty, paper["preload"] > 120.0) and not (rz > ty).all()
     assert np.all(np.minimum(ty, rz) > np.maximum(tz, np.maximum(rx, ry)))
-    # converged X translation comes first as well, but from 300 N on Y translation second
+    # converged: X translation comes first as well, but from 300 N on Y translation is second
     tx, ty, _, _, _, rz = converged["modal_vibratory"].T
     high = converged["preload"] > 300.0
     assert np.all(tx > np.maximum(ty, rz)) and np.all(ty[high] > rz[high]) and high.sum() == 8

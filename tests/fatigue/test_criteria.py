@@ -140,5 +140,5 @@ def test_a_material_is_refused_where_it_cannot_be():
         Material(0.0, 300e6, 200e6)
     with pytest.raises(SettingError, match="line"):
         STEEL.factor(1.0, 1.0, "straight")
-    share = 4.51 * 690.0**-0.265 * 0.814  # of the documented example
+    share = 4.51 * 690.0**-0.265 * 0.814  # share in the documented example
     assert AISI_1050.endurance_limit == pytest.approx(0.5 * 690e6 * share, rel=1e-3)

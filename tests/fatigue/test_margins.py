@@ -179,7 +179,8 @@ def test_a_stuck_curve_has_the_stress_of_a_bonded_contact(study):
     turn = np.vdot(one, other) / abs(np.vdot(one, other))
     assert abs(np.angle(turn)) < 1e-4
     np.testing.assert_allclose(turn * one, other, rtol=1e-6, atol=tiny)
-    study = study.replace(contact_stiffness=1e8)  # that of the model depends on the slip at rest
+    # the stiffness of the model depends on the slip at rest
+    study = study.replace(contact_stiffness=1e8)
     stuck = study.stuck((200.0, 400.0), 200.0)
     own = study.stress(stuck).coefficients[..., 1:]
     for other, factor in [
@@ -281,7 +282,7 @@ def test_the_headline_says_what_makes_the_least_margin_doubtful(study):
     largest = np.arange(3) == factor.argmax()
     for margins in printed(
         near_contact=largest, spread=0.9 * largest
-    ):  # neither concerns the least margin
+    ):  # the point with the largest factor, not with the least margin
         assert "differ" not in said(margins) and "Left out" not in said(margins)
         assert "left out: 1 point on or next to contact faces" in margins.notes
     in_time = replace(

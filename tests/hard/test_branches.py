@@ -300,7 +300,7 @@ def test_what_was_not_followed_is_data(gap, status, tmp_path):
     """A path that ended in a tangle, a gap beyond it, a path that broke off: each is left out, with its place."""
     path = followed(two_oscillators(5), 1.0, 3.5, STUCK)
     some = path.points[0]
-    gap *= 2.5  # of the interval
+    gap *= 2.5  # width of the interval
 
     def part(a, b, **how):
         points = tuple(replace(some, y=np.append(some.y[:-1], omega)) for omega in (a, b))
@@ -592,7 +592,7 @@ def test_a_curve_ends_with_what_it_has_when_its_budget_is_used_up(budget):
     assert 0.9 * budget <= curve.cost.evaluations <= budget + 100
     assert curve.settings["continuation"]["budget"] == budget
     assert f"the budget was {budget} evaluations" in curve.reason
-    assert "did not converge" not in curve.reason  # what was not tried has not failed
+    assert "did not converge" not in curve.reason  # a step that was not tried has not failed
     assert "study.motion_in_time" in curve.reason
     assert "no solution found" in [part.why for part in curve.missing_ranges]
     first = curve.unknowns[curve.branch == 0]

@@ -94,7 +94,7 @@ class State:
         self.system = replace(
             plain.structure, points=self.points, contact_forces=self.contact_forces
         ).equations
-        # of one unit, it moves the surfaces by the vibration
+        # one unit along this direction moves the surfaces by the vibration
         direction = rng.standard_normal(len(u))
         moved = plain.contact(direction)[0] - plain.contact(0.0 * direction)[0]
         self.direction = direction * self.size / np.abs(moved).max()

@@ -169,7 +169,7 @@ def test_case_11_the_ellipse_settles(limit):
     coarse_steps, fine_steps = (
         oracle.settled_under_constant_load(x, limit, n) for n in (512, 1024)
     )
-    expected = 2 * fine_steps - coarse_steps  # of first order in the step
+    expected = 2 * fine_steps - coarse_steps  # the error is of first order in the step
     start = np.zeros((1, 2))
     two = oracle.coupled(
         x[None, :2], np.ones(1), np.ones(1), lambda t: np.full((1, len(t)), limit), start, 1024, 2

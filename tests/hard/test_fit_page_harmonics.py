@@ -27,7 +27,7 @@ def test_a_fit_leaves_a_local_minimum(tmp_path, monkeypatch):
         free=free,
         intervals="linear",
     )
-    truth = np.array([1.0, 1.0, 1.05, 0.42, 0.8])  # of the names in their order
+    truth = np.array([1.0, 1.0, 1.05, 0.42, 0.8])  # in the order of the names
     assert richer.status == "complete" and richer.misfit < 1.1
     assert ((richer.low < truth) & (truth < richer.high)).all()
     both = found.widen(richer)

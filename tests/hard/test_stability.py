@@ -160,7 +160,7 @@ def test_a_neutral_position_has_no_sign():
 def test_stuck_sliders_are_left_out():
     system = two_oscillators(3)
     p = followed(system, 1.0, 1.05, STUCK).points[0]
-    assert p.shares[0] == 0.5  # of two directions, one has no friction
+    assert p.shares[0] == 0.5  # one of two directions has no friction
     M = monodromy(system, p.y[:-1], p.y[-1])
     assert M.shape == (4, 4)
     # linear: the determinant is that of viscous damping alone

@@ -63,7 +63,7 @@ def test_the_history_of_a_jenkins_element_is_a_parallelogram():
         (
             {"friction_law": "coupled", "contact_forces": bd.AFT(256)},
             2e-3,
-        ),  # of order 1/n_time with separation
+        ),  # the error is of order 1/n_time with separation
     ],
     ids=str,
 )

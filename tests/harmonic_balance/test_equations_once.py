@@ -59,7 +59,7 @@ def test_a_track_and_a_peak_make_one_core(study, monkeypatch):
         _ = study.problem.at(float(preload)).sector
     assert (
         study.problem.system(8000.0) is not None and len(made) == 3
-    )  # of sixteen preloads the equations are kept
+    )  # the cache keeps the equations of sixteen preloads
     assert study.problem.system(8000.0) is study.problem.system(8000) and len(made) == 3
 
 

@@ -73,7 +73,7 @@ def test_two_engine_orders_superpose_where_nothing_slips(study, kind):
     )
     springs = {
         name: own.stiffness for name, own in study.problem.stiffness.items()
-    }  # those of nodal diameter 5
+    }  # springs at nodal diameter 5
     other = other.replace(response=bd.Response("tip"), contact_stiffness=springs)
     curve, first = getattr(both, kind)(BAND), getattr(study, kind)(BAND)
     linear, rows = other.problem.at(1.0).sector.linear, other.problem.response_rows[1]

@@ -167,7 +167,7 @@ def test_decks_and_instances_give_the_same_model_on_the_command_line(tmp_path, m
     areas = [[face.area.sum() for face in model.interfaces.values()] for model in (one, third)]
     assert areas[1] == pytest.approx(
         areas[0], rel=1e-9
-    )  # of wedges, stored as hexahedra, as of hexahedra
+    )  # wedges that are stored as hexahedra have the areas of hexahedra
     # three rows are the least along t1; along t2 the blade has three lines of nodes
     assert [face.n_points for face in one.interfaces.values()] == [9, 9, 4, 4]
     chosen = (

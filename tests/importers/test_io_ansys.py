@@ -60,7 +60,7 @@ def test_real_archives():
     assert enclosed_volume(body.boundary, body.nodes) == pytest.approx(
         np.ptp(beam.nodes, axis=0).prod(), rel=1e-9
     )
-    # what its matrices say must hold on these nodes: no rigid motion costs a force
+    # on these nodes no rigid motion may cause a force of its matrices
     found = PreparedBody("sector", sector, body.placement)
     assert enclosed_volume(found.boundary, found.nodes) > 0.0
 

@@ -158,7 +158,7 @@ def turned_and_scaled(body: FEBody, length: float, mass: float) -> FEBody:
 
 def test_other_axes_and_units(bodies, built):
     moved = [turned_and_scaled(b, 1e-3, 1e3) for b in bodies]
-    # what was +Y is now -Z, what was Z is now X
+    # the former +Y is now -Z, the former Z is now X
     place = {"axis": (1.0, 0.0, 0.0), "radial": (0.0, 0.0, -1.0), "units": "mm-t-s"}
     tip_there = 1e3 * np.array([TIP[2], -TIP[0], -TIP[1]])
     other = built_with(*moved, locations={"tip": tip_there}, **place)

@@ -421,7 +421,7 @@ def test_matrices_after_constraints_match_by_independent_components(bulk_data, t
     cards = [f"DMIG    {name}           0       6       2       0" for name in ("KAAX", "MAAX")]
     for name, n, c in (
         (name, n, c) for name in ("KAAX", "MAAX") for n in (3, 4, 9) for c in (1, 2, 3)
-    ):  # as punched
+    ):  # in the form of punched cards
         cards.append(f"DMIG*   {name:16s}{n:16d}{c:16d}\n*       {n:16d}{c:16d} 3.000000000D+00")
     found = bulk_data("\n".join([SPIDERS, *cards]))
     np.testing.assert_array_equal(found.stiffness.toarray(), 3.0 * np.eye(6))

@@ -198,7 +198,9 @@ def test_the_error_of_held_peaks_covers_what_freeing_changes(monkeypatch):
     top = BladedDisk(study(), Mistuning.random(N, 0.03, seed=0)).peak(500.0, options=FEW)
     highest = max(seen, key=lambda peak: peak.height)
     assert top.ok and top.error == MISSED + top.harmonics_error
-    assert highest.heights[0] > 1.1 * top.amplitude  # springs of a tenth
+    assert (
+        highest.heights[0] > 1.1 * top.amplitude
+    )  # with springs of a tenth of the stuck stiffness
     for n in range(1, len(highest.heights)):
         part = replace(highest, springs=highest.springs[:n], heights=highest.heights[:n])
         assert abs(top.amplitude / part.height - 1.0) <= part.error < 0.6

@@ -114,7 +114,7 @@ def test_the_tail_of_a_weibull_distribution_is_found():
             for sign in (-1.0, 1.0)
         ]
         assert max(pair) < top and abs(pair[1] - pair[0]) < 0.02 * abs(sum(pair) - 2.0 * top)
-    # what lies below the tail does not bend it
+    # values below the tail do not change the fit
     bent = np.where(values < np.median(values), values - 5.0, values)
     assert np.isclose(weibull_tail(bent).bound, found.bound)
     with pytest.raises(

@@ -78,7 +78,7 @@ def amplification(structure, order, deviations):
         for n in range(N):
             K[2 * n : 2 * n + 2, 2 * n : 2 * n + 2] += blades[n]
         own = np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, K)).real)
-        own = np.sort(own)[:N]  # of the blades; those of the roots lie above
+        own = np.sort(own)[:N]  # modes of the blades; modes of the roots lie above
         zeta = structure.local.damping_ratio[0]
         omega = (own[:, None] * (1.0 + zeta * np.linspace(-1.0, 1.0, 5))).ravel()
         Z = K + 1j * omega[:, None, None] * damping - omega[:, None, None] ** 2 * mass

@@ -62,7 +62,7 @@ def test_what_a_blade_keeps_has_a_margin_of_its_own(study, curve, tmp_path):
     others = (
         TimeResponse(*(np.nan,) * 4, 300.0, top),
         replace(known, preload=200.0),
-    )  # of another peak than there
+    )  # time responses that belong to no peak of the curve
     found = study.best_margin(replace(curve, time_response=(known, *others)), AISI_1050)
     two = replace(
         curve, time_response=(known, replace(known, preload=1.35 * p, highest_period=1.3 * top))

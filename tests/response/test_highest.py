@@ -373,7 +373,9 @@ def test_a_peak_of_a_part_of_a_curve_is_incomplete(monkeypatch):
     whole = stiffness + np.diag([0.0, held.kt])
     s = 2j * np.pi * f[:, None, None]
     det = np.linalg.det(whole + s**2 * mass + s * 0.02 * stiffness)
-    x = np.abs((0.6 + 0.02 * 0.6 * 2j * np.pi * f) / det)  # of the second mass, by Cramer's rule
+    x = np.abs(
+        (0.6 + 0.02 * 0.6 * 2j * np.pi * f) / det
+    )  # amplitude of the second mass by Cramer's rule
     tops = np.flatnonzero((x[1:-1] > x[:-2]) & (x[1:-1] > x[2:])) + 1
     assert len(tops) == 2
     peak = study.peak(0.0, (0.12, 0.4))

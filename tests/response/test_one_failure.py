@@ -18,7 +18,7 @@ FAILURES = [
     StaticError("no static state"),
     np.linalg.LinAlgError("singular"),
     FloatingPointError("overflow"),
-    ValueError("array must not contain infs or NaNs"),  # of SciPy
+    ValueError("array must not contain infs or NaNs"),  # raised by SciPy
 ]
 PRELOADS, LOST = [1.0, 2.0, 3.0], 2.0
 

@@ -31,7 +31,7 @@ def test_above_the_limit_of_friction_the_response_is_unbounded(excess, interval)
     assert not curve.complete
     assert curve.peak.amplitude == np.inf
     assert "unbounded at 0.159155 Hz" in str(curve).split("\n")[0]
-    # no amplitude that no structure has
+    # no absurdly large amplitude is printed
     assert "e+0" not in str(curve)
 
 

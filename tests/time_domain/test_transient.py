@@ -135,7 +135,7 @@ class TestSettled:
         # a transient of 12 periods, of which 0.92 % lie between the means of the first and the last 16 periods
         off = sign * (0.4 - 0.0165 * np.exp(-np.arange(96.0) / 12.0))
         near = np.append(off[:80], off[80:])
-        near[70] = 0.0  # so that it has not simply left
+        near[70] = 0.0  # otherwise the motion could simply have left
         assert verdict(near) == (DIFFERS if sign > 0.0 else UNDECIDED)
 
     @pytest.mark.parametrize(

@@ -53,7 +53,7 @@ def empty_margins():
 
 
 REFUSED = {
-    # what a study is made of
+    # parts of a study
     "the path of a model for the model": (
         lambda s: bd.Study("disk.h5", TIP, 5),
         "model: .*found str",

@@ -330,7 +330,7 @@ class TestBottomLine:
         assert (remedy in said(curve)) == (colour == "red")
         result = {"red": "FAIL", "amber": "uncertain", "green": "pass"}[colour]
         assert printed_check(curve, check.name)[1:] == (result, found)
-        known = "1.3" if status == "complete" else "1"  # what was not found is not covered
+        known = "1.3" if status == "complete" else "1"  # a peak that was not found is not covered
         assert f"friction coefficients beyond 0.7 to {known} times 0.4 summary" in said(curve)
 
     def test_friction_coefficients_of_points(self, study):

@@ -261,7 +261,7 @@ class TestNotebook:
             and f"<pre>{swept.summary()[:10]}" in page
         )
         assert "\nmu   preload (N)  amplitude" in str(swept)
-        # highest and points, then the table with its head
+        # rows of the highest value and of the points, then the table with its head
         assert page.count("<tr>") == 2 + 1 + len(swept)
 
     def test_of_a_long_table_the_ends_are_printed(self):

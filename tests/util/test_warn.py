@@ -61,7 +61,7 @@ def test_a_reader_leaves_the_warnings_of_others(tmp_path):
     @reader("a file of this test")
     def read(path):
         pause()
-        return np.float64(1e300) * np.float64(1e300)  # of damaged numbers, without a warning
+        return np.float64(1e300) * np.float64(1e300)  # damaged numbers overflow without a warning
 
     (tmp_path / "file").write_text("")
     said = [f"warning {k}" for k in range(50)]
