@@ -207,3 +207,52 @@ def test_a_loose_wedge_lands_in_the_same_way_with_any_number_of_steps():
     np.testing.assert_allclose(
         whole.structure.at_rest, expected, rtol=0.0, atol=1e-6 * np.abs(expected).max()
     )
+
+
+def _elastic_face(seed, n_points, friction):
+    """A face with given normal forces, whose tangential springs are far stiffer than its modes."""
+    rng = np.random.default_rng(seed)
+    along = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, n_points), n_points - 1)
+    directions = rng.normal(size=(n_points, 3, 3))
+    modes = np.einsum("pk,kdc->pckd", along, directions).reshape(n_points, 3, -1)
+    stiffness = np.repeat(1e5 * 10.0 ** (0.5 * np.arange(n_points)), 3)
+    springs = 1e9 * 10.0 ** rng.uniform(-1.0, 1.0, (n_points, 2))
+    normal = rng.uniform(0.5, 1.5, n_points) / n_points
+    return StaticSystem(
+        stiffness=stiffness,
+        G=modes,
+        kt=springs,
+        kn=np.full(n_points, 1e-4),
+        mu=np.full(n_points, friction),
+        n0=normal,
+        force=np.zeros(len(stiffness)),
+        shift=np.zeros((n_points, 3)),
+        constant_force=np.zeros(len(stiffness)),
+    )
+
+
+@pytest.mark.parametrize(
+    ("seed", "n_points", "friction"), [(3, 16, 0.1), (0, 16, 0.3), (2, 16, 0.3), (3, 24, 0.2)]
+)
+def test_a_face_under_given_normal_forces_has_a_state(seed, n_points, friction):
+    """The forces minimise a strictly convex energy: one state meets the conditions, and exists.
+
+    The conditions are evaluated from the modal coordinates and the forces alone.
+    """
+    system = _elastic_face(seed, n_points, friction)
+    state = static_state(system, 0.0)
+    assert state.ok, state.reason
+    G = system.G.reshape(-1, system.G.shape[2])
+    np.testing.assert_allclose(
+        system.stiffness * state.q, -G.T @ state.force.ravel(), rtol=0.0, atol=1e-10
+    )
+    T = state.force[:, :2]
+    np.testing.assert_allclose(state.force[:, 2], system.n0, rtol=1e-6)
+    limit = friction * state.force[:, 2:]
+    assert np.all(np.abs(T) <= (1.0 + 1e-9) * limit)
+    motion = (G @ state.q).reshape(-1, 3)[:, :2]
+    slip = motion - T / system.kt
+    sticks = np.abs(T) < (1.0 - 1e-9) * limit
+    np.testing.assert_allclose(slip[sticks], 0.0, atol=1e-9 * np.abs(motion).max())
+    assert sticks.any() and not sticks.all()
+    assert np.all(slip[~sticks] * T[~sticks] > 0.0)
