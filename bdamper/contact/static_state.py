@@ -397,8 +397,8 @@ class _LoadStep:
     def _tangential_flexibility(self, closed: NDArray, rubs: NDArray) -> tuple[NDArray, NDArray]:
         """Return C (n, n) and x_0 (n,) of the tangential motion ``x = x_0 - C T`` of points.
 
-        ``rubs`` has their indices.  The structure stands on the normal springs of the ``closed``
-        points, and C includes the tangential springs.
+        ``rubs`` has their indices.  The normal springs of the ``closed`` points act on the
+        structure, and C includes the tangential springs.
 
         Raises
         ------
