@@ -67,7 +67,9 @@ FOLLOWED = "higher on the peak followed from"
 FAR_BELOW_FREE = 0.01
 """Ratio to the resonance without contact below which a peak of another mode is no answer if the
 preload is less than the excitation.  A shroud of a random sector has 0.5 um at 929 Hz in contact,
-and 524 um at 149 Hz without."""
+and 524 um at 149 Hz without.  Its faces close the ring: started from the free motion at 149 Hz, time
+integration falls below 1 um within 14 periods.  The limit thus raises a doubt and proves nothing.
+"""
 ANOTHER_MODE = 1.5
 """Ratio to the frequency of the free resonance from which a peak belongs to another mode."""
 
