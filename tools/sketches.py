@@ -1,5 +1,6 @@
-"""Sketches of the theory pages: ``python tools/sketches.py`` draws them into docs/images."""
+"""Sketches of the manual: ``python tools/sketches.py`` draws them into docs/images."""
 
+import tempfile
 from pathlib import Path
 
 import matplotlib
@@ -10,7 +11,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.patches import Arc, Polygon, Rectangle
 
+from bdamper.importers import example_decks, read_calculix
 from bdamper.plot.axes import STYLE, save_figure
+from bdamper.plot.bodies import plot_surfaces, seen
 
 IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 BOTH = {"arrowstyle": "<|-|>", "color": "tab:blue", "linewidth": 1.4}
@@ -196,7 +199,105 @@ def folds():
     return ax
 
 
+HEXAHEDRON = ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))
+"""Corners of the faces of an element."""
+SECTOR_SETS = {
+    "LOW": "tab:blue",
+    "HIGH": "tab:cyan",
+    "BORE": "0.4",
+    "LEFT_UNDERSIDE": "tab:red",
+    "RIGHT_UNDERSIDE": "tab:orange",
+}
+DAMPER_SETS = {
+    "LEFT": "tab:orange",
+    "RIGHT": "tab:red",
+    "FRONT": "tab:green",
+    "BACK": "tab:olive",
+}
+"""Colours of the sets; faces that touch have the same colour."""
+POINT_SETS = {"FILLET": [], "tip: node 117": [117]}
+
+
+def outer_faces(body):
+    """Return the node numbers (n, 4) of the faces that belong to one element only."""
+    faces = np.concatenate([np.asarray(body.elements[0])[:, face] for face in HEXAHEDRON])
+    _, first, count = np.unique(
+        np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True
+    )
+    return faces[first[count == 1]]
+
+
+def rotated(points, turned, tilted):
+    """Return points turned about the radial direction and then tilted backward (degrees)."""
+    c, s = np.cos(np.radians(turned)), np.sin(np.radians(turned))
+    points = points @ np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
+    c, s = np.cos(np.radians(tilted)), np.sin(np.radians(tilted))
+    return points @ np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+
+def show_sets(ax, body, colours, turned, tilted, named):
+    """Draw a body of the deck in one view; named: the sets whose names are written."""
+    row = {int(number): k for k, number in enumerate(body.numbers)}
+    faces = np.vectorize(row.get)(outer_faces(body))
+    # axes of the model: Z is the axis of rotation, X of the deck; Y is radial
+    x, y, z = 1e-3 * body.nodes.T
+    points = rotated(np.column_stack([-z, y, x]), turned, tilted)
+    plain = np.ones(len(faces), bool)
+    surfaces = []
+    for name, colour in colours.items():
+        members = {row[int(n)] for n in body.node_sets[name]}
+        inside = np.array([members.issuperset(face.tolist()) for face in faces])
+        plain &= ~inside
+        surfaces.append((points, faces[inside], colour))
+    plot_surfaces([(points, faces[plain], "#dde4ea"), *surfaces], ax)
+    ax.autoscale_view()
+    ax.set(aspect="equal")
+    ax.set_axis_off()
+    places = {name: seen(points[quads.ravel()]) for name, (_, quads, _) in zip(colours, surfaces)}
+    for name, nodes in POINT_SETS.items():
+        if name in named:
+            numbers = body.node_sets.get(name, nodes)
+            places[name] = seen(points[[row[int(n)] for n in numbers]])
+            ax.plot(places[name][:, 0], places[name][:, 1], "k.", markersize=4.0)
+    left, right = ax.get_xlim()
+    for name in named:
+        at = places[name][:, :2].mean(axis=0)
+        on_right = at[0] > 0.5 * (left + right) or name in POINT_SETS
+        ax.annotate(
+            name,
+            at,
+            xytext=(right if on_right else left, at[1]),
+            fontsize=7.5,
+            ha="left" if on_right else "right",
+            va="center",
+            arrowprops={"arrowstyle": "-", "linewidth": 0.7},
+        )
+
+
+def sets():
+    """Node sets of the CalculiX example from both sides."""
+    with tempfile.TemporaryDirectory() as folder:
+        example_decks("calculix", folder)
+        sector = read_calculix(Path(folder) / "sector")
+        strip = read_calculix(Path(folder) / "damper")
+    figure = plt.figure(figsize=(9.0, 3.6), layout="none")
+    views = [
+        (sector, SECTOR_SETS, 0.0, 45.0, [*POINT_SETS, "LEFT_UNDERSIDE", "LOW", "BORE"], 0.12),
+        (sector, SECTOR_SETS, 180.0, 45.0, ["RIGHT_UNDERSIDE", "HIGH"], 0.4),
+        (strip, DAMPER_SETS, 0.0, 0.0, ["LEFT", "FRONT"], 0.62),
+        (strip, DAMPER_SETS, 180.0, 0.0, ["RIGHT", "BACK"], 0.83),
+    ]
+    for body, colours, turned, tilted, named, left in views:
+        height = 0.9 if body is sector else 0.45
+        bottom = 0.05 if body is sector else 0.25
+        ax = figure.add_axes((left, bottom, 0.2 if body is sector else 0.12, height))
+        show_sets(ax, body, colours, turned, tilted, named)
+    figure.text(0.27, 0.95, "sector.inp, from below", ha="center", fontsize=8.5)
+    figure.text(0.79, 0.95, "damper.inp, larger", ha="center", fontsize=8.5)
+    return ax
+
+
 if __name__ == "__main__":
-    for draw in (damper, point, states, folds):
+    for draw in (damper, point, states, folds, sets):
         with plt.rc_context(STYLE):
             save_figure(draw(), IMAGES / f"sketch_{draw.__name__}.png", dpi=150)

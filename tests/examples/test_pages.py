@@ -21,7 +21,7 @@ from bdamper.util.formatting import percent
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
-OWN = {"fit", "import", "lumped"}  # pages whose tests run their blocks themselves
+OWN = {"design", "fit", "import", "lumped"}  # pages whose tests run their blocks themselves
 
 
 def blocks(page):
