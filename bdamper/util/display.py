@@ -35,6 +35,7 @@ from bdamper.util.formatting import (
     amount,
     counted,
     percent,
+    sentence,
     short_repr,
     spaced,
     table_lines,
@@ -479,8 +480,12 @@ class Differences(Summarised):
     def __bool__(self) -> bool:
         return bool(self.settings or self.outcomes)
 
-    def _headline(self) -> str:
-        return f"{' and '.join(self.kinds)}{' differ:' if self else ': no difference'}"
+    def _statement(self) -> Statement:
+        compared = " and ".join(self.kinds)
+        n_differences = len(self.settings) + len(self.outcomes)
+        table, remarks = self._few_rows()
+        verdict = f"{sentence(counted(n_differences, 'difference'))}: {compared}"
+        return Statement([verdict], remarks=remarks, table=table)
 
     def _rows(self) -> list[tuple[str, ...]]:
         rows = [(name, text_of(a), text_of(b), _change(a, b)) for name, a, b in self.settings]
