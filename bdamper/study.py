@@ -627,6 +627,7 @@ class Study(Comparable):
         steps_per_period: int | None = None,
         blades: int | None = None,
         starts: int = 1,
+        seconds: float = in_time.SECONDS,
         progress: bool | None = None,
     ) -> TimeResponse:
         """Compute the highest steady amplitude in time at the preload of a response curve or of a peak, with its error.
@@ -648,15 +649,19 @@ class Study(Comparable):
             Number of initial states at the highest point.  Further ones have other disturbances
             (their numbers are the seeds of the phases) and friction without traction, or at its
             limit in either direction.
+        seconds : float, s
+            Largest processor time of the integrations.  After it the result contains the motions
+            that have settled, and its reason names the missing part.
         progress : bool, optional
             Show progress: a bar, or without a terminal lines after ten seconds; on by default.
 
         Returns
         -------
         TimeResponse
-            "not found" if no motion stays, the integration fails, or its energy does not balance;
-            "incomplete" if the error exceeds 5 %, the mean drifts, or the curve ends before the
-            motion falls.  After Ctrl-C it describes the highest steady motion so far.
+            "not found" if no motion stays or settles in time, the integration fails, or its energy
+            does not balance; "incomplete" if the error exceeds 5 %, the mean drifts, the processor
+            time is spent, or the curve ends before the motion falls.  After Ctrl-C it describes the
+            highest steady motion so far.
 
         Raises
         ------
@@ -670,6 +675,7 @@ class Study(Comparable):
             steps_per_period=steps_per_period,
             blades=blades,
             starts=starts,
+            seconds=seconds,
             progress=progress,
         )
 

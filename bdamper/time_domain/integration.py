@@ -28,6 +28,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from math import gcd
+from threading import Lock
 from typing import NamedTuple
 
 import numpy as np
@@ -90,6 +91,46 @@ class IntegrationFailed(BdamperError):
 
 class EnergyGained(IntegrationFailed):
     """The energy does not balance, because the time steps are too long for the contacts."""
+
+
+class TimeSpent(BdamperError):
+    """The processor time that an integration may take is spent."""
+
+
+TIME_SPENT = 8
+"""Status of the core if the processor time is spent."""
+
+
+class TimeLimit:
+    """Processor time (s) of the integrations of one result, on all threads.
+
+    Parameters
+    ----------
+    seconds : float, s
+        Largest sum.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        self.seconds = seconds
+        self._left = seconds
+        self._counting = Lock()
+
+    def left(self) -> float:
+        """Return the seconds that are left.
+
+        Raises
+        ------
+        TimeSpent
+            If there are none.
+        """
+        if self._left <= 0.0:
+            raise TimeSpent(f"the {self.seconds:g} s of processor time are spent")
+        return self._left
+
+    def take(self, seconds: float) -> None:
+        """Subtract seconds that were spent."""
+        with self._counting:
+            self._left -= seconds
 
 
 class Motion(NamedTuple):
@@ -205,6 +246,8 @@ class Ring:
         bonded = np.asarray(system.structure.points.law)[:, None] == LAW_BONDED
         self.held = np.broadcast_to(bonded, (system.n_points, 2))
         self.cost = Cost()
+        # processor time of the integrations; unlimited if None
+        self.limit: TimeLimit | None = None
         # time steps with a solution for contact forces, and evaluations for them
         self.effort = np.zeros(2, int)
 
@@ -473,7 +516,10 @@ class Ring:
         ------
         IntegrationFailed
             If the contact forces of a time step are not found, even after six bisections.
+        TimeSpent
+            If the processor time of :attr:`limit` is spent.
         """
+        seconds = 0.0 if self.limit is None else self.limit.left()
         count = n_steps * periods if steps is None else steps
         complete_periods = count // n_steps
         # the core takes several states, and integrates copies in place
@@ -503,13 +549,20 @@ class Ring:
             path,
             first,
             energy,
+            seconds,
         )
+        taken = time.thread_time() - started
         self.effort = self.effort + effort
         self.cost = replace(
             self.cost,
-            time_integration=self.cost.time_integration + time.thread_time() - started,
+            time_integration=self.cost.time_integration + taken,
             evaluations=self.cost.evaluations + count + 1,
         )
+        if self.limit is not None:
+            self.limit.take(taken)
+            if status == TIME_SPENT:
+                # raises, because at least these seconds were taken
+                self.limit.left()
         if status:
             raise IntegrationFailed(
                 f"the time integration fails near {omega / TWO_PI:.6g} Hz: contact forces are not "

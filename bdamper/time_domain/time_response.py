@@ -45,6 +45,8 @@ from bdamper.time_domain.integration import (
     EnergyGained,
     IntegrationFailed,
     Ring,
+    TimeLimit,
+    TimeSpent,
     ring_of,
     transfer,
 )
@@ -92,6 +94,10 @@ it and slowly above.
 RIGID_BEYOND = 3.0
 """Ratio of the first elastic frequency of a free body to the highest harmonic above which the body
 is rigid in time.
+"""
+SECONDS = 300.0
+"""Processor time of the integrations of one response, about three times that of the longest of the
+shipped studies.
 """
 VECTORS = 24
 """Residual modes per harmonic of the richer structure."""
@@ -237,9 +243,11 @@ def time_response(
     steps_per_period: int | None = None,
     blades: int | None = None,
     starts: int = 1,
+    seconds: float = SECONDS,
     progress: bool | None = None,
 ) -> TimeResponse:
     """See :meth:`bdamper.Study.time_response`."""
+    limit = TimeLimit(validation.number("seconds", seconds, above=0.0, unit="s"))
     starts = validation.integer("starts", starts, least=1)
     steps = STEPS
     if steps_per_period is not None:
@@ -274,10 +282,11 @@ def time_response(
 
     source = ring_of(problem, preload, blades)
     ring = source if structure is problem else ring_of(structure, preload, blades)
+    ring.limit = limit
     progress = shows_progress(progress)
     search = SteadySearch(ring, source, balance, steps)
     integrations = _integrate(search, structure, preload, blades, starts, progress)
-    if integrations.step_error and not integrations.interrupted:
+    if integrations.step_error and not integrations.stopped:
         # shorter steps resolve the contacts better, so the search begins again
         first = integrations
         search = SteadySearch(ring, source, balance, 4 * steps)
@@ -316,6 +325,8 @@ class _Integrations:
         Amplitudes that other initial states lead to.
     step_error : str
         Why the time steps are too long, or "".
+    time_spent : str
+        That the processor time is spent, or "".
     interrupted : bool
     cost : Cost
         Cost of the richer structure.
@@ -325,8 +336,14 @@ class _Integrations:
     runs: dict[str, SteadyPoint]
     starts: dict[str, float]
     step_error: str
+    time_spent: str
     interrupted: bool
     cost: Cost
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the user or the limit of the processor time ended the integrations."""
+        return self.interrupted or bool(self.time_spent)
 
 
 def _integrate(
@@ -342,6 +359,7 @@ def _integrate(
     others: dict[str, float] = {}
     richer: _RicherRing | None = None
     error = ""
+    time_spent = ""
     what = f"time integration at {amount(preload, 'N')}, {counted(search.ring.n, 'blade')}"
     with LongWork() as work, progress_stages(progress, what, "step") as report:
         # three runs with different steps, one in the richer structure, and the other starts
@@ -356,7 +374,10 @@ def _integrate(
                 if structure_and_name is not None:
                     richer_problem, name = structure_and_name
                     richer = _RicherRing(name, ring_of(richer_problem, preload, blades))
+                    richer.ring.limit = search.ring.limit
                 _add_refinements(search, best, richer, starts, runs, others)
+        except TimeSpent as spent:
+            time_spent = str(spent)
         except IntegrationFailed as failed:
             search.failure = str(failed)
             # motions from before the failure still count
@@ -367,7 +388,7 @@ def _integrate(
     names += [name for name in runs if name not in names]
     in_order = {name: runs[name] for name in names if name in runs}
     cost = Cost() if richer is None else richer.ring.cost
-    return _Integrations(search, in_order, others, error, work.interrupted, cost)
+    return _Integrations(search, in_order, others, error, time_spent, work.interrupted, cost)
 
 
 @dataclass(frozen=True)
@@ -525,9 +546,10 @@ def _stated(
     """
     search = integrations.search
     best = search.best
+    spent = _after_limit(integrations)
     # an amplitude with energy that the time steps supply is no bound either
     if integrations.step_error or best is None:
-        why = integrations.step_error or search.failure or "no motion stays near the peak"
+        why = integrations.step_error or spent or search.failure or "no motion stays near the peak"
         end = _ending(NOT_FOUND, why, integrations.interrupted)
         return replace(without_amplitude, status=end.status, reason=end.reason)
 
@@ -545,7 +567,7 @@ def _stated(
     at_end = ""
     if search.at_end(best):
         at_end = "the curve ends before the motion falls; widen the interval"
-    doubts = [doubt_about_range, search.failure, at_end, doubt_about_curve]
+    doubts = [doubt_about_range, spent, search.failure, at_end, doubt_about_curve]
     doubt = "; ".join(filter(None, doubts))
     if doubt:
         end = _ending(INCOMPLETE, doubt, integrations.interrupted)
@@ -565,6 +587,21 @@ def _stated(
         reason=end.reason,
         **of_blades(best.transient, len(best.amplitude)),
     )
+
+
+def _after_limit(integrations: _Integrations) -> str:
+    """Return the missing part of the work if the processor time is spent, with a remedy, or ""."""
+    limit = integrations.search.ring.limit
+    if not integrations.time_spent or limit is None:
+        return ""
+    if integrations.search.best is None:
+        missing = "before a motion settled"
+    elif len(integrations.runs) == 0:
+        missing = "before the search for the highest motion ended"
+    else:
+        missing = "before all refinements ended"
+    remedy = f"raise seconds, {limit.seconds:g} now"
+    return f"{integrations.time_spent} {missing}; {remedy}"
 
 
 def _ending(status: str, reason: str, interrupted: bool) -> Ending:

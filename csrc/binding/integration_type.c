@@ -3,6 +3,7 @@
  * As in equations_type.c, computation runs without the GIL, under the lock of the object that owns
  * the workspace. */
 #include "binding/binding.h"
+#include "util/clock.h"
 
 #include <math.h>
 #include <pythread.h>
@@ -246,17 +247,19 @@ static int read_harmonics(core_arguments *arguments, PyObject *object, const bd_
 static PyObject *Ring_integrate(RingObject *self, PyObject *args, PyObject *kwargs) {
     static char *names[] = {"q",     "v",         "a",      "w",         "n_step", "per_period",
                             "omega", "omega_end", "radius", "tolerance", "fresh",  "harmonic",
-                            "trace", "first",     "energy", NULL};
+                            "trace", "first",     "energy", "seconds",   NULL};
     PyObject *q_object, *v_object, *a_object, *w_object;
     PyObject *harmonic = Py_None, *trace = Py_None, *energy = Py_None;
+    double seconds = 0.0;
     bd_time_path path = {0};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOlidddd|pOOlO:integrate", names, &q_object,
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOlidddd|pOOlOd:integrate", names, &q_object,
                                      &v_object, &a_object, &w_object, &path.n_step,
                                      &path.steps_per_period, &path.omega, &path.omega_end,
                                      &path.spectral_radius, &path.tolerance,
                                      &path.find_acceleration, &harmonic, &trace, &path.first_step,
-                                     &energy))
+                                     &energy, &seconds))
         return NULL;
+    if (seconds > 0.0) path.last_second = bd_processor_seconds() + seconds;
     core_arguments arguments = {0};
     const bd_time *t = &self->time;
     const npy_intp n_state = length(q_object, "q", 1000000), n = 2 * t->n_total;
@@ -321,7 +324,7 @@ static PyObject *Ring_follow(RingObject *self, PyObject *args) {
 static PyMethodDef Ring_methods[] = {
     {"integrate", (PyCFunction)(void (*)(void))Ring_integrate, METH_VARARGS | METH_KEYWORDS,
      "integrate(q, v, a, w, n_step, per_period, omega, omega_end, radius, tolerance, fresh=False, "
-     "harmonic=None, trace=None, first=0, energy=None) -> (int, int, int)\n\n"
+     "harmonic=None, trace=None, first=0, energy=None, seconds=0.0) -> (int, int, int)\n\n"
      "Integrate m states in place: q, v, a (m, 2 n) and w (m, n_sector, n_point, 2 + n_memory), "
      "sliders and "
      "memories of user laws.\n\n"
@@ -338,10 +341,11 @@ static PyMethodDef Ring_methods[] = {
      "in damping, "
      "work on the contacts, increase of kinetic and strain energy; trace, the coordinates at the "
      "start of each "
-     "step (m, n_step, 2 n).\n\n"
+     "step (m, n_step, 2 n). With seconds, the integration stops after this processor time.\n\n"
      "Return the status, the number of solutions for contact forces and the number of their "
      "evaluations. The "
-     "status is not 0 if contact forces were not found even in shortened steps."},
+     "status is 1 if contact forces were not found even in shortened steps, and 8 if the processor "
+     "time is spent."},
     {"follow", (PyCFunction)Ring_follow, METH_VARARGS,
      "follow(q, w)\n\n"
      "Update the sliders w, as in integrate, along a prescribed motion q (n_step, 2 n)."},

@@ -15,7 +15,11 @@
  *     M (I + T C) x = y - M (y - x),     y = C x.
  *
  * A point that changes its state changes T by terms of rank one, and M by the Sherman-Morrison
- * formula. If the full correction increases the residual, the best of four lengths is used. */
+ * formula.
+ *
+ * At stiff contacts that open and close the norm of the residual does not show the length of a
+ * correction. With a constant friction limit p is the minimum of a convex potential. Its slope
+ * along a change of p is -(C change)' R. A correction ends as soon as this slope is small. */
 #ifndef BD_TIME_CONTACT_NEWTON_H
 #define BD_TIME_CONTACT_NEWTON_H
 
@@ -206,8 +210,8 @@ static void next_vector(bd_time *t, const bd_time_patterns *patterns, double *no
     for (size_t i = 0; i < n; ++i) next[i] = compliant[i] - next[i];
 }
 
-/* Solve (I + T C) change = residual to a tenth by GMRES; pattern_motion = C change. */
-static void solve_correction(bd_time *t, const bd_time_patterns *patterns) {
+/* Solve (I + T C) change = residual by GMRES to a relative tolerance; pattern_motion = C change. */
+static void solve_correction(bd_time *t, const bd_time_patterns *patterns, double tolerance) {
     enum { M = BD_TIME_VECTORS };
     const size_t r = (size_t)patterns->rank, n = r * (size_t)t->n_sector;
     double H[M + 1][M]; /* triangular after rotations (c, s) */
@@ -220,7 +224,7 @@ static void solve_correction(bd_time *t, const bd_time_patterns *patterns) {
         for (size_t i = 0; i < n; ++i) v[i] /= size;
     g[0] = size;
     int m = 0;
-    while (m < M && fabs(g[m]) > BD_TIME_LINEAR_TOLERANCE * size) {
+    while (m < M && fabs(g[m]) > tolerance * size) {
         double *now = v + (size_t)m * n, *next = now + n;
         next_vector(t, patterns, now, compliant + (size_t)m * n, next);
         for (int i = 0; i <= m; ++i) {
@@ -276,22 +280,41 @@ static double apply_correction(bd_time *t, const bd_time_patterns *patterns, dou
     return pattern_residual(t, patterns);
 }
 
-/* Apply the correction with the best of four lengths; return the norm of the residual. */
+/* Decrease of the potential per length of the correction, -slope. */
+static double descent(const bd_time *t, const bd_time_patterns *patterns) {
+    const size_t n = (size_t)patterns->rank * (size_t)t->n_sector;
+    return dot(n, t->pattern_motion, t->residual);
+}
+
+/* Apply the correction up to its end or to the minimum of the potential; return the norm of the
+ * residual. */
 static double search_length(bd_time *t, const bd_time_patterns *patterns, double size) {
-    double least = apply_correction(t, patterns, 1.0), best = 1.0;
-    if (least < size) return least;
+    const double at_start = descent(t, patterns);
+    const double small = BD_TIME_SLOPE * at_start;
+    double norm = apply_correction(t, patterns, 1.0);
+    double low = 0.0, at_low = at_start, high = 1.0, at_high = descent(t, patterns);
+    const int is_minimum_beyond = at_high >= -small;
+    if (!(at_start > 0.0) || is_minimum_beyond || norm < BD_TIME_CONVERGES * size) return norm;
+
     double applied = 1.0;
-    for (double share = 0.5; share > 0.1; share *= 0.5) {
-        const double here = apply_correction(t, patterns, share - applied);
+    for (int i = 0; i < BD_TIME_LENGTHS; ++i) {
+        const double share = low + (high - low) * at_low / (at_low - at_high);
+        norm = apply_correction(t, patterns, share - applied);
         applied = share;
-        if (here < least) {
-            best = share;
-            least = here;
+        const double here = descent(t, patterns);
+        if (fabs(here) <= small) return norm;
+        /* half of the value at the other end, so that both ends approach the minimum */
+        if (here > 0.0) {
+            low = share;
+            at_low = here;
+            at_high *= 0.5;
+        } else {
+            high = share;
+            at_high = here;
+            at_low *= 0.5;
         }
-        if (here < size) break;
     }
-    if (best == applied) return least;
-    return apply_correction(t, patterns, best - applied);
+    return norm;
 }
 
 /* predicted_force = D (x* - x), with the derivatives of the last step. */
@@ -316,8 +339,8 @@ static void predict_forces(bd_time *t) {
 }
 
 /* Solve for a correction and find its motion at the points. */
-static void find_correction(bd_time *t, const bd_time_patterns *patterns) {
-    solve_correction(t, patterns);
+static void find_correction(bd_time *t, const bd_time_patterns *patterns, double tolerance) {
+    solve_correction(t, patterns, tolerance);
     multiply((size_t)t->n_sector, t->rows, (size_t)patterns->rank, t->pattern_motion,
              patterns->pattern, t->correction_motion);
 }
@@ -338,7 +361,7 @@ static int solve_contact(bd_time *t, const bd_time_patterns *patterns, double to
     if (predict) {
         predict_forces(t);
         multiply(sectors, r, rows, t->predicted_force, patterns->pattern_transposed, t->residual);
-        find_correction(t, patterns);
+        find_correction(t, patterns, BD_TIME_LINEAR_TOLERANCE);
     } else {
         memset(t->correction_motion, 0, sizeof(double) * n_motion);
         memset(t->pattern_correction, 0, sizeof(double) * n);
@@ -359,7 +382,10 @@ static int solve_contact(bd_time *t, const bd_time_patterns *patterns, double to
             if (!found) t->largest_force = largest_before;
             return found;
         }
-        find_correction(t, patterns);
+        /* few corrections suffice in most steps; in others the direction decides */
+        const int is_hard = i >= BD_TIME_EASY_ITERATIONS;
+        find_correction(t, patterns,
+                        is_hard ? BD_TIME_HARD_LINEAR_TOLERANCE : BD_TIME_LINEAR_TOLERANCE);
         size = search_length(t, patterns, size);
     }
 }

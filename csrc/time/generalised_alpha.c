@@ -15,6 +15,7 @@
  * q+ + g+ = E+, that is beta = 1/K. Products are in modal_motion.h, the law in contact_law.h, the
  * solution for the forces g+ in contact_newton.h. */
 #include "time/contact_newton.h"
+#include "util/clock.h"
 
 static void swap(double **a, double **b) {
     double *first = *a;
@@ -288,6 +289,8 @@ bd_status BD_JOIN(bd_time_integrate_, BD_VARIANT)(bd_time *t, const bd_time_path
         const int ends_period = (k + 1) % steps == 0;
         if (path->energy && ends_period)
             memcpy(path->energy + 4 * (k / steps), t->energy, sizeof t->energy);
+        const int is_timed = path->last_second > 0.0 && (k + 1) % BD_TIME_CLOCK_STEPS == 0;
+        if (is_timed && bd_processor_seconds() > path->last_second) return BD_TIME_SPENT;
     }
     return BD_OK;
 }

@@ -133,11 +133,26 @@ enum {
     BD_TIME_FIELDS
 };
 
-/* Newton iterations per step, vectors of GMRES in each and its tolerance, steps until M is
- * recomputed, and denominator of a rank-one update below which M is recomputed. */
+/* Newton iterations per step, vectors of GMRES in each, steps until M is recomputed, and
+ * denominator of a rank-one update below which M is recomputed. */
 enum { BD_TIME_MAX_ITERATIONS = 40, BD_TIME_VECTORS = 8, BD_TIME_REFACTOR = 64 };
-#define BD_TIME_LINEAR_TOLERANCE 0.1
 #define BD_TIME_SINGULAR 1e-3
+
+/* Steps between two readings of the clock. */
+enum { BD_TIME_CLOCK_STEPS = 16 };
+
+/* Tolerance of GMRES in the first iterations of a step, their number, and tolerance in later ones.
+ */
+enum { BD_TIME_EASY_ITERATIONS = 2 };
+#define BD_TIME_LINEAR_TOLERANCE 0.1
+#define BD_TIME_HARD_LINEAR_TOLERANCE 0.01
+
+/* Length of a correction: slope of the potential relative to the one at its start that ends the
+ * search, largest number of lengths, and ratio of residuals below which the full correction needs
+ * no search. */
+enum { BD_TIME_LENGTHS = 8 };
+#define BD_TIME_SLOPE 0.5
+#define BD_TIME_CONVERGES 0.1
 
 /* Residual relative to the forces above which a step is unsolved, and number of times that such a
  * step is halved. */
@@ -161,6 +176,8 @@ typedef struct bd_time_path {
     double omega, omega_end;
     double spectral_radius; /* spectral radius at infinite frequency, 0 to 1 */
     double tolerance;       /* relative tolerance of the contact forces */
+    /* processor time (s) of the thread at which the integration stops; 0: it does not */
+    double last_second;
     /* 1: compute the accelerations and the coordinates without mass from the remaining state */
     int find_acceleration;
     /* complex harmonics (n_step/steps_per_period, n_row, n_harm + 1) of the responses in each

@@ -31,7 +31,8 @@ typedef enum {
     BD_NOT_FINITE = 4,    /* NaN or infinity in the evaluation */
     BD_BAD_ARGUMENT = 5,
     BD_NO_MEMORY = 6,
-    BD_BAD_STATE = 7 /* wrong order of calls: the point has no factorisation */
+    BD_BAD_STATE = 7, /* wrong order of calls: the point has no factorisation */
+    BD_TIME_SPENT = 8 /* the processor time is spent */
 } bd_status;
 
 static inline int bd_n_coef(int n_harm) { return 2 * n_harm + 1; }

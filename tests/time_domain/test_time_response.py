@@ -1,5 +1,6 @@
 """Steady amplitude in time with its error: structures, one mass that falls, the reference models, and the result."""
 
+import itertools
 from dataclasses import replace
 
 import matplotlib.pyplot as plt
@@ -10,7 +11,7 @@ import bdamper as bd
 from bdamper.contact.residual_flexibility import RESIDUAL
 from bdamper.response.events import ContinuationOptions
 from bdamper.time_domain import time_response
-from bdamper.time_domain.integration import Ring, every_diameter, ring_of, transfer
+from bdamper.time_domain.integration import Ring, TimeLimit, every_diameter, ring_of, transfer
 from bdamper.time_domain.steady_amplitude import BalanceCurve, SteadySearch
 from bdamper.time_domain.time_response import (
     VECTORS,
@@ -392,6 +393,29 @@ def test_an_interruption_leaves_the_highest_motion_so_far(bent, monkeypatch):
         monkeypatch.undo()
         assert found.status == "interrupted" and np.isfinite(found.mean) == known
         assert not known or (found.frequency > F0 and found.lowest < found.mean < found.highest)
+
+
+@each(("call", "status", "missing"), [
+    (2, "not found", "before a motion settled"),
+    (50, "incomplete", "before the search for the highest motion ended"),
+    (107, "incomplete", "before all refinements ended"),
+])  # fmt: skip
+def test_a_spent_processor_time_leaves_what_was_computed(bent, monkeypatch, call, status, missing):
+    """It is spent with one integration of a ring, and no other follows, not even in the richer structure."""
+    study, curve = bent
+    own, done = TimeLimit.take, itertools.count(1)
+
+    def spends_all(limit, seconds):
+        own(limit, limit.seconds if next(done) == call else 0.0)
+
+    monkeypatch.setattr(TimeLimit, "take", spends_all)
+    found = study.time_response(curve, seconds=1000.0)
+    assert next(done) == call + 1
+    assert found.status == status
+    remedy = "raise seconds, 1000 now"
+    assert f"the 1000 s of processor time are spent {missing}; {remedy}" in found.reason
+    known = status == "incomplete"
+    assert np.isfinite([found.mean, found.lowest, found.highest]).all() == known
 
 
 def test_a_part_of_a_curve_gives_a_lower_bound(bent):
