@@ -1,21 +1,24 @@
 """One factorisation of the inside of a sector for all nodal diameters."""
 
+import sys
+import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, diags, identity, kron
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.fem import sector_inside
+from bdamper.fem import factorisation, sector_inside
 from bdamper.fem.cyclic_symmetry import CyclicSector
 from bdamper.fem.factorisation import factorise
 from bdamper.fem.generated_models import SectorFE
 from bdamper.fem.lowest_modes import lowest_modes
 from bdamper.fem.meshes import MeshDensity
 from bdamper.fem.sector_faces import no_faces
+from bdamper.util.errors import BdamperWarning
 
 SMALL = MeshDensity(2, 1, 1, 2, 1, 1, 1, 3, 3, 1, 2, 6)
 DIAMETERS = [0, 3, 32]
@@ -142,3 +145,77 @@ def test_lowest_modes_of_a_chain_with_double_frequencies():
     expected = 4.0 * np.sin(np.pi * k / (2 * n + 2)) ** 2
     np.testing.assert_allclose(omega2, expected, rtol=1e-11)
     np.testing.assert_allclose(shapes.T @ shapes, np.eye(n_modes), atol=1e-12)
+
+
+# ---- large matrices ----
+
+
+@pytest.fixture
+def grid():
+    """Stiffness of a grid of 20 x 20 springs to its neighbours and the ground."""
+    line = diags([-1.0, 2.0, -1.0], [-1, 0, 1], shape=(20, 20))
+    one = identity(20)
+    return csr_matrix(kron(line, one) + kron(one, line) + 0.1 * identity(400))
+
+
+def test_without_the_extra_a_line_says_what_to_install(grid, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pypardiso", None)  # its import fails
+    force = np.random.default_rng(3).standard_normal((400, 2))
+    monkeypatch.setattr(factorisation, "LARGE", 399)
+    expected = r"400 equations .* install the extra bdamper\[large\]"
+    with pytest.warns(BdamperWarning, match=expected) as caught:
+        factors = factorise(grid)
+    assert len(caught) == 1
+    np.testing.assert_allclose(grid @ factors.solve(force), force, atol=1e-12)
+    # no word about a smaller matrix
+    monkeypatch.setattr(factorisation, "LARGE", 400)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert isinstance(factorise(grid), factorisation.SuperLUFactors)
+
+
+class TestPardiso:
+    @pytest.fixture(autouse=True)
+    def every_matrix_is_large(self, monkeypatch):
+        pytest.importorskip("pypardiso", reason="pypardiso is not installed (extra bdamper[large])")
+        monkeypatch.setattr(factorisation, "LARGE", 0)
+
+    def test_solutions_and_pivots_are_those_of_the_matrix(self, grid):
+        factors = factorise(grid)
+        assert isinstance(factors, factorisation.PardisoFactors)
+        force = np.random.default_rng(3).standard_normal((400, 2))
+        for load in (force, force[:, 0], force + 1j * force[::-1]):
+            expected = np.linalg.solve(grid.toarray(), load)
+            np.testing.assert_allclose(factors.solve(load), expected, rtol=1e-9, atol=1e-12)
+        # the determinant is the product of the pivots
+        _, log_determinant = np.linalg.slogdet(grid.toarray())
+        assert np.log(factors.pivots).sum() == pytest.approx(log_determinant, rel=1e-12)
+
+    def test_several_factorisations_live_beside_each_other(self, grid):
+        first, second = factorise(grid), factorise(2.0 * grid)
+        force = np.ones(400)
+        displacement = first.solve(force)
+        np.testing.assert_allclose(second.solve(force), 0.5 * displacement, rtol=1e-9)
+        del second
+        np.testing.assert_allclose(first.solve(force), displacement, rtol=1e-12)
+
+    def test_an_indefinite_matrix_goes_to_superlu(self, grid):
+        eigenvalues = np.linalg.eigvalsh(grid.toarray())
+        shifted = csr_matrix(grid - eigenvalues[:2].mean() * identity(400))
+        factors = factorise(shifted)
+        assert isinstance(factors, factorisation.SuperLUFactors)
+        force = np.ones(400)
+        np.testing.assert_allclose(shifted @ factors.solve(force), force, atol=1e-9)
+
+    @pytest.mark.parametrize("d", DIAMETERS)
+    def test_a_sector_has_the_same_modes_and_receptances(self, fe, d):
+        found = CyclicSector(fe.blade, fe.faces, fe.clamped, d)
+        assert isinstance(found.inside.factors, factorisation.PardisoFactors)
+        found.modes(12)
+        expected = fe.cyclic(d)
+        expected.modes(12)
+        if np.finfo(np.longdouble).eps < 1e-18:
+            exact = [exact_omega2(s, s._reduced_shapes[:, :12]) for s in (found, expected)]
+            np.testing.assert_allclose(exact[0], exact[1], rtol=1e-9)
+        tip = csr_matrix(([1.0], ([0], [3 * fe.blade.nodes[:, 1].argmax()])), (1, fe.blade.n_dof))
+        assert found.receptance(tip) == pytest.approx(expected.receptance(tip), rel=1e-8)
