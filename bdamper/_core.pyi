@@ -242,5 +242,6 @@ class Ring:
         trace: NDArray[np.float64] | None = None,
         first: int = 0,
         energy: NDArray[np.float64] | None = None,
+        seconds: float = 0.0,
     ) -> tuple[int, int, int]: ...
     def follow(self, q: NDArray[np.float64], w: NDArray[np.float64]) -> None: ...
