@@ -249,12 +249,14 @@ def _near_lower_end(x: NDArray) -> NDArray:
     return np.asarray(x - x.min() <= PART * np.ptp(x))
 
 
-def _soft_enough(R: NDArray, vectors: NDArray) -> NDArray:
-    """Return unit vectors that span the combinations with the flexibility ``SOFT_ENOUGH``."""
+def _soft_enough(R: NDArray, vectors: NDArray, least: float) -> NDArray:
+    """Return unit vectors that span the combinations with more than ``least`` of the flexibility of a
+    point.
+    """
     flexibility = vectors.conj().T @ R @ vectors
     in_points = vectors.conj().T @ (np.diag(R).real[:, None] * vectors)
     ratio, combination = scipy.linalg.eigh(flexibility, in_points)
-    soft = vectors @ combination[:, ratio > SOFT_ENOUGH]
+    soft = vectors @ combination[:, ratio > least]
     return np.asarray(soft / np.linalg.norm(soft, axis=0))
 
 
@@ -421,10 +423,12 @@ class ResidualSet:
         partial = self._forces_of_parts(restricted, R, what, resolved)
         W = _independent(np.concatenate([W, partial], axis=1), W.shape[1] + partial.shape[1])
         if harmonic > 1:
-            return W
+            # forces that the mesh does not resolve move nothing
+            return _soft_enough(R, W, RESOLVED_HIGHER)
         first, others = W[:, :1], W[:, 1:]
         work = (first.conj().T @ R @ others) / (first.conj().T @ R @ first)
-        return np.concatenate([first, _soft_enough(R, others - first @ work)], axis=1)
+        soft = _soft_enough(R, others - first @ work, SOFT_ENOUGH)
+        return np.concatenate([first, soft], axis=1)
 
     def _forces_of_parts(
         self, basis: HarmonicBasis, R: NDArray, what: str, resolved: float

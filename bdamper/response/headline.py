@@ -240,9 +240,10 @@ def _curves_per_estimate(curve: OptimalCurve) -> float:
     With residual modes the reference with a vector for every contact force decides.  It has at
     least three harmonics, and the time grows with the square of the number of unknowns.
     """
-    if not has_residual_modes(curve.settings):
-        return CURVES_PER_ESTIMATE
     n_unknowns = curve.unknowns.shape[1]
+    # a curve may be stored without its unknowns
+    if not has_residual_modes(curve.settings) or n_unknowns == 0:
+        return CURVES_PER_ESTIMATE
     harmonics = len(curve.settings["harmonics"])
     # mean, and cosine and sine of each harmonic
     coordinates = n_unknowns / (2 * harmonics + 1)

@@ -81,6 +81,9 @@ def test_an_optimal_curve_names_the_estimate_and_its_price():
     # the options of residual modes are as expensive as their name
     options = curve.settings | {"contact_stiffness": {"residual_modes": {"n_vectors": 6}}}
     assert said(replace(curve, settings=options)) == said(curve)
+    # stored curves may lack their unknowns
+    without = replace(curve, unknowns=np.empty((len(curve), 0)))
+    assert "takes the time of about 7 response curves" in said(without)
 
 
 def test_a_model_that_has_no_more_modes_gives_no_number(study, place, peak):

@@ -218,12 +218,12 @@ def points_alike(apart=0.0):
     return coupling_of(replace(model, bodies=bodies))
 
 
-def test_forces_that_the_mesh_hardly_resolves_do_not_stiffen_the_contact():
+@pytest.mark.parametrize("parts", [False, True])
+def test_forces_that_the_mesh_hardly_resolves_do_not_stiffen_the_contact(parts):
     """Points almost alike, as on a mesh with fewer nodes than points, have the contact stiffness of equal points."""
     friction = np.full(points_alike().n_points, 0.3)
-    equal, almost = (
-        ResidualSet.make(points_alike(e), friction, ResidualModes()) for e in (0.0, 1e-4)
-    )
+    options = ResidualModes(partial_contact=parts)
+    equal, almost = (ResidualSet.make(points_alike(e), friction, options) for e in (0.0, 1e-4))
     assert almost.share == pytest.approx(equal.share, rel=1e-2) and equal.share > 0.05
     np.testing.assert_allclose(almost.flexibility, equal.flexibility, rtol=1e-2)
     for harmonic in (0, 1, 2):
