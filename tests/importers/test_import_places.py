@@ -76,9 +76,8 @@ def test_a_damper_drawn_anywhere_is_moved_between_the_first_two_blades(bodies, p
     np.testing.assert_allclose(
         built.model.locations["mid"].position, plain.model.locations["mid"].position, atol=1e-12
     )
-    assert f"damper: {sectors:+d} sectors off in the mesh, moved between blades 0 and 1" in str(
-        built
-    )
+    moved_by = f"damper: {sectors:+d} sectors off in the mesh, moved between blades 0 and 1"
+    assert moved_by in built.checks
     assert "sectors off" not in str(plain)
 
 
