@@ -60,21 +60,16 @@ def imported(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_the_spectral_radius_balances_the_energy_of_an_imported_sector(imported):
-    """With 0.7 its contacts supply most of the energy.  The reference models do not show it."""
+@pytest.mark.parametrize("radius", [0.3, 0.7])
+def test_the_contacts_of_an_imported_sector_supply_no_energy(imported, radius):
+    """With 0.7 they supplied most of it while the iteration for their forces gave up in many steps."""
     curve = imported.frequency_response(PRELOAD, (1300.0, 1400.0))
     ring, omega = ring_of(imported.problem, PRELOAD), tau * curve.peak.frequency
-    found = {}
-    for radius in (ring.radius, 0.7):
-        ring.radius = radius
-        found[radius] = disturbed(ring, curve.unknowns[curve.peak_index], omega)
-        found[radius].advance(10)
-        found[radius].advance(10)
-    right, wrong = found.values()
-    assert energy_error(right) < 0.005 and not step_error(right)
-    assert energy_error(wrong) > 0.5
-    assert step_error(wrong).startswith("the time steps change its energy by ")
-    assert step_error(wrong).endswith(" per period; use steps_per_period=1024")
+    ring.radius = radius
+    found = disturbed(ring, curve.unknowns[curve.peak_index], omega)
+    found.advance(10)
+    found.advance(10)
+    assert energy_error(found) < 0.005 and not step_error(found)
 
 
 def test_a_free_blade_bounds_the_amplitude_of_an_imported_sector(imported):
