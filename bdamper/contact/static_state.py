@@ -770,7 +770,7 @@ class _LoadPath:
         Without it: the deck of a shroud with two strips finds another state without the first, wide
         random studies 121 and 151 depend on the number of steps without the second, study 20
         without the third; without the fourth its force changes by 16 %.  Last are the states at
-        fixed limits: without them 41 of 207 loads on faces of random shrouds have no state.
+        fixed limits: without them 41 loads on faces of nine random shrouds have no state.
         """
         status = self.state.status
         closing = self.state.closing
