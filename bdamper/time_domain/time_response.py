@@ -442,12 +442,17 @@ def _curve_of_peak(problem: Problem, peak: Peak) -> ResponseCurve:
     if peak.model_hash != problem.model.hash:
         raise validation.invalid("result", expected, "a peak of another model")
     curve = frequency_response(problem, peak.parameter, tuple(peak.settings["frequency"]))
-    same_peak = len(curve) > 0 and np.isclose(
-        curve.peak.amplitude, peak.amplitude, rtol=1e-3, atol=0.0
+    if len(curve) == 0:
+        raise validation.invalid("result", expected, f"no response curve: {curve.status_text}")
+    highest = curve.peak
+    on_curve = peak_text(highest.amplitude, highest.frequency, 6)
+    found = peak_text(peak.amplitude, peak.frequency, 6)
+    validation.check(
+        np.isclose(highest.amplitude, peak.amplitude, rtol=1e-3, atol=0.0),
+        "result",
+        f"{expected}, {on_curve} on its response curve",
+        f"{found}; pass the response curve of this study",
     )
-    if not same_peak:
-        peak_found = f"{amount(peak.amplitude, 'm')} at {peak.frequency:.6g} Hz"
-        raise validation.invalid("result", expected, peak_found)
     return curve
 
 

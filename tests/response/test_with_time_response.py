@@ -8,6 +8,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.time_domain import time_response as in_time
+from bdamper.util.formatting import peak_text
 
 
 def wedge(harmonics=1, mass=0.1):
@@ -171,12 +172,14 @@ def test_steps_and_curve_are_those_of_the_search(found, monkeypatch):
     # an integration that fails is tried again with four times the steps
     tried = [(pytest.approx(peak.amplitude, rel=1e-4), steps) for steps in (512, 2048)]
     assert asked == 3 * tried
-    others = [replace(peak, amplitude=off * peak.amplitude) for off in (0.99, 1.01)]
-    for other in (*others, replace(peak, model_hash="another")):
-        with pytest.raises(
-            bd.SettingError, match="result: expected the highest peak of this study at its preload"
-        ):
-            study.time_response(other)
+    refused = "result: expected the highest peak of this study at its preload"
+    with pytest.raises(bd.SettingError, match=f"{refused}, found 'a peak of another model'"):
+        study.time_response(replace(peak, model_hash="another"))
+    on_curve = peak_text(curve.peak.amplitude, curve.peak.frequency, 6)
+    for off in (0.99, 1.01):
+        named = f"{refused}, {on_curve} on its response curve, found .*; pass the response curve"
+        with pytest.raises(bd.SettingError, match=named):
+            study.time_response(replace(peak, amplitude=off * peak.amplitude))
 
 
 def test_what_cannot_be_integrated_says_why_beside_what_can(found, monkeypatch):
