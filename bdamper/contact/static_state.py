@@ -109,6 +109,8 @@ body makes contact).
 """
 FULL_FRICTION = 1e-12
 """Relative distance from the limit of friction within which a point slips."""
+LIMITS_TRIED = 5
+"""Largest number of fixed friction limits that are tried, each from the normal forces before it."""
 STALLS = 6
 """Consecutive steps without reduction of the residual after which an iteration stops.  Only one of
 1478 iterations that converge has more than 4.
@@ -365,7 +367,9 @@ class _LoadStep:
         return _solve(jacobian, self.force - self.G.T @ contact.ravel())
 
     def at_fixed_limits(self, status: NDArray) -> NDArray | None:
-        """Return the states at which friction has the limits of the normal forces in stick.
+        """Return the states at which friction has the limits of fixed normal forces.
+
+        These are first the normal forces in stick, and then those of the states that were found.
 
         ``status`` tells which points are closed.  With fixed limits the tangential forces minimise
         a convex energy, so they exist for any number of points.  Returns None if normal springs
@@ -375,10 +379,20 @@ class _LoadStep:
         if system.own is not None or np.any(system.cubic) or np.any(system.bonded):
             return None
         closed = ~(status == OPEN).any(axis=1)
-        sticks = np.where(closed[:, None], np.full_like(status, STICK), OPEN)
-        in_stick = self.motion(self.linear_solution(sticks))
-        level = system.n0 + system.kn * in_stick[:, 2]
-        closed = closed & (level > 0.0)
+        states = np.where(closed[:, None], np.full_like(status, STICK), OPEN)
+        for _ in range(LIMITS_TRIED):
+            improved = self._at_normal_forces_of(states)
+            if improved is None or np.array_equal(improved, states):
+                return improved
+            states = improved
+        return states
+
+    def _at_normal_forces_of(self, states: NDArray) -> NDArray | None:
+        """Return the states under the limits that the normal forces in the given states have."""
+        system = self.system
+        motion = self.motion(self.linear_solution(states))
+        level = system.n0 + system.kn * motion[:, 2]
+        closed = ~(states == OPEN).any(axis=1) & (level > 0.0)
         rubs = np.flatnonzero(closed & (system.mu > 0.0) & (system.kt > 0.0).all(axis=1))
         if not len(rubs):
             return None
@@ -389,10 +403,10 @@ class _LoadStep:
         except np.linalg.LinAlgError:
             return None
 
-        states = np.where(closed[:, None], np.full_like(status, STICK), OPEN)
+        improved = np.where(closed[:, None], np.full_like(states, STICK), OPEN)
         of_sense = np.where(share > 0.0, SLIP_PLUS, SLIP_MINUS)
-        states[rubs] = np.where(np.abs(share) < 1.0 - FULL_FRICTION, STICK, of_sense)
-        return states
+        improved[rubs] = np.where(np.abs(share) < 1.0 - FULL_FRICTION, STICK, of_sense)
+        return improved
 
     def _tangential_flexibility(self, closed: NDArray, rubs: NDArray) -> tuple[NDArray, NDArray]:
         """Return C (n, n) and x_0 (n,) of the tangential motion ``x = x_0 - C T`` of points.

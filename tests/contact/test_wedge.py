@@ -56,6 +56,9 @@ def test_self_locking_is_named():
     assert [m.self_locking for m in made] == [False, True]
     assert ["self-locking" in str(wedge) for wedge in made] == [False, True]
     assert np.isinf(made[1].highest).all()
+    assert "inf" not in str(made[1])
+    assert f"{made[1].lowest[0]:.6g} N or more" in str(made[1])
+    assert "or more" not in str(made[0])
 
 
 def test_static_state_lies_in_the_interval():

@@ -93,13 +93,22 @@ def test_modes_of_the_inside_give_upper_bounds_close_to_the_modes(fe, d):
 
 def test_static_shapes_that_are_not_stored_give_the_same(fe, monkeypatch):
     stored = CyclicSector(fe.blade, fe.faces, fe.clamped, 3)
-    monkeypatch.setattr(sector_inside, "STORED", 0.0)
     again = CyclicSector(fe.blade, fe.faces, fe.clamped, 3)
-    np.testing.assert_allclose(again.modes(10)[0], stored.modes(10)[0], rtol=ROUNDING)
-    found, expected = again.inside.face_mass, stored.inside.face_mass
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
     near = stored.approximate_modes(10)[0]
+    exact = stored.modes(10)[0]
+    expected = stored.inside.face_mass
+    force = np.random.default_rng(4).standard_normal((len(stored.inside.inner), 2))
+    of_faces = stored.inside.force_on_faces(force)
+
+    # shapes are computed when they are needed first
+    monkeypatch.setattr(sector_inside, "STORED", 0.0)
     np.testing.assert_allclose(again.approximate_modes(10)[0], near, rtol=ROUNDING)
+    np.testing.assert_allclose(again.modes(10)[0], exact, rtol=ROUNDING)
+    found = again.inside.face_mass
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+    scale = np.abs(of_faces).max()
+    found = again.inside.force_on_faces(force)
+    np.testing.assert_allclose(found, of_faces, rtol=0.0, atol=1e-9 * scale)
 
 
 def test_a_body_without_faces_is_its_inside(fe):
@@ -113,8 +122,13 @@ def test_a_body_without_faces_is_its_inside(fe):
 
 def test_pivots_show_an_indefinite_stiffness(fe):
     """By Sylvester's law the inside and the condensed faces have the negative eigenvalues of both."""
-    lowest = fe.cyclic(3).modes(2)[0]
-    for shift, n_negative in ((0.5 * lowest[0], 0), (lowest.mean(), 1)):
+    sector = fe.cyclic(3)
+    lowest = sector.modes(2)[0]
+    held = sector.inside.held_modes(1)[0][0]
+    # with held faces a structure is stiffer: between both only the stiffness of the faces is negative
+    assert held > lowest[0] * (1.0 + 1e-6)
+    of_faces = 0.5 * (lowest[0] + held)
+    for shift, n_negative in ((0.5 * lowest[0], 0), (of_faces, 1), (lowest.mean(), 1)):
         softer = replace(fe.blade, stiffness=fe.blade.stiffness - shift * fe.blade.mass)
         pivots = CyclicSector(softer, fe.faces, fe.clamped, 3).solver.pivots
         assert (pivots < 0.0).sum() == n_negative

@@ -326,6 +326,10 @@ def test_report_and_file(built, tmp_path):
     text = said(built)
     for words in ("Lowest frequencies of the sector", "0.0689984 kg mass", "100 % of face a"):
         assert words in text
+    lowest = built.frequencies[ND]
+    assert len(lowest) > 6
+    assert "  ".join(f"{hertz:.6g}" for hertz in lowest[:6]) in str(built)
+    assert f"{lowest[6]:.6g}" not in str(built)
     assert len(str(built).splitlines()) < 66  # one page
     assert built.plot().axes[0].has_data()
     built.save(tmp_path / "model.h5")

@@ -209,8 +209,11 @@ def test_a_loose_wedge_lands_in_the_same_way_with_any_number_of_steps():
     )
 
 
-def _elastic_face(seed, n_points, friction):
-    """A face with given normal forces, whose tangential springs are far stiffer than its modes."""
+def _elastic_face(seed, n_points, friction, kn):
+    """A face whose tangential springs are far stiffer than its modes.
+
+    The soft normal springs change the given normal forces little.
+    """
     rng = np.random.default_rng(seed)
     along = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, n_points), n_points - 1)
     directions = rng.normal(size=(n_points, 3, 3))
@@ -222,7 +225,7 @@ def _elastic_face(seed, n_points, friction):
         stiffness=stiffness,
         G=modes,
         kt=springs,
-        kn=np.full(n_points, 1e-4),
+        kn=np.full(n_points, kn),
         mu=np.full(n_points, friction),
         n0=normal,
         force=np.zeros(len(stiffness)),
@@ -231,15 +234,16 @@ def _elastic_face(seed, n_points, friction):
     )
 
 
+@pytest.mark.parametrize("kn", [1e-4, 1e3])
 @pytest.mark.parametrize(
     ("seed", "n_points", "friction"), [(3, 16, 0.1), (0, 16, 0.3), (2, 16, 0.3), (3, 24, 0.2)]
 )
-def test_a_face_under_given_normal_forces_has_a_state(seed, n_points, friction):
-    """The forces minimise a strictly convex energy: one state meets the conditions, and exists.
+def test_a_face_on_soft_normal_springs_has_a_state(seed, n_points, friction, kn):
+    """Under given normal forces a strictly convex energy has one state; soft springs change it little.
 
     The conditions are evaluated from the modal coordinates and the forces alone.
     """
-    system = _elastic_face(seed, n_points, friction)
+    system = _elastic_face(seed, n_points, friction, kn)
     state = static_state(system, 0.0)
     assert state.ok, state.reason
     G = system.G.reshape(-1, system.G.shape[2])
@@ -247,7 +251,8 @@ def test_a_face_under_given_normal_forces_has_a_state(seed, n_points, friction):
         system.stiffness * state.q, -G.T @ state.force.ravel(), rtol=0.0, atol=1e-10
     )
     T = state.force[:, :2]
-    np.testing.assert_allclose(state.force[:, 2], system.n0, rtol=1e-6)
+    normal = system.n0 + kn * (G @ state.q)[2::3]
+    np.testing.assert_allclose(state.force[:, 2], normal, rtol=1e-9)
     limit = friction * state.force[:, 2:]
     assert np.all(np.abs(T) <= (1.0 + 1e-9) * limit)
     motion = (G @ state.q).reshape(-1, 3)[:, :2]
