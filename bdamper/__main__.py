@@ -17,8 +17,8 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.fatigue.criteria import Material
-from bdamper.response.headline import known_in_time
 from bdamper.response.linear_limits import peak_interval
+from bdamper.response.optimum_checks import known_in_time
 
 
 def import_decks(given: argparse.Namespace) -> None:

@@ -33,11 +33,11 @@ from bdamper.harmonic_balance.parameters import (
 )
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.followed_peak import drops, followed_peaks, single_peak
-from bdamper.response.headline import checks
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.linear_limits import free_and_stuck
 from bdamper.response.optimal_curve import optimal_curve, preload_values
 from bdamper.response.optimal_curve_result import OptimalCurve
+from bdamper.response.optimum_checks import checks
 from bdamper.response.peak import Peak
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import plausible_ranges, validation

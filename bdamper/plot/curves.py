@@ -42,8 +42,8 @@ from bdamper.plot.axes import (
 from bdamper.plot.contact import OF_WHOLE
 from bdamper.plot.speed_and_fatigue import SPEED
 from bdamper.plot.studies import draw_table
-from bdamper.response.headline import NEAR_BEST
 from bdamper.response.optimal_curve_result import OptimalCurve
+from bdamper.response.optimum_checks import NEAR_BEST
 from bdamper.response.response_curve_result import NO_STEADY, ResponseCurve, unstable_points
 from bdamper.response.sensitivity import CurveSensitivity, band
 from bdamper.response.verification import TimeResponse

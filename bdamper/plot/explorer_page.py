@@ -26,8 +26,8 @@ from bdamper.plot.contact import STATUS_COLOURS, face_coordinates, tiles
 from bdamper.plot.curves import PRELOAD, with_optimum
 from bdamper.plot.explorer_worker import FORCE, Answer, Answers, Question
 from bdamper.plot.motion import STATES, ContactStatus, LineDrawing
-from bdamper.response.headline import statement
 from bdamper.response.optimal_curve_result import OptimalCurve
+from bdamper.response.optimum_statement import statement
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import TimeResponse
 from bdamper.study import Study

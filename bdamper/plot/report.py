@@ -27,9 +27,10 @@ from bdamper.mistuning.peak import DiskPeak
 from bdamper.mistuning.sample import MistunedSample
 from bdamper.plot.axes import save_figure
 from bdamper.response import linear_limits
-from bdamper.response.headline import Check, checks, graded, statement
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.optimal_curve_result import OptimalCurve
+from bdamper.response.optimum_checks import Check, checks, graded
+from bdamper.response.optimum_statement import statement
 from bdamper.response.response_curve import frequency_response
 from bdamper.response.sensitivity import peak_sensitivities
 from bdamper.util import validation

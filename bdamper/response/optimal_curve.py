@@ -35,10 +35,10 @@ from bdamper.harmonic_balance.rolling import rolling_dampers
 from bdamper.model.kinematics import centrifugal_load
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.followed_peak import with_lower_preloads, without_lost_peaks
-from bdamper.response.headline import NEAR_BEST
 from bdamper.response.highest_peak import REACH, AtPreload, Highest, check_options, found_at
 from bdamper.response.linear_limits import linear_peak, peak_interval
 from bdamper.response.optimal_curve_result import OptimalCurve, OptimumPoint
+from bdamper.response.optimum_checks import NEAR_BEST
 from bdamper.response.peak import Family, Peak, PeakOptions, find_peak
 from bdamper.response.response_curve import open_at_rest, rattles, without_points
 from bdamper.response.response_curve_result import NO_STEADY, ResponseCurve

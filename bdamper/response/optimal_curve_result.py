@@ -12,16 +12,16 @@ from numpy.typing import NDArray
 from bdamper.fatigue.margin import MarginCurve
 from bdamper.harmonic_balance.checks import StudyLike
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.response.headline import (
+from bdamper.response.linear_limits import Limit
+from bdamper.response.motion_range import exceeds
+from bdamper.response.optimum_checks import (
     ENDS,
     NEAR_BEST,
     checked_amplitudes,
     failed,
     known_in_time,
-    statement,
 )
-from bdamper.response.linear_limits import Limit
-from bdamper.response.motion_range import exceeds
+from bdamper.response.optimum_statement import statement
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import Convergence, FrictionPeak, FrictionRange, TimeResponse
 from bdamper.util import validation

@@ -10,7 +10,7 @@ import pytest
 import bdamper as bd
 from bdamper.analyses import robust_optimum
 from bdamper.analyses.friction_range import find_range, tolerates_friction
-from bdamper.response.headline import checks
+from bdamper.response.optimum_checks import checks
 from bdamper.response.verification import FrictionPeak, FrictionRange
 from bdamper.util.formatting import amount
 from tests.each import each

@@ -14,7 +14,7 @@ from bdamper.harmonic_balance.rolling import (
     rolling_dampers,
     rows_to_slide,
 )
-from bdamper.response.headline import checks
+from bdamper.response.optimum_checks import checks
 from tests.printed import said
 
 FRICTION_BETWEEN_LIMITS = 0.37

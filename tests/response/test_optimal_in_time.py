@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.response.headline import checks
+from bdamper.response.optimum_checks import checks
 from bdamper.response.verification import Convergence, FrictionPeak, HarmonicPeak, TimeResponse
 from bdamper.time_domain import time_response as in_time
 from bdamper.util.formatting import amount, percent, span

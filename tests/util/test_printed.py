@@ -22,7 +22,7 @@ from bdamper.importers import FEBody
 from bdamper.mistuning import BladedDisk, DamperVariation, Mistuning
 from bdamper.mistuning.sample import BestPreload
 from bdamper.mistuning.statistics import WeibullTail
-from bdamper.response.headline import NEAR_BEST, checks
+from bdamper.response.optimum_checks import NEAR_BEST, checks
 from bdamper.response.sensitivity import PeakSensitivity, Sensitivities
 from bdamper.response.verification import Convergence, FrictionPeak, HarmonicPeak, TimeResponse
 from bdamper.util import display

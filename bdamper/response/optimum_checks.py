@@ -1,0 +1,385 @@
+"""Checks of the optimum of an optimal curve.
+
+Each check rates one doubt about the optimum: green if it passes, amber if it is uncertain, red if
+it fails, and white if it was not run.  A failed check has a remedy.
+:mod:`bdamper.response.optimum_statement` prints them.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from bdamper.harmonic_balance.subject import has_residual_modes
+from bdamper.response.verification import FRICTION_SPREAD, MUCH, TimeResponse
+from bdamper.util.errors import COMPLETE, INTERRUPTED
+from bdamper.util.formatting import amount, percent
+
+OptimalCurve = Any
+"""Optimal curve; its module imports this one."""
+ENDS = {
+    "end": "end of the range, the optimum may lie beyond",
+    "edge": "lowest preload with a steady response",
+}
+NEAR_BEST = 1.2
+"""Amplitude over the optimum that defines the printed range of acceptable preloads."""
+GOOD, FAIR = 0.05, 0.2
+"""Largest relative differences of a green and of an amber check."""
+SAFE = 1.5
+"""Smallest fatigue margin of a green check."""
+CURVES_PER_ESTIMATE = 7.0
+"""Time of an error estimate in units of a response curve, without a reference of all force vectors:
+sum of the medians of 30 load cases (measured.md).
+"""
+VECTORS_OF_REFERENCE = 54
+"""Typical number of force vectors of this reference, those of two faces of nine points."""
+
+
+class Check(NamedTuple):
+    """Colour, subject, result, rule and, if it failed, failure and remedy of one check."""
+
+    colour: str
+    name: str
+    found: str
+    rule: str
+    failure: str = ""
+    remedy: str = ""
+
+
+def graded(value: float, good: float, fair: float) -> str:
+    """Return green up to ``good``, amber up to ``fair``, and red above."""
+    if value <= good:
+        return "green"
+    if value <= fair:
+        return "amber"
+    return "red"
+
+
+def checks(curve: OptimalCurve) -> list[Check]:
+    """Rate an optimal curve by its checks.
+
+    Green means passed, amber uncertain, red failed, and white not computed.
+    """
+    return [
+        _model(curve),
+        _within_range(curve),
+        _verified(curve),
+        _value_everywhere(curve),
+        _in_time(curve),
+        _more_harmonics(curve),
+        _other_friction(curve),
+        _friction_range(curve),
+        *_ends_of_range(curve),
+        *_fatigue_margins(curve),
+        _errors_by_source(curve),
+    ]
+
+
+def failed(curve: OptimalCurve) -> list[Check]:
+    """Return the failed checks; none if the preload does not matter."""
+    if curve.optimum.kind == "flat":
+        return []
+    return [check for check in checks(curve) if check.colour == "red"]
+
+
+def _model(curve: OptimalCurve) -> Check:
+    """Report dampers that roll only because they have few rows of contact points."""
+    name = "Rows of contact points"
+    rule = (
+        "red if a damper rolls on its contact points but not on its whole faces, white if unknown"
+    )
+    doubts = curve.model_doubts
+    if doubts is None:
+        return Check("white", name, "not examined", rule)
+    if not doubts:
+        return Check("green", name, "no damper rolls on them alone", rule)
+    found = "; ".join(doubts)
+    failure = f"{found}; amplitudes may be wrong by several times"
+    return Check("red", name, found, rule, failure, "use more rows of contact points along t1")
+
+
+def _within_range(curve: OptimalCurve) -> Check:
+    """Report an optimum at an end of the range of preloads, or of the steady responses."""
+    kind = curve.optimum.kind
+    end = ENDS.get(kind, "")
+    return Check(
+        colour="red" if end else "green",
+        name="Optimum within the range",
+        found=end or "inside",
+        rule="red at an end of the range of preloads",
+        failure=f"the least amplitude is at the {end}",
+        remedy=_beyond(curve) if kind == "end" else "add damping to the damper",
+    )
+
+
+def _beyond(curve: OptimalCurve) -> str:
+    """Return the remedy for an optimum at an end: a wider range, or a value at the next preload."""
+    row = int(np.abs(curve.preload - curve.optimum.preload).argmin())
+    known = np.isfinite(curve.amplitude)
+    if not known[max(row - 1, 0) : row + 2].all():
+        return (
+            "find a value at the next preload first, with other contact_points or "
+            'contact_stiffness="unit_traction"'
+        )
+    at_upper_end = row > 0 and row == len(curve) - 1
+    side = "above" if at_upper_end else "below"
+    return f"include preloads {side} {amount(curve.optimum.preload, 'N')}"
+
+
+def _verified(curve: OptimalCurve) -> Check:
+    """Report an optimum below which a value may exist, or whose preload is uncertain."""
+    best = curve.optimum
+    if not best.ok:
+        colour = "red"
+    elif GOOD < best.uncertainty < np.inf:
+        colour = "amber"
+    else:
+        colour = "green"
+    found = f"{best.status_text}, {best.known_to}" if best.known_to else best.status_text
+    interrupted = INTERRUPTED in best.status_text
+    return Check(
+        colour=colour,
+        name="Optimum verified",
+        found=found,
+        rule="red if a lower value may exist at another preload, amber above "
+        f"{percent(GOOD)} of uncertainty",
+        failure=f"the search for the optimum is {best.status_text}",
+        remedy="run it to its end" if interrupted else "compute other preloads near it",
+    )
+
+
+def _value_everywhere(curve: OptimalCurve) -> Check:
+    """Report preloads above the rattling range without a value."""
+    edge = curve.lowest_steady_preload
+    known = np.isfinite(curve.amplitude)
+    missing = bool(np.any(~known & (curve.preload > edge)))
+    found = f"{known.sum()} of {len(curve)}"
+    if edge:
+        found += f", no steady response up to {amount(edge, 'N')}"
+    return Check(
+        colour="amber" if missing else "green",
+        name="A value at every preload",
+        found=found,
+        rule="amber if a curve is incomplete",
+    )
+
+
+def _in_time(curve: OptimalCurve) -> Check:
+    """Compare harmonic balance and time integration nearest to the recommended preload."""
+    rule = (
+        f"green below {percent(GOOD)} of difference, amber below {percent(FAIR)}, red above, "
+        "white if not run"
+    )
+    name = "Harmonic balance against time"
+    nearest = curve.recommended_response
+    if nearest is None:
+        return Check("white", name, "not run", rule)
+    if not known_in_time(nearest) or not nearest.ok:
+        failure = f"time integration at {amount(nearest.preload, 'N')} is {nearest.status_text}"
+        remedy = "integrate at other preloads, study.with_time_response(curve, preloads)"
+        return Check("red", name, nearest.status_text, rule, failure, remedy)
+    remedy = "add harmonics and blade modes until both agree, or choose another preload"
+    found = f"{nearest.text} in time, {amount(nearest.balance, 'm')} by harmonic balance"
+    change = nearest.mean / nearest.balance - 1.0
+    failure = f"harmonic balance and time integration differ by {abs(100.0 * change):.0f} %"
+    return Check(graded(abs(change), GOOD, FAIR), name, found, rule, failure, remedy)
+
+
+def _more_harmonics(curve: OptimalCurve) -> Check:
+    """Compare the peaks with more harmonics."""
+    convergence = curve.convergence
+    rule = (
+        f"green if two larger numbers agree, amber below {percent(FAIR)} of difference, red above, "
+        "white if not run"
+    )
+    if convergence is None:
+        return Check("white", "More harmonics", "not run", rule)
+    first, *others = convergence.peaks
+    if convergence.ok:
+        colour = "green"
+    else:
+        changes = [abs(peak.amplitude / first.amplitude - 1.0) for peak in others]
+        colour = graded(max(changes, default=np.inf), 0.0, FAIR)
+    remedy = "rely on the amplitude in time"
+    settled = convergence.settled
+    if len(settled) > 1 and convergence.status == COMPLETE:
+        enough = settled[0].harmonics
+        if enough > first.harmonics:
+            remedy = f"use harmonics={enough}"
+    failure = f"more harmonics may be needed, {convergence.verdict}"
+    return Check(colour, "More harmonics", convergence.note, rule, failure, remedy)
+
+
+def _other_friction(curve: OptimalCurve) -> Check:
+    """Compare the peaks at the recommended preload with lower and higher friction coefficients."""
+    name = "Other friction coefficients"
+    rule = (
+        f"green up to {NEAR_BEST:g} times the amplitude, red above {MUCH:g} times, white if not run"
+    )
+    if not friction_tried(curve):
+        return Check("white", name, f"not run at {amount(curve.recommended_preload, 'N')}", rule)
+    nominal, *changed = curve.other_friction
+    ratio = np.array([peak.amplitude for peak in changed]) / nominal.amplitude
+    all_complete = all(peak.ok for peak in curve.other_friction)
+    if any(peak.compared_with(nominal) == "high" for peak in changed):
+        colour = "red"
+    elif all_complete and np.all(ratio <= NEAR_BEST):
+        colour = "green"
+    else:
+        colour = "amber"
+    sizes = " and ".join(peak.size_text for peak in changed)
+    factors = " and ".join(f"{peak.factor:g}" for peak in changed)
+    found = f"{sizes} with {factors} times the friction, by harmonic balance"
+    failure = f"at {amount(nominal.preload, 'N')} the amplitude is {found}"
+    return Check(colour, name, found, rule, failure, _friction_remedy(curve))
+
+
+def _friction_range(curve: OptimalCurve) -> Check:
+    """Rate the factors on friction at which the amplitude at the recommended preload doubles."""
+    name = "Friction range"
+    rule = f"red within a factor of {FRICTION_SPREAD:g}, amber if unknown there, white if not run"
+    friction_range = curve.friction_range
+    limits = None if friction_range is None else friction_range.limits
+    if limits is None or not friction_tried(curve):
+        return Check("white", name, f"not run at {amount(curve.recommended_preload, 'N')}", rule)
+    near = [limit for limit in limits if limit.near]
+    if any(limit.known for limit in near):
+        colour = "red"
+    elif near:
+        colour = "amber"
+    else:
+        colour = "green"
+    found = friction_range.text
+    failure = f"at {amount(curve.other_friction[0].preload, 'N')} {found}"
+    return Check(colour, name, found, rule, failure, _friction_remedy(curve))
+
+
+def _friction_remedy(curve: OptimalCurve) -> str:
+    """Return the remedy if the amplitude doubles with another friction coefficient."""
+    friction_range = curve.friction_range
+    if friction_range is None or not friction_range.remedy > 0.0:
+        return "choose a preload for these friction coefficients, bd.robust_optimum"
+    factors = f"{1.0 / FRICTION_SPREAD:.2g} and {FRICTION_SPREAD:g} times the friction"
+    return (
+        f"choose {amount(friction_range.remedy, 'N')}, where the amplitude does not double with "
+        f"{factors}, or bd.robust_optimum"
+    )
+
+
+def friction_tried(curve: OptimalCurve) -> bool:
+    """Return whether other friction coefficients were tried at the recommended preload."""
+    if not curve.other_friction:
+        return False
+    nominal = curve.other_friction[0]
+    return bool(np.isclose(nominal.preload, curve.recommended_preload))
+
+
+def _ends_of_range(curve: OptimalCurve) -> list[Check]:
+    """Compare the amplitude in time at the ends of the printed range with its minimum."""
+    if not curve.range_in_time:
+        return []
+    # False if one is unknown
+    within = all(rise <= NEAR_BEST for rise in _rises_in_time(curve))
+    colour = "green" if within else "amber"
+    rule = f"green up to {NEAR_BEST:g} times the least amplitude in time, amber above or if unknown"
+    return [Check(colour, "Ends of the range in time", range_in_time_text(curve), rule)]
+
+
+def range_in_time_text(curve: OptimalCurve) -> str:
+    """Return in words by how much the amplitude in time is higher at the ends of the range."""
+    texts = []
+    for rise, end in zip(_rises_in_time(curve), curve.range_in_time):
+        texts.append(f"{percent(rise - 1.0)} at {amount(end.preload, 'N')}")
+    return f"in time it is higher than its minimum by {' and '.join(texts)}"
+
+
+def _rises_in_time(curve: OptimalCurve) -> list[float]:
+    """Return the largest amplitude in time at both ends of the range over the least one.
+
+    NaN means unknown.
+    """
+    least = curve.optimum_in_time
+    rises = []
+    for end in curve.range_in_time:
+        known = least is not None and known_in_time(end)
+        rises.append(end.largest / least.largest if known else np.nan)
+    return rises
+
+
+def _fatigue_margins(curve: OptimalCurve) -> list[Check]:
+    """Rate the margins against fatigue at the preload nearest to the recommended preload."""
+    rated = []
+    for margins in curve.margins:
+        row = int(np.abs(margins.preload - curve.recommended_preload).argmin())
+        least = float(margins.margin[row])
+        found = f"{least:.3g} at {amount(margins.preload[row], 'N')}"
+        rated.append(
+            Check(
+                colour=graded(-least, -SAFE, -1.0),
+                name="Margin against fatigue",
+                found=found,
+                rule=f"red below 1, amber below {SAFE:g}",
+                failure=f"the margin against fatigue is {found}",
+                remedy="reduce the excitation or the stress",
+            )
+        )
+    return rated
+
+
+def _errors_by_source(curve: OptimalCurve) -> Check:
+    """Name the estimate of errors by source, which the curve does not contain, and its price."""
+    preload = _rounded(curve.recommended_preload, 3)
+    n_curves = _rounded(_curves_per_estimate(curve), 1)
+    call = f"study.estimate_errors(study.peak({preload}))"
+    found = f"{call} takes the time of about {n_curves} response curves; these are {len(curve)}"
+    return Check("white", "Errors by source", found, "white, not part of an optimal curve")
+
+
+def _rounded(value: float, digits: int) -> str:
+    """Return a number with the given number of significant digits."""
+    return f"{float(f'{value:.{digits}g}'):g}"
+
+
+def _curves_per_estimate(curve: OptimalCurve) -> float:
+    """Return the time of an error estimate in units of a response curve, within a factor of 2.
+
+    With residual modes the reference with a vector for every contact force decides.  It has at
+    least three harmonics, and the time grows with the square of the number of unknowns.
+    """
+    n_unknowns = curve.unknowns.shape[1]
+    # a curve may be stored without its unknowns
+    if not has_residual_modes(curve.settings) or n_unknowns == 0:
+        return CURVES_PER_ESTIMATE
+    harmonics = len(curve.settings["harmonics"])
+    # mean, and cosine and sine of each harmonic
+    coordinates = n_unknowns / (2 * harmonics + 1)
+    coordinates_of_reference = coordinates + VECTORS_OF_REFERENCE
+    n_of_reference = (2 * max(harmonics, 3) + 1) * coordinates_of_reference
+    return float((n_of_reference / n_unknowns) ** 2)
+
+
+def checked_amplitudes(curve: OptimalCurve) -> dict[str, float]:
+    """Return the upper amplitude (m) of each check by its name; nothing without time integration.
+
+    NaN means unknown.  The amplitude with another friction coefficient is unknown if its peak is
+    not complete: the peak may be higher.
+    """
+    response = curve.recommended_response
+    if response is None or not known_in_time(response):
+        return {}
+    amplitudes = {"in time": response.largest, "by harmonic balance": response.balance}
+    convergence = curve.convergence
+    if convergence is not None and len(convergence.peaks) > 1:
+        _, highest = convergence.range
+        amplitudes["with more harmonics"] = highest
+    if friction_tried(curve):
+        for peak in curve.other_friction[1:]:
+            size = peak.amplitude if peak.ok else np.nan
+            amplitudes[f"with {peak.factor:g} times the friction"] = size
+    return amplitudes
+
+
+def known_in_time(response: TimeResponse) -> bool:
+    """Return whether a time integration gives a range of the amplitude, even if it is wide."""
+    return bool(np.isfinite(response.mean)) and response.status != INTERRUPTED

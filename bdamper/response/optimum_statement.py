@@ -1,0 +1,308 @@
+"""Printed statement of an optimal curve, for print, notebooks, report and explorer.
+
+The statement gives the preload, the design amplitude with the values of each method, and the
+effects that are not covered. If a check has failed, it begins with the failure and names a remedy,
+and there is no design amplitude.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.harmonic_balance.subject import excitation_text, friction_coefficients
+from bdamper.model.loads import BASE
+from bdamper.response.branches import NO_SOLUTION
+from bdamper.response.motion_range import exceeds
+from bdamper.response.optimum_checks import (
+    GOOD,
+    NEAR_BEST,
+    Check,
+    OptimalCurve,
+    checked_amplitudes,
+    checks,
+    failed,
+    friction_tried,
+    known_in_time,
+    range_in_time_text,
+)
+from bdamper.response.response_curve_result import NO_STEADY
+from bdamper.util.errors import COMPLETE, status_word
+from bdamper.util.formatting import amount, loads_text, peak_text, percent, span
+from bdamper.util.statement import Row, Statement
+
+CLEARLY = 1.5
+"""Smallest ratio of the slopes on both sides of an optimum at which the statement names the steeper
+one."""
+RESULTS = {"green": "pass", "amber": "uncertain", "red": "FAIL", "white": "not run"}
+"""Printed result of a check by its colour."""
+
+
+def statement(curve: OptimalCurve, further: Sequence[Check] = ()) -> Statement:
+    """Return the verdict, quantities, checks and remedies of an optimal curve.
+
+    ``further`` are checks of a report.
+    """
+    best = curve.optimum
+    if best.kind == "flat":
+        peak = peak_text(best.amplitude, best.frequency)
+        return Statement([f"The preload does not matter: {peak}"])
+    if not np.isfinite(best.preload):
+        return Statement([f"No optimum: {best.status_text}{_first_incomplete(curve)}"])
+    failures = [*failed(curve), *(check for check in further if check.colour == "red")]
+    remedies = "; ".join(dict.fromkeys(check.remedy for check in failures))
+    remarks = [_doubts(curve), _locked(curve)]
+    if remedies:
+        remarks.append(f"Remedy: {remedies}")
+    return Statement(
+        verdict=[f"Not for design: {check.failure}" for check in failures] or [_verdict(curve)],
+        rows=[*_preload_rows(curve), *_amplitude_rows(curve, bool(failures))],
+        checks=[Row(check.name, RESULTS[check.colour], check.found) for check in checks(curve)],
+        remarks=[text for text in (*remarks, _not_covered(curve)) if text],
+    )
+
+
+def _verdict(curve: OptimalCurve) -> str:
+    """Return the answer with its subject: engine order, excitation, friction coefficient."""
+    settings = curve.settings
+    subject = []
+    if settings.get("engine_order"):
+        subject.append(f"engine order {settings['engine_order']}")
+    excitation = excitation_text(curve.settings)
+    if excitation:
+        subject.append(excitation)
+    coefficients = friction_coefficients(curve.settings)
+    if coefficients.size:
+        subject.append(f"friction coefficient {_listed(coefficients)}")
+    alone = "" if curve.recommended_response is not None else ", by harmonic balance alone"
+    about = f": {', '.join(subject)}" if subject else ""
+    return f"Lowest amplitude at {amount(curve.recommended_preload, 'N')}{alone}{about}"
+
+
+def _first_incomplete(curve: OptimalCurve) -> str:
+    """Return the status at the lowest preload whose curve is not complete."""
+    for preload, status in zip(curve.preload, curve.status):
+        if status_word(status) != COMPLETE:
+            return f"; at {amount(preload, 'N')} {status}"
+    return ""
+
+
+def _preload_rows(curve: OptimalCurve) -> list[Row]:
+    """Return the recommended preload with the range around it, and further remarks on it."""
+    best, optimum = curve.recommended_preload, curve.optimum
+    low, high = curve.near_best
+    within = f"{span(low, high, 'N')}: within {percent(NEAR_BEST - 1.0)} by harmonic balance"
+    steeper = _steeper(curve)
+    if steeper:
+        within += f"; {steeper} this range"
+    remarks = [within]
+    shares = loads_text(curve.settings.get("load_per_preload"))
+    if shares:
+        remarks.append(f"loads per newton: {shares}")
+    if optimum.uncertainty > GOOD and optimum.known_to:
+        remarks.append(optimum.known_to)
+    if not np.isclose(best, optimum.preload):
+        remarks.append(
+            f"lowest in time integration; by harmonic balance {amount(optimum.preload, 'N')}"
+        )
+    remarks += [text for text in (_not_integrated(curve), _of_damper(curve, best)) if text]
+    if curve.range_in_time:
+        remarks.append(range_in_time_text(curve))
+    first, *others = remarks
+    return [Row("Preload", amount(best, "N"), first), *(Row("", "", text) for text in others)]
+
+
+def _steeper(curve: OptimalCurve) -> str:
+    """Return the side of the optimum on which the amplitude rises faster; "" if uncertain.
+
+    A lower bound can make a side the steeper one.  It cannot make it the flatter one.
+    """
+    below, below_certain = _rise(curve, curve.preload < curve.optimum.preload)
+    above, above_certain = _rise(curve, curve.preload > curve.optimum.preload)
+    if above_certain and below >= CLEARLY * above > 0.0:
+        return "rises faster below"
+    if below_certain and above >= CLEARLY * below > 0.0:
+        return "rises faster above"
+    return ""
+
+
+def _rise(curve: OptimalCurve, side: NDArray) -> tuple[float, bool]:
+    """Return the largest slope from the optimum on one side, and whether it is certain.
+
+    The slope is d ln(amplitude)/d ln(preload).  Amplitudes up to NEAR_BEST times the optimum are
+    disregarded.  Amplitudes of incomplete peaks are lower bounds.
+    """
+    known = np.isfinite(curve.amplitude)
+    amplitude = np.where(known, curve.amplitude, curve.lower_bound)
+    rise = np.log(amplitude / curve.optimum.amplitude)
+    counted = side & np.isfinite(rise) & (rise > np.log(NEAR_BEST))
+    slope = np.abs(rise[counted] / np.log(curve.preload[counted] / curve.optimum.preload))
+    return float(slope.max(initial=0.0)), bool(known[side].all())
+
+
+def _not_integrated(curve: OptimalCurve) -> str:
+    """Return the side of the recommended preload without time integration, or ""."""
+    if curve.optimum_in_time is None:
+        return ""
+    best = curve.recommended_preload
+    integrated = [response.preload for response in curve.time_response if known_in_time(response)]
+    if best not in (integrated[0], integrated[-1]):
+        return ""
+    side = "lower" if best == integrated[0] else "higher"
+    return f"{side} preloads were not integrated"
+
+
+def _of_damper(curve: OptimalCurve, preload: float) -> str:
+    """Compare a preload with the centrifugal load of the damper at the resonance."""
+    order = curve.settings.get("engine_order", 0)
+    # with an excitation of one newton the preload is a ratio
+    if _is_one_newton(curve) or curve.settings.get("load_per_preload"):
+        return ""
+    if not order or not curve.mass_radius > 0.0:
+        return ""
+    speed = curve.settings.get("speed") or 2.0 * np.pi * curve.optimum.frequency / order
+    load = curve.mass_radius * speed**2
+    rotor_speed = amount(30.0 * speed / np.pi, "rpm")
+    return (
+        f"The damper has {amount(load, 'N')} at {rotor_speed}; the preload needs "
+        f"{preload / load:.2g} times its mass"
+    )
+
+
+def _is_one_newton(curve: OptimalCurve) -> bool:
+    """Return whether preloads are those for one newton of excitation, and scale with it."""
+    excitation = curve.settings.get("excitation", {})
+    return bool(excitation.get("amplitude") == 1.0 and excitation.get("location") != BASE)
+
+
+def _amplitude_rows(curve: OptimalCurve, any_failed: bool) -> list[Row]:
+    """Return the design amplitude, unless a check has failed, and the amplitude by each method."""
+    optimum, response = curve.optimum, curve.recommended_response
+    in_time = response if response is not None and known_in_time(response) else None
+    rows = []
+    if in_time is not None and not any_failed:
+        rows.append(_design_row(curve))
+    name = "Harmonic balance"
+    remark = amount(optimum.frequency, "Hz")
+    if in_time is not None and not np.isclose(in_time.preload, optimum.preload):
+        rows.append(Row(name, amount(in_time.balance, "m"), "at this preload"))
+        name = ""
+        remark += f" at its optimum, {amount(optimum.preload, 'N')}"
+    free = curve.free.amplitude
+    if np.isfinite(free):
+        ratio = free / optimum.amplitude
+        remark += f", {ratio:.3g} times below the free blade ({amount(free, 'm')})"
+    if in_time is None:
+        remark += "; not for the stress"
+    rows.append(Row(name, amount(optimum.amplitude, "m"), remark))
+    more = curve.convergence
+    if more is not None and len(more.peaks) > 1:
+        numbers = f"{more.peaks[0].harmonics} to {more.peaks[-1].harmonics} harmonics"
+        lowest, highest = more.range
+        rows.append(Row("", span(lowest, highest, "m"), numbers))
+    if in_time is not None:
+        value = span(in_time.lowest, in_time.largest, "m")
+        remark = f"{amount(in_time.frequency, 'Hz')}, mean {amount(in_time.mean, 'm')}"
+        rows.append(Row("Time integration", value, remark))
+        if in_time.blades_differ:
+            least, most = in_time.spread
+            rows.append(Row("", span(least, most, "m"), "different blades"))
+    half_range = _range(curve)
+    if half_range:
+        rows.append(Row("", "", half_range))
+    return rows
+
+
+def _design_row(curve: OptimalCurve) -> Row:
+    amplitudes = checked_amplitudes(curve)
+    unknown = [name for name, size in amplitudes.items() if np.isnan(size)]
+    if unknown:
+        return Row(
+            "Design amplitude", "unknown", f"the peak {' and '.join(unknown)} is not complete"
+        )
+    highest = max(amplitudes, key=lambda name: amplitudes[name])
+    return Row(
+        "Design amplitude", amount(curve.design_amplitude, "m"), f"largest of all checks, {highest}"
+    )
+
+
+def _range(curve: OptimalCurve) -> str:
+    """Return half of the range of motion where other harmonics than the first add to it."""
+    best = curve.optimum
+    response = curve.recommended_response
+    parts = []
+    if exceeds(best.half_range, best.amplitude):
+        parts.append(f"by harmonic balance {amount(best.half_range, 'm')}")
+    if response is not None and exceeds(response.half_range, response.mean):
+        parts.append(f"in time {amount(response.half_range, 'm')}")
+    if not parts:
+        return ""
+    half_range = ", ".join(parts)
+    return f"The amplitudes are of the first harmonic; half of the range of motion is {half_range}"
+
+
+def _doubts(curve: OptimalCurve) -> str:
+    """Return the doubts of the curve at the optimum: broken paths, and a rattling damper."""
+    optimum = curve.optimum.preload
+    rattling = False
+    broken = []
+    for response_curve in curve.curves:
+        if not np.isclose(response_curve.preload, optimum, rtol=1e-9, atol=0.0):
+            continue
+        rattling |= NO_STEADY in response_curve.reason
+        # gaps without a solution are narrower than a thousandth of the interval in a complete curve
+        broken += [part for part in response_curve.missing_ranges if part.why != NO_SOLUTION]
+    doubts = []
+    if rattling:
+        doubts.append(f"{NO_STEADY} is expected")
+    if broken:
+        places = " and ".join(f"{(part.low + part.high) / 2.0:.4g} Hz" for part in broken[:2])
+        doubts.append(
+            f"a path of the response curve broke off near {places}, so that a higher branch may be "
+            "missing"
+        )
+    if not doubts:
+        return ""
+    return f"Doubt at {amount(optimum, 'N')}: {'; '.join(doubts)}."
+
+
+def _locked(curve: OptimalCurve) -> str:
+    """Return the bodies that friction alone can hold: the history of the load decides."""
+    notes: dict[str, None] = {}
+    for response_curve in curve.curves:
+        notes |= dict.fromkeys(response_curve.self_locking)
+    return " ".join(f"{_capitalised(note)}." for note in notes)
+
+
+def _not_covered(curve: OptimalCurve) -> str:
+    """Return the effects that the amplitude does not contain."""
+    effects = []
+    response = curve.recommended_response
+    if response is None or not known_in_time(response):
+        effects += ["motion in time", "more blade modes"]
+    effects += ["mistuning", "wear"]
+    # with given stiffness each contact point is a joint, and there are no more of them
+    stiffness = curve.settings.get("contact_stiffness", "")
+    joints = stiffness == "model" or "values" in stiffness
+    if not joints or curve.settings.get("contact_points") is not None:
+        effects.append("more contact points")
+    coefficients = friction_coefficients(curve.settings)
+    if coefficients.size:
+        values = _listed(coefficients)
+        factors = [peak.factor for peak in curve.other_friction if peak.ok]
+        if len(factors) > 1 and friction_tried(curve):
+            beyond = f"beyond {min(factors):g} to {max(factors):g} times"
+        else:
+            beyond = "other than"
+        effects.append(f"friction coefficients {beyond} {values}")
+    return f"Not covered: {', '.join(effects)}"
+
+
+def _listed(coefficients: NDArray) -> str:
+    return ", ".join(f"{coefficient:g}" for coefficient in coefficients)
+
+
+def _capitalised(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}"
