@@ -59,6 +59,7 @@ from bdamper.util.display import Plottable, Result
 from bdamper.util.errors import (
     COMPLETE,
     FAILED,
+    FAILURES_AT_ONE_PRELOAD,
     INCOMPLETE,
     INTERRUPTED,
     NOT_FOUND,
@@ -995,13 +996,14 @@ class _MarginSearch:
 
     def _height_near(self, peak: Peak, preload: float) -> float:
         """Return -ln(margin) of the same peak at another preload; NaN if it was not found."""
-        system = self.problem.system(preload)
-        if peak.corner:
-            neighbour = find_peak(system, peak.y, parameter=preload)
-        else:
-            neighbour = find_peak(
-                system, peak.y, parameter=preload, tangent=peak.tangent, scale=peak.scale
-            )
+        shape: dict[str, Any] = {}
+        if not peak.corner:
+            shape = {"tangent": peak.tangent, "scale": peak.scale}
+        try:
+            system = self.problem.system(preload)
+            neighbour = find_peak(system, peak.y, parameter=preload, **shape)
+        except FAILURES_AT_ONE_PRELOAD:
+            return np.nan
         if not neighbour.ok:
             return np.nan
         return self._height(neighbour, preload)

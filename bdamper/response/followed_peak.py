@@ -41,7 +41,7 @@ from bdamper.response.linear_limits import peak_interval
 from bdamper.response.peak import Peak, PeakOptions, coarse_options, find_peak
 from bdamper.response.response_curve import frequency_response, open_at_rest, rattles
 from bdamper.response.response_curve_result import uninterrupted
-from bdamper.util.errors import BdamperError
+from bdamper.util.errors import FAILURES_AT_ONE_PRELOAD
 from bdamper.util.formatting import amount, peak_text
 from bdamper.util.progress import CostMeter, one_thread
 
@@ -91,7 +91,8 @@ def follow_upward(
     Returns
     -------
     Peak or None
-        None if the peak vanishes, is a corner, or falls to the amplitude ``above``.
+        None if the peak vanishes, is a corner, falls to the amplitude ``above``, or if a preload in
+        between has no solution, for example no static state.
     """
     smallest, step, largest = STEPS
     here = peak
@@ -113,12 +114,13 @@ def follow_upward(
                 "scale": here.scale,
                 "curvature": here.curvature,
             }
-        system = problem.system(next_preload)
-        new = find_peak(
-            system, guess, options=options, parameter=next_preload, reach=REACH, **shape
-        )
-        same = new.ok and abs(np.log(new.amplitude / here.amplitude)) < CHANGE
-        if not same:
+        new: Peak | None = None
+        with suppress(*FAILURES_AT_ONE_PRELOAD):
+            system = problem.system(next_preload)
+            new = find_peak(
+                system, guess, options=options, parameter=next_preload, reach=REACH, **shape
+            )
+        if new is None or not new.ok or abs(np.log(new.amplitude / here.amplitude)) >= CHANGE:
             step *= 0.5
             continue
         if new.amplitude <= above:
@@ -273,7 +275,7 @@ def with_lower_preloads(
         # a model over rotor speed may end above the lower preload
         try:
             lower = _coarse_at(problem, share * response.preload, frequency, options)
-        except BdamperError:
+        except FAILURES_AT_ONE_PRELOAD:
             continue
         response = replace(response, cost=response.cost + lower.cost)
         pair = {lower.preload: lower, response.preload: response}
@@ -299,6 +301,6 @@ def _coarse_at(
     top: Highest | None = None
     if len(curve):
         # a curve of closed branches alone has no highest point, and no peak is followed from it
-        with suppress(BdamperError):
+        with suppress(*FAILURES_AT_ONE_PRELOAD):
             top = highest_of_curve(case.equations, curve, options=options)
     return AtPreload(preload, curve, top, np.nan, "", meter.read())

@@ -52,6 +52,7 @@ from bdamper.response.scalar_search import (
 from bdamper.response.sensitivity import amplitude_sensitivity
 from bdamper.util import validation
 from bdamper.util.errors import (
+    FAILURES_AT_ONE_PRELOAD,
     INCOMPLETE,
     INTERRUPTED,
     NOT_FOUND,
@@ -76,13 +77,6 @@ from bdamper.util.workers import workers
 # ---- response at one preload ----
 
 
-LOST = (ArithmeticError, ValueError, MemoryError)
-"""Errors of a computation that fails at one preload, for example by overflow; they do not end the
-optimal curve.
-
-ValueError is what SciPy raises for matrices with infinite entries; LinAlgError and SettingError are
-ValueErrors too.
-"""
 BUDGET = 8000
 """First budget of a curve in evaluations.
 
@@ -117,7 +111,7 @@ def at_preload(
                     at_rest = open_at_rest(problem.at(preload))
                     why_rattling = rattles(response.curve, at_rest)
             # InterruptedCurve is a KeyboardInterrupt, which ends the search with its results
-            except (*LOST, BdamperError) as error:
+            except FAILURES_AT_ONE_PRELOAD as error:
                 failure = f"failed: {type(error).__name__}: {error}"
                 empty = without_points(problem, preload, failure, ContinuationOptions(), Cost())
                 response = AtPreload(preload, empty, None, np.nan, "", Cost())
@@ -129,7 +123,7 @@ def at_preload(
     if response.top is not None:
         peak = response.top.peak
         # a corner has no slope
-        with suppress(*LOST, BdamperError):
+        with suppress(*FAILURES_AT_ONE_PRELOAD):
             by_preload = amplitude_sensitivity(peak, problem.system, preload)
             slope = by_preload * preload / peak.amplitude
     return replace(
@@ -605,7 +599,7 @@ def smooth_minimum(
     optimum_tolerance = 1e-7
     try:
         root = find_root(slope, (a.x, a.slope), (b.x, b.slope), optimum_tolerance)
-    except (*LOST, BdamperError):
+    except FAILURES_AT_ONE_PRELOAD:
         return None
     return float(root.at)
 

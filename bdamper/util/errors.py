@@ -50,6 +50,15 @@ class StaticError(BdamperError):
     """No static equilibrium was found under a load."""
 
 
+FAILURES_AT_ONE_PRELOAD = (BdamperError, ArithmeticError, ValueError, MemoryError)
+"""Errors of a computation that fails at one preload, for example by overflow; they do not end a
+search over preloads.
+
+ValueError is what SciPy raises for matrices with infinite entries; LinAlgError and SettingError are
+ValueErrors too.
+"""
+
+
 def mismatch(item: str, expected: str, found: object) -> ModelError:
     """Return a ModelError "item: expected ..., found ..." in one line."""
     # the text of an array can contain line breaks

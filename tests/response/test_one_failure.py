@@ -10,6 +10,7 @@ import pytest
 import bdamper as bd
 from bdamper.analyses import robust_optimum
 from bdamper.response import optimal_curve as curves
+from bdamper.response.followed_peak import follow_upward
 from bdamper.util.errors import StaticError
 from tests.util.test_disk import BAND, pressed
 
@@ -86,6 +87,31 @@ def test_a_preload_of_an_optimal_curve(study, failure, part, monkeypatch):
             and reason.startswith("not found: ")
             and str(failure) in reason
         )
+
+
+def test_a_preload_above_a_followed_peak(study, failure, monkeypatch):
+    """The path ends below preloads that fail; a single one that it meets it passes with another step."""
+    low, high = (study.peak(preload, BAND) for preload in (2.0, 3.0))
+    problem = study.problem
+    system = type(problem).system
+    asked = []
+
+    def fails_from(least, n_failures):
+        def stand_in(problem, preload):
+            asked.append(preload)
+            if preload > least and sum(p > least for p in asked) <= n_failures:
+                raise failure
+            return system(problem, preload)
+
+        return stand_in
+
+    monkeypatch.setattr(type(problem), "system", fails_from(2.5, np.inf))
+    assert follow_upward(problem, low, 3.0) is None
+    assert max(asked) > 2.5
+    asked.clear()
+    monkeypatch.setattr(type(problem), "system", fails_from(2.5, 1))
+    found = follow_upward(problem, low, 3.0)
+    assert found.amplitude == pytest.approx(high.amplitude, rel=1e-6)
 
 
 def test_the_preload_that_gives_the_interval(study, monkeypatch):
