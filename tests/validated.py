@@ -854,7 +854,7 @@ def whitehead() -> Problem:
     for n in (4, 6, 8):
         disk = np.zeros(n // 2 + 1)
         disk[0] = 1e4
-        structure = wheels.Structure.of(wheels.study(n, 0, disk, 1e-5, m=0.3).problem)
+        structure = wheels.DiskMatrices.of(wheels.study(n, 0, disk, 1e-5, m=0.3).problem)
         soft, stiff = (np.sqrt(structure.local.modes(d)[0][0]) for d in (1, 0))
         patterns = [f * (stiff / soft - 1.0) * np.eye(n)[0] for f in np.linspace(0.95, 1.1, 61)]
         found = float(wheels.amplification(structure, 0, patterns)[0].max())

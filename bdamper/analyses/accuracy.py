@@ -69,9 +69,10 @@ from bdamper.analyses.error_estimates import (
     with_stand_ins,
 )
 from bdamper.contact.laws import AFT
-from bdamper.harmonic_balance.checks import StudyLike, check_question, in_type_of, problem_of
+from bdamper.harmonic_balance.checks import check_question
 from bdamper.harmonic_balance.effects import MAX_HARMONIC
 from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.study_boundary import StudyLike, in_type_of, problem_of
 from bdamper.response.highest_peak import NEAR as NEAR_HIGHEST
 from bdamper.response.highest_peak import found_at, highest_peak
 from bdamper.response.linear_limits import peak_interval

@@ -51,9 +51,9 @@ from bdamper.analyses.response_residuals import (
     of_resonances,
     of_test,
 )
-from bdamper.harmonic_balance.checks import StudyLike, problem_of
 from bdamper.harmonic_balance.parameters import setting_names, vary
 from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.study_boundary import StudyLike, problem_of
 from bdamper.importers.measured_modes import MeasuredMode
 from bdamper.importers.measurements import Measured, Measurement
 from bdamper.response.sensitivity import setting_value

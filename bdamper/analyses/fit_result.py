@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.analyses.response_residuals import FORCE
-from bdamper.harmonic_balance.checks import A, check_result, problem_of
+from bdamper.harmonic_balance.checks import check_result
 from bdamper.harmonic_balance.parameters import present_name, vary
+from bdamper.harmonic_balance.study_boundary import A, problem_of
 from bdamper.util import validation
 from bdamper.util.display import Plottable, Result
 from bdamper.util.errors import COMPLETE

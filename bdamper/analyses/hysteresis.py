@@ -37,11 +37,12 @@ from numpy.typing import NDArray
 
 from bdamper.analyses.sweep import SweepResult
 from bdamper.contact.static_state import static_state
-from bdamper.harmonic_balance.checks import Solutions, accepts_study, solutions_of
+from bdamper.harmonic_balance.checks import Solutions, solutions_of
 from bdamper.harmonic_balance.contact_cycle import bodily_motion, energies, histories
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.sector import Sector
+from bdamper.harmonic_balance.study_boundary import accepts_study
 from bdamper.model.loads import direction_vector
 from bdamper.model.structure import Interface
 from bdamper.response.optimal_curve_result import OptimalCurve

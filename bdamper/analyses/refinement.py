@@ -33,8 +33,8 @@ import numpy as np
 
 from bdamper.analyses.accuracy import LEFT
 from bdamper.analyses.error_estimates import SOURCES, Enriched, Tops, examine, richer_study
-from bdamper.harmonic_balance.checks import StudyLike, in_type_of, problem_of
 from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.study_boundary import StudyLike, in_type_of, problem_of
 from bdamper.harmonic_balance.subject import preload_text
 from bdamper.response.motion_range import half_range
 from bdamper.response.peak import Peak, check_peak

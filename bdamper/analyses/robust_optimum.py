@@ -36,9 +36,9 @@ from numpy.typing import NDArray
 from bdamper.analyses.friction_range import find_range, tolerates_friction
 from bdamper.analyses.sweep import OptimalTask, PeakTask, SweepResult, Values, sweep
 from bdamper.fatigue.margin import LeastMargin, MarginCurve
-from bdamper.harmonic_balance.checks import StudyLike, problem_of
 from bdamper.harmonic_balance.parameters import present_name, vary
 from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.study_boundary import StudyLike, problem_of
 from bdamper.response import response_curve as tracking
 from bdamper.response.followed_peak import (
     Followed,

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.analyses.executors import Records, check_executor, run_stored
-from bdamper.harmonic_balance.checks import StudyLike, check_question, in_type_of, problem_of
+from bdamper.harmonic_balance.checks import check_question
 from bdamper.harmonic_balance.parameters import (
     MASS,
     check_name,
@@ -32,6 +32,7 @@ from bdamper.harmonic_balance.parameters import (
     vary,
 )
 from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.study_boundary import StudyLike, in_type_of, problem_of
 from bdamper.response.followed_peak import drops, followed_peaks, single_peak
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.linear_limits import free_and_stuck

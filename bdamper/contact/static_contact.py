@@ -12,7 +12,8 @@ contact, the relative motion :math:`x = (u_1, u_2, v)` of the surfaces satisfies
 
 with the slider positions :math:`w`, zero at the start.  There are no gaps, so forces and motion are
 proportional to the load and a load of 1 N is sufficient.  Loading history and gaps are part of
-:mod:`bdamper.contact.static_state`.
+:mod:`bdamper.contact.static_state`.  Its solver does not replace this one: with contact springs in
+place of rigid contact, 111 problems took 6 times as long and reached 1e-8 instead of 1e-10.
 
 The contact conditions are equivalent to :math:`F = \mathrm{law}(x + F/k)`, with an elastic contact
 element of arbitrary stiffness :math:`k > 0`.  These piecewise linear equations for

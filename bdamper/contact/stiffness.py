@@ -86,7 +86,7 @@ class PerArea:
 
 @short_repr
 @dataclass(frozen=True)
-class Contact:
+class ContactModel:
     """Contact stiffness of all interfaces and the residual modes that complete it.
 
     Parameters
@@ -125,7 +125,7 @@ def contact_stiffness(
     coupling: Coupling,
     method: str | float | ResidualModes | PerArea | Mapping[str, NDArray],
     friction: NDArray,
-) -> Contact:
+) -> ContactModel:
     """Compute the contact stiffness at the points of every interface.
 
     Parameters
@@ -139,7 +139,7 @@ def contact_stiffness(
 
     Returns
     -------
-    Contact
+    ContactModel
 
     Raises
     ------
@@ -161,14 +161,14 @@ def contact_stiffness(
     if isinstance(method, ResidualModes):
         return _with_residual_modes(coupling, method, friction)
     if not isinstance(method, str):
-        return Contact(_user_values(coupling, method))
+        return ContactModel(_user_values(coupling, method))
     stiffness = _unit_tractions(coupling)
     if method == "cigeroglu2009":
         force, displacement = paper_contact(coupling, friction)
         for name in coupling.friction_faces:
             rows = coupling.rows(name)
             stiffness[name] = paper_equations(displacement[rows], force[rows], stiffness[name], FAR)
-    return Contact(stiffness)
+    return ContactModel(stiffness)
 
 
 def check_method(method: Any) -> None:
@@ -373,7 +373,9 @@ def _unit_tractions(coupling: Coupling) -> dict[str, ContactStiffness]:
     return stiffness
 
 
-def _with_residual_modes(coupling: Coupling, options: ResidualModes, friction: NDArray) -> Contact:
+def _with_residual_modes(
+    coupling: Coupling, options: ResidualModes, friction: NDArray
+) -> ContactModel:
     bodies = coupling.model.bodies.values()
     has_load = any(body.load is not None and np.any(body.load.generalised) for body in bodies)
     # "all" needs no force vectors from statics
@@ -388,7 +390,7 @@ def _with_residual_modes(coupling: Coupling, options: ResidualModes, friction: N
         diagonal = residual_set.flexibility[coupling.rows(name)]
         k = np.divide(1.0, diagonal, out=uniform.stiffness.copy(), where=diagonal > 0.0)
         stiffness[name] = ContactStiffness(k, "residual_modes")
-    return Contact(stiffness, residual_set)
+    return ContactModel(stiffness, residual_set)
 
 
 def _user_values(

@@ -31,7 +31,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.fem.surface import Facets, area_vectors, check, corner_count
+from bdamper.fem.surface import Facets, area_vectors, corner_count, require
 from bdamper.util import quantities, validation
 
 
@@ -146,7 +146,7 @@ def patch_grid(points: int | tuple[int, int], length: float, width: float) -> tu
     """
     if not isinstance(points, (int, np.integer)):
         return int(points[0]), int(points[1])
-    check(points >= 1, f"points must be at least 1, not {points}")
+    require(points >= 1, f"points must be at least 1, not {points}")
     # nine points are always three by three, although longer patches may be closer to squares
     root = round(np.sqrt(points))
     if root * root == points:
@@ -219,7 +219,7 @@ def mean_frame(facets: Facets, nodes: NDArray) -> NDArray:
     total = vectors.sum(axis=0)
     area = np.linalg.norm(vectors, axis=1).sum()
     expected = "expected one face, with all facets seen from outside counter-clockwise"
-    check(
+    require(
         np.linalg.norm(total) > 0.5 * area,
         f"the normals of its facets do not point to one side: {expected}",
     )
@@ -583,7 +583,7 @@ def patches_on_rectangles(
     cells = _cells(_pieces(flat, None), windows)
     for i, (cell, area) in enumerate(zip(cells, patches.area)):
         covered = sum(polygon_area(piece.polygon) for piece in cell)
-        check(
+        require(
             abs(covered - area) <= 1e-6 * area,
             f"patch {i} at {patches.centre[i]} m has an area of {area:.6g} m2, "
             f"but {what} covers {covered:.6g} m2 of it",
@@ -631,7 +631,7 @@ def patches_on_faces(
     if nodes_b is not None and facets_b is not None:
         flat_b = _flatten(facets_b, nodes_b, origin, frame, what[1])
     pieces = [piece for piece in _pieces(flat_a, flat_b) if polygon_area(piece.polygon) > 0.0]
-    check(pieces, f"{what[0]} and {what[1]} have no area in common")
+    require(pieces, f"{what[0]} and {what[1]} have no area in common")
     common_area = sum(polygon_area(piece.polygon) for piece in pieces)
     # rectangle around the common area
     low = np.min([piece.polygon.min(axis=0) for piece in pieces], axis=0)
@@ -641,7 +641,7 @@ def patches_on_faces(
         lines.append(_lines(pieces, flat_b, 1, high - low))
     length, width = (high - low).tolist()
     n_1, n_2 = resolved_grid(points, length, width, lines)
-    check(min(n_1, n_2) >= 1, f"points must be at least 1 along both edges, not ({n_1}, {n_2})")
+    require(min(n_1, n_2) >= 1, f"points must be at least 1 along both edges, not ({n_1}, {n_2})")
     edges_1 = np.linspace(low[0], high[0], n_1 + 1)
     edges_2 = np.linspace(low[1], high[1], n_2 + 1)
     corners = np.stack(np.meshgrid(edges_1, edges_2, indexing="ij"), axis=-1)

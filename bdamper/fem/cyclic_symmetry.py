@@ -47,7 +47,7 @@ from scipy.linalg import null_space
 from bdamper.fem.lowest_modes import lowest_modes
 from bdamper.fem.sector_faces import SectorFaces
 from bdamper.fem.sector_inside import CondensedSolver, SectorInside
-from bdamper.fem.surface import Structure, check, hermitian
+from bdamper.fem.surface import Structure, hermitian, require
 from bdamper.model.modal_basis import fix_phase
 
 # ---- Cyclic sector ----
@@ -86,12 +86,12 @@ def cyclic_transformation(
     left, right = faces.independent, faces.dependent
     if faces.matching:
         images = (faces.weights @ fixed[left].astype(float)) > 0.5
-        check(
+        require(
             (images == fixed[right]).all(),
             "a clamped node of one sector face has a free image on the other",
         )
     fixed_alike = (fixed[faces.nodes, 0] == fixed[faces.nodes, 1]).all()
-    check(
+    require(
         faces.n_sectors == 1 or fixed_alike,
         "a node of a sector face is fixed in one of the directions X and Y that a rotation mixes",
     )
@@ -316,7 +316,7 @@ def travelling_waves(
         If a shape or a pair of shapes is not a wave of this nodal diameter.
     """
     d, n = nodal_diameter, faces.n_sectors
-    check(0 <= d <= n // 2, f"nodal diameter {d}: expected 0 to {n // 2} with {n} sectors")
+    require(0 <= d <= n // 2, f"nodal diameter {d}: expected 0 to {n // 2} with {n} sectors")
     size = np.linalg.norm(shapes.reshape(-1, 3, len(frequency))[faces.nodes], axis=(0, 1))
     whole = np.linalg.norm(shapes, axis=0)
     # a mode without motion of the faces does not determine the phase; its size elsewhere is then

@@ -53,7 +53,7 @@ from bdamper.fem.reduced_bodies import (
 )
 from bdamper.fem.sector_faces import SectorFaces
 from bdamper.fem.sector_inside import SectorInside, face_ties
-from bdamper.fem.surface import Structure, check, hermitian
+from bdamper.fem.surface import Structure, hermitian, require
 from bdamper.model.modal_basis import LocalBasis, fix_phase, rigid_motions
 from bdamper.model.structure import Interface, Port
 from bdamper.util import validation
@@ -124,8 +124,8 @@ class BladePart:
         self.root: NDArray = np.flatnonzero(root)
         self.root_dofs: NDArray = np.flatnonzero(np.repeat(root, 3) & moving)
         self.own_dofs: NDArray = np.flatnonzero(np.repeat(inside & ~root, 3) & moving)
-        check(len(self.root_dofs), "a blade that no node of its root joins to the disk")
-        check(
+        require(len(self.root_dofs), "a blade that no node of its root joins to the disk")
+        require(
             len(self.own_dofs) >= 12,
             f"a blade of {len(self.own_dofs)} moving components besides its root",
         )
@@ -146,13 +146,15 @@ class BladePart:
             face.
         """
         on_blade = self.inside
-        check(
+        require(
             on_blade[wanted.contact.indices // 3].all(),
             "contact points that are not on the blade",
         )
         for name, place in wanted.locations.items():
-            check(on_blade[nodes_of(place)].all(), f"location '{name}', which is not on the blade")
-        check(
+            require(
+                on_blade[nodes_of(place)].all(), f"location '{name}', which is not on the blade"
+            )
+        require(
             not on_blade[faces.nodes].any(),
             "a node of the blade that lies on a face at which the sector repeats",
         )

@@ -60,7 +60,7 @@ from bdamper.fem.factorisation import Factors, factorise
 from bdamper.fem.lowest_modes import lowest_modes
 from bdamper.fem.rotation import Rotation, spin_displacement
 from bdamper.fem.sector_faces import SectorFaces
-from bdamper.fem.surface import Facets, Structure, check, corner_count, hermitian
+from bdamper.fem.surface import Facets, Structure, corner_count, hermitian, require
 from bdamper.model.modal_basis import SpinStatic, fix_phase, rigid_motions
 from bdamper.model.structure import Body, BodyLoad, ModalBasis, Port, SurfaceMesh
 
@@ -209,7 +209,7 @@ class FreeBody(Generic[S]):
         omega2 : (n_modes,) float, rad2/s2
         shapes : (3 n_nodes, n_modes) float, kg^-1/2
         """
-        check(
+        require(
             n_modes >= 6,
             f"n_modes: expected at least six, the rigid modes of a free body, found {n_modes}",
         )
@@ -284,8 +284,8 @@ class RingSector:
         nodal_diameter: int,
         radial: NDArray | None = None,
     ) -> None:
-        check(faces.n_sectors >= 3, f"a ring has at least 3 sectors, not {faces.n_sectors}")
-        check(not len(faces.axis), "a ring has no nodes on the axis of rotation")
+        require(faces.n_sectors >= 3, f"a ring has at least 3 sectors, not {faces.n_sectors}")
+        require(not len(faces.axis), "a ring has no nodes on the axis of rotation")
         n_nodes = len(body.nodes)
         self.body = body
         self.nodal_diameter = nodal_diameter

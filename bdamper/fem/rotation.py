@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from bdamper.fem.cyclic_symmetry import CyclicSector
-from bdamper.fem.surface import Structure, check, hermitian
+from bdamper.fem.surface import Structure, hermitian, require
 from bdamper.model.modal_basis import ModalBasis, SpeedBasis
 
 IN_PLANE = np.diag([1.0, 1.0, 0.0])
@@ -80,7 +80,7 @@ def spin_displacement(sector: CyclicSector) -> NDArray:
         At nodal diameter 0, with the stiffness at standstill (linear theory) or at the speed
         (stiffened blades).
     """
-    check(
+    require(
         sector.nodal_diameter == 0,
         f"the displacement by rotation has nodal diameter 0, not {sector.nodal_diameter}",
     )

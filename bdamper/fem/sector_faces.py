@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from bdamper.fem.contact_patches import SQUARE, inverse_map, shape_functions
-from bdamper.fem.surface import Facets, check, corner_count, facets_on_nodes
+from bdamper.fem.surface import Facets, corner_count, facets_on_nodes, require
 from bdamper.model.structure import turn
 
 MOST_SECTORS = 1000
@@ -136,7 +136,7 @@ def match_faces(
     ValueError
         If the faces do not match node by node within ``tolerance`` (m).
     """
-    check(
+    require(
         len(left) and len(right),
         f"sector faces: expected nodes on both, found {len(left)} and {len(right)}",
     )
@@ -204,7 +204,7 @@ def tie_faces(
     axis = np.intersect1d(left, right)
     dependent = np.setdiff1d(dependent, axis)
     facets = facets_on_nodes(surface, independent)
-    check(
+    require(
         len(facets), "meshes that differ, and no face of an element on the nodes of the coarser one"
     )
     if angle is None:

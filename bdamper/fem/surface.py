@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 # ---- Nodes and matrices ----
 
 
-def check(good: object, wrong: str) -> None:
+def require(good: object, wrong: str) -> None:
     """Raise ValueError with the text ``wrong`` unless ``good``.
 
     Importers add the name of the body.
@@ -226,7 +226,7 @@ def boundary_facets(elements: Sequence[NDArray], nodes: NDArray) -> Facets:
     by_corners: dict[frozenset[int], list[tuple[NDArray, NDArray]]] = {}
     for group in elements:
         n_node = group.shape[1]
-        check(n_node in N_CORNER, f"solid elements have {sorted(N_CORNER)} nodes, not {n_node}")
+        require(n_node in N_CORNER, f"solid elements have {sorted(N_CORNER)} nodes, not {n_node}")
         n_corner = N_CORNER[n_node]
         for face in FACES[n_corner]:
             for element, corner in zip(group, group[:, face]):

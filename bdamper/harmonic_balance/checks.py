@@ -3,10 +3,6 @@ result elsewhere.
 
 Settings outside their plausible ranges (:mod:`bdamper.util.plausible_ranges`) and intervals in
 radians per second cause warnings.
-
-:func:`accepts_study` makes functions of a problem accept a study.  Class ``Study`` is defined above all
-packages; these functions use only its attribute ``problem`` and its method that returns another
-study of another problem.
 """
 
 from __future__ import annotations
@@ -14,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import wraps
-from typing import Any, Concatenate, NamedTuple, ParamSpec, Protocol, Self, TypeVar, overload
+from typing import Any, Concatenate, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +20,8 @@ from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.problem import LoadCase, Problem
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.harmonic_balance.settings import FRICTION
+from bdamper.harmonic_balance.study_boundary import A, P, R, problem_of
 from bdamper.model.loads import Response
-from bdamper.model.structure import Model
 from bdamper.util import plausible_ranges, validation
 from bdamper.util.errors import SettingError, warn, warn_implausible
 from bdamper.util.progress import one_thread
@@ -231,67 +227,6 @@ def warn_of_small_slip(problem: Problem, system: Equations[Any], unknowns: NDArr
             f"the joint moves by {largest:.3g} m, less than the {resolution:.3g} m that its "
             "sliders resolve: its damping is wrong there; increase its decades"
         )
-
-
-# ---- functions of a problem or a study ----
-
-
-class StudyLike(Protocol):
-    """Members of a study that the functions below class ``Study`` use."""
-
-    @property
-    def problem(self) -> Problem: ...
-    @property
-    def model(self) -> Model: ...
-    def replace(self, **settings: Any) -> Self: ...
-    def _with_problem(self, problem: Problem) -> Self: ...
-
-
-P = ParamSpec("P")
-R = TypeVar("R")
-A = TypeVar("A", bound=StudyLike | Problem)
-
-
-def problem_of(study: StudyLike | Problem) -> Problem:
-    """Return the problem of a study, or the problem itself.
-
-    Raises
-    ------
-    SettingError
-        If the argument is neither.
-    """
-    problem: Any = getattr(study, "problem", study)
-    return validation.instance("study", problem, Problem, "a Study")
-
-
-def in_type_of(study: A, problem: Problem) -> A:
-    """Return a problem in the type of the first argument, a study of the problem or itself."""
-    result: Any = problem
-    if not isinstance(study, Problem):
-        result = study if problem is study.problem else study._with_problem(problem)
-    return result
-
-
-@overload
-def accepts_study(
-    function: Callable[Concatenate[Problem, P], Problem],
-) -> Callable[Concatenate[A, P], A]: ...
-@overload
-def accepts_study(
-    function: Callable[Concatenate[Problem, P], R],
-) -> Callable[Concatenate[StudyLike | Problem, P], R]: ...
-def accepts_study(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorate a function of a problem so that it also accepts a study.
-
-    A returned problem becomes a study.
-    """
-
-    @wraps(function)
-    def of_study(study: Any, /, *given: Any, **named: Any) -> Any:
-        answer = function(problem_of(study), *given, **named)
-        return in_type_of(study, answer) if isinstance(answer, Problem) else answer
-
-    return of_study
 
 
 # ---- plausible settings ----

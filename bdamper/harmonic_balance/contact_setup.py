@@ -47,7 +47,7 @@ from bdamper.contact.laws import (
 from bdamper.contact.preload_state import OPEN, PreloadState
 from bdamper.contact.residual_flexibility import ResidualModes
 from bdamper.contact.static_state import StaticSystem, static_state
-from bdamper.contact.stiffness import Contact, PerArea, contact_stiffness
+from bdamper.contact.stiffness import ContactModel, PerArea, contact_stiffness
 from bdamper.harmonic_balance.settings import Settings
 from bdamper.model.contact_points import united
 from bdamper.model.kinematics import Coupling, HarmonicBasis
@@ -261,7 +261,7 @@ def assembly_offsets(spread: float, seed: int, friction: NDArray) -> NDArray:
 # ---- contact stiffness ----
 
 
-def contact_of(settings: Settings, coupling: Coupling, friction: NDArray) -> Contact:
+def contact_of(settings: Settings, coupling: Coupling, friction: NDArray) -> ContactModel:
     """Compute the contact stiffness by the method of the settings, with residual modes if the
     method has them.
 
@@ -269,7 +269,7 @@ def contact_of(settings: Settings, coupling: Coupling, friction: NDArray) -> Con
     is used, or unit tractions if the model has no stiffness.
     """
     if not coupling.interfaces:
-        return Contact({}, method="none")
+        return ContactModel({}, method="none")
     if settings.contact_stiffness is not None:
         return _contact_by(settings, coupling, friction, settings.contact_stiffness)
     try:
@@ -291,7 +291,9 @@ def contact_of(settings: Settings, coupling: Coupling, friction: NDArray) -> Con
     return replace(contact, note=note)
 
 
-def _contact_by(settings: Settings, coupling: Coupling, friction: NDArray, method: Any) -> Contact:
+def _contact_by(
+    settings: Settings, coupling: Coupling, friction: NDArray, method: Any
+) -> ContactModel:
     if isinstance(method, str) and method == "model":
         missing = [name for name in coupling.interfaces if name not in settings.model.contact]
         if missing:
@@ -299,7 +301,7 @@ def _contact_by(settings: Settings, coupling: Coupling, friction: NDArray, metho
                 f'contact_stiffness="model": the model has none for interfaces {missing}'
             )
         stiffness = {name: coupling.model.contact[name] for name in coupling.interfaces}
-        return Contact(stiffness, method=method)
+        return ContactModel(stiffness, method=method)
     at_points_of_study = method
     values = not isinstance(method, (str, ResidualModes, PerArea))
     if values and settings.contact_points is not None:

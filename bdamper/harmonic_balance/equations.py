@@ -15,7 +15,7 @@ Newton's method solves the equations with one further condition for ``p``:
 
 - :class:`Plane`: the point lies in a plane through the guess (arc-length continuation);
 - :class:`Fixed`: the parameter is fixed;
-- :class:`Fold` and :class:`Peak`: a quantity is stationary along the curve
+- :class:`Fold` and :class:`Maximum`: a quantity is stationary along the curve
   (``csrc/solver/newton.c``).
 
 The same class :class:`Equations` serves one sector, a curve along an engine order line, a nonlinear
@@ -86,12 +86,12 @@ class Fold(Stationary):
     """Turning point of the parameter: the last entry of the tangent vanishes."""
 
 
-class Peak(Stationary):
+class Maximum(Stationary):
     """Maximum of the first harmonic of the response: the slope of its logarithm vanishes, its
     curvature is negative."""
 
 
-Condition = Plane | Fixed | Fold | Peak
+Condition = Plane | Fixed | Fold | Maximum
 
 
 def for_core(condition: Condition, n_unknowns: int) -> tuple[NDArray, dict[str, Any]]:
@@ -535,7 +535,7 @@ class Equations(Generic[S]):
         ----------
         y : (n_unknowns + 1,) float
             Guess.
-        condition : Plane, Fixed, Fold or Peak
+        condition : Plane, Fixed, Fold or Maximum
         scale : (n_unknowns + 1,) float
             Units of the unknowns.
         tolerance : float
@@ -559,7 +559,7 @@ class Equations(Generic[S]):
         raise_if_stopped()
         y = np.array(y, float)
         tangent, arguments = for_core(condition, self.n_unknowns)
-        if isinstance(condition, Peak):
+        if isinstance(condition, Maximum):
             arguments["re"], arguments["im"] = self.rows.at(y[-1])
         if self.spent:
             return Correction(NOT_CONVERGED, y, tangent, scale, 0, np.nan, 0)
@@ -593,12 +593,17 @@ class Equations(Generic[S]):
             slope=solution.slope,
             curvature=solution.curvature,
         )
-        if isinstance(condition, Peak) and self.rows.moving:
+        if isinstance(condition, Maximum) and self.rows.moving:
             return self._to_moving_peak(result, condition, scale, tolerance, max_iterations)
         return result
 
     def _to_moving_peak(
-        self, c: Correction, condition: Peak, scale: NDArray, tolerance: float, max_iterations: int
+        self,
+        c: Correction,
+        condition: Maximum,
+        scale: NDArray,
+        tolerance: float,
+        max_iterations: int,
     ) -> Correction:
         """Move a peak along the curve by Newton steps, if the response rows depend on the
         parameter."""

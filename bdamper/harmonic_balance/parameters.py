@@ -36,9 +36,9 @@ from typing import Any
 import numpy as np
 
 from bdamper.contact.residual_flexibility import RESIDUAL
-from bdamper.harmonic_balance.checks import accepts_study
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.rotor_speed import Conditions, under
+from bdamper.harmonic_balance.study_boundary import accepts_study
 from bdamper.model.kinematics import HarmonicBasis
 from bdamper.model.structure import Body, Model, feed_digest
 from bdamper.model.validation import as_checked

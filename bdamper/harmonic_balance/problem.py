@@ -21,7 +21,7 @@ from bdamper.contact.preload_state import OPEN, PreloadState
 from bdamper.contact.residual_flexibility import RESIDUAL, ResidualModes, joined
 from bdamper.contact.static_contact import WedgeFriction, wedge_friction
 from bdamper.contact.static_state import StaticSystem, scaled_state, static_state
-from bdamper.contact.stiffness import Contact, check_method
+from bdamper.contact.stiffness import ContactModel, check_method
 from bdamper.harmonic_balance.contact_setup import (
     approach,
     assembly_offsets,
@@ -337,7 +337,7 @@ class Problem:
         return mu
 
     @made_once
-    def contact(self) -> Contact:
+    def contact(self) -> ContactModel:
         """Contact stiffness by the method of the settings, with residual modes if the method has
         them.
         """

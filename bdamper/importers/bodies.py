@@ -54,7 +54,7 @@ from bdamper.fem.rotation import IN_PLANE, Rotation
 from bdamper.importers.fe_body import BOUNDS, FEBody, Modes
 from bdamper.importers.options import NodeSet, Sector
 from bdamper.importers.plausibility import check_rigid_motion, compare_frequencies
-from bdamper.importers.prepared_body import PreparedBody, Ring
+from bdamper.importers.prepared_body import CyclicStructure, PreparedBody
 from bdamper.model.modal_basis import fix_phase, rigid_motions
 from bdamper.model.structure import Body, BodyLoad, Interface, ModalBasis
 from bdamper.util import validation
@@ -230,7 +230,7 @@ def _pictures(body: PreparedBody, d: int, shapes: NDArray) -> dict[int, NDArray]
     return {d: pictured}
 
 
-def _waves(body: PreparedBody, modes: Modes, ring: Ring) -> Waves:
+def _waves(body: PreparedBody, modes: Modes, ring: CyclicStructure) -> Waves:
     """Return travelling waves of one nodal diameter on all nodes, NaN at nodes without values."""
     d = modes.nodal_diameter
     item = f"modes of nodal diameter {d} ({modes.source or 'given'})"
@@ -260,7 +260,7 @@ def _waves(body: PreparedBody, modes: Modes, ring: Ring) -> Waves:
     return waves
 
 
-def compare_known(body: PreparedBody, d: int, omega2: NDArray, ring: Ring) -> None:
+def compare_known(body: PreparedBody, d: int, omega2: NDArray, ring: CyclicStructure) -> None:
     """Compare modes at a nodal diameter d with expected frequencies and with the modes of a file.
 
     The squared natural frequencies ``omega2`` (n_modes,) are in rad2/s2.
@@ -296,7 +296,9 @@ def check_reached(body: PreparedBody, wanted: Wanted, absent: NDArray, content: 
         body.require(not len(wrong), item, f"nodes with {content}", found)
 
 
-def _normalised(body: PreparedBody, d: int, ring: Ring, n_modes: int) -> tuple[NDArray, NDArray]:
+def _normalised(
+    body: PreparedBody, d: int, ring: CyclicStructure, n_modes: int
+) -> tuple[NDArray, NDArray]:
     """Return the lowest modes of a nodal diameter d.
 
     Returns
@@ -325,7 +327,7 @@ def _normalised(body: PreparedBody, d: int, ring: Ring, n_modes: int) -> tuple[N
 
 
 def constrained_from_modes(
-    body: PreparedBody, wanted: Wanted, ring: Ring
+    body: PreparedBody, wanted: Wanted, ring: CyclicStructure
 ) -> tuple[Body, dict[int, NDArray]]:
     """Make a sector from its modes at each nodal diameter.
 
@@ -412,7 +414,7 @@ def free_from_modes(body: PreparedBody, wanted: Wanted) -> Body:
 
 
 def held_components(
-    body: PreparedBody, wanted: Wanted, fixed: NodeSet | None, ring: Ring
+    body: PreparedBody, wanted: Wanted, fixed: NodeSet | None, ring: CyclicStructure
 ) -> NDArray:
     """Return the mask (n_nodes, 3) of fixed components.
 
@@ -440,7 +442,9 @@ def held_components(
     return with_images
 
 
-def cyclic_sectors(body: PreparedBody, ring: Ring, mask: NDArray, kept: Collection[int]) -> Sectors:
+def cyclic_sectors(
+    body: PreparedBody, ring: CyclicStructure, mask: NDArray, kept: Collection[int]
+) -> Sectors:
     """Return the sector from matrices as a function of the nodal diameter.
 
     Sectors of the nodal diameters ``kept`` are cached, with their modes.
@@ -470,7 +474,7 @@ def cyclic_sectors(body: PreparedBody, ring: Ring, mask: NDArray, kept: Collecti
 def constrained_from_matrices(
     body: PreparedBody,
     wanted: Wanted,
-    ring: Ring,
+    ring: CyclicStructure,
     sector: Sector,
     sizes: LocalSizes,
     interfaces: Mapping[str, Interface],
@@ -595,7 +599,7 @@ def _free_in_space(body: PreparedBody) -> FreeBody:
 
 
 def ring_from_matrices(
-    body: PreparedBody, wanted: Wanted, ring: Ring, split: bool
+    body: PreparedBody, wanted: Wanted, ring: CyclicStructure, split: bool
 ) -> tuple[Body, dict[int, NDArray]]:
     """Make a friction ring from the matrices of one sector.
 
@@ -603,7 +607,7 @@ def ring_from_matrices(
     ----------
     body : PreparedBody
     wanted : Wanted
-    ring : Ring
+    ring : CyclicStructure
         Faces at which the ring repeats, and the nodal diameters of the model.
     split : bool
         Whether the ring has a gap.
@@ -658,7 +662,7 @@ def ring_from_matrices(
 def blade_part(
     body: PreparedBody,
     wanted: Wanted,
-    ring: Ring,
+    ring: CyclicStructure,
     fixed: NDArray,
     blade: NodeSet,
     interfaces: Mapping[str, Interface],

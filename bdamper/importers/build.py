@@ -58,7 +58,7 @@ from bdamper.importers.options import (
     Sector,
 )
 from bdamper.importers.plausibility import check_bodies, check_lowest
-from bdamper.importers.prepared_body import ImportReport, PreparedBody, Ring
+from bdamper.importers.prepared_body import CyclicStructure, ImportReport, PreparedBody
 from bdamper.importers.stress_sets import stress_rows
 from bdamper.model.loads import BASE
 from bdamper.model.model_file import save_model
@@ -353,7 +353,7 @@ def build_model(
     for d in expected:
         allowed = f"nodal diameters out of {list(diameters)}"
         check(d in diameters, "expected_frequencies", allowed, d)
-    ring = Ring(faces, diameters, excited or diameters, expected)
+    ring = CyclicStructure(faces, diameters, excited or diameters, expected)
     check_bodies(bodies, n_blades, checks.check_units, sector.elasticity)
     contacts, bodies = from_first_sector(contacts, bodies, n_blades)
     rings = _rings(bodies, sector, ring)
@@ -655,7 +655,9 @@ def _report_deviation(body: PreparedBody, angle: float | None, n_blades: int) ->
     )
 
 
-def _rings(bodies: Mapping[str, PreparedBody], sector: Sector, ring: Ring) -> dict[str, Ring]:
+def _rings(
+    bodies: Mapping[str, PreparedBody], sector: Sector, ring: CyclicStructure
+) -> dict[str, CyclicStructure]:
     """Return the rings among the free bodies, with the faces at which they repeat.
 
     Raises
@@ -772,7 +774,7 @@ def _location(name: str, body: PreparedBody, place: Place) -> Location:
 
 @contextmanager
 def _shown(
-    progress: bool | None, n_bodies: int, ring: Ring, local: bool, report: ImportReport
+    progress: bool | None, n_bodies: int, ring: CyclicStructure, local: bool, report: ImportReport
 ) -> Iterator[None]:
     """Show a progress bar with the steps of the work."""
     n_sectors = ring.faces.n_sectors
@@ -794,8 +796,8 @@ def _reduced(
     bodies: Mapping[str, PreparedBody],
     laid: LaidContacts,
     places: Mapping[str, tuple[str, Place]],
-    ring: Ring,
-    rings: Mapping[str, Ring],
+    ring: CyclicStructure,
+    rings: Mapping[str, CyclicStructure],
     sector: Sector,
     reduction: Reduction,
     rows: Sequence[StressRows],
@@ -837,7 +839,7 @@ def _reduced(
     return reduced, pictures
 
 
-def _origins(bodies: Mapping[str, PreparedBody], ring: Ring) -> Iterator[str]:
+def _origins(bodies: Mapping[str, PreparedBody], ring: CyclicStructure) -> Iterator[str]:
     """Iterate over the sources of masses and frequencies, and of the frequencies compared."""
     for name, body in bodies.items():
         if name == "blade":
@@ -847,7 +849,7 @@ def _origins(bodies: Mapping[str, PreparedBody], ring: Ring) -> Iterator[str]:
             yield f"{name}: mass, centre and inertia from the {source}"
 
 
-def _origin_of_frequencies(body: PreparedBody, ring: Ring) -> str:
+def _origin_of_frequencies(body: PreparedBody, ring: CyclicStructure) -> str:
     if not body.has_matrices:
         return "the modes of the file"
     files = "stiffness and mass matrix of the files"
@@ -861,7 +863,7 @@ def _origin_of_frequencies(body: PreparedBody, ring: Ring) -> str:
     return f"{files}, compared with those of the program at nodal diameters {diameters}"
 
 
-def _largest_stress(body: PreparedBody, rows: StressRows, ring: Ring) -> str:
+def _largest_stress(body: PreparedBody, rows: StressRows, ring: CyclicStructure) -> str:
     """Return the node of the largest von Mises stress in the lowest mode of the first excited nodal
     diameter.
     """
@@ -910,7 +912,7 @@ def _assembled(
     reduced: Mapping[str, Body],
     pictures: Mapping[str, Mapping[int, NDArray]],
     rows: Sequence[StressRows],
-    ring: Ring,
+    ring: CyclicStructure,
     report: ImportReport,
     bases: Sequence[str],
 ) -> BuiltModel:

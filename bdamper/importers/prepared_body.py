@@ -35,7 +35,7 @@ FaceSet = str | NDArray | tuple[NDArray, ...]
 
 
 @dataclass(frozen=True)
-class Ring:
+class CyclicStructure:
     """Cyclic structure and the nodal diameters of its model.
 
     Parameters

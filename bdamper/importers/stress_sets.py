@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bdamper.fem.contact_patches import Patches
 from bdamper.importers.contact_faces import LaidContacts
 from bdamper.importers.options import Sector
-from bdamper.importers.prepared_body import PreparedBody, Ring
+from bdamper.importers.prepared_body import CyclicStructure, PreparedBody
 from bdamper.model.structure import turn
 from bdamper.util import validation
 from bdamper.util.errors import import_extra
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def stress_rows(
-    body: PreparedBody, sector: Sector, laid: LaidContacts, ring: Ring
+    body: PreparedBody, sector: Sector, laid: LaidContacts, ring: CyclicStructure
 ) -> list[StressRows]:
     """Return the rows that recover the stress at sets of nodes of a blade.
 
@@ -32,7 +32,7 @@ def stress_rows(
         Contains the node sets; a single name is also the name of the stress set.
     laid : LaidContacts
         Contact points; stress near them is marked.
-    ring : Ring
+    ring : CyclicStructure
         Sector faces.
 
     Returns
@@ -73,7 +73,9 @@ def stress_rows(
     return out
 
 
-def _contact_patches(body: PreparedBody, laid: LaidContacts, ring: Ring) -> list[Patches]:
+def _contact_patches(
+    body: PreparedBody, laid: LaidContacts, ring: CyclicStructure
+) -> list[Patches]:
     """Return the contact patches on a blade, turned to its own sector."""
     patches = []
     for name, side in laid.ports[body.name]:
@@ -86,7 +88,9 @@ def _contact_patches(body: PreparedBody, laid: LaidContacts, ring: Ring) -> list
     return patches
 
 
-def _away_from_cuts(body: PreparedBody, nodes: NDArray, ring: Ring, item: str) -> NDArray:
+def _away_from_cuts(
+    body: PreparedBody, nodes: NDArray, ring: CyclicStructure, item: str
+) -> NDArray:
     """Return the nodes that are not on the sector faces, where elements of other sectors contribute
     to the stress.
     """

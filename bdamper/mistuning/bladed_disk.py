@@ -25,9 +25,10 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from bdamper.analyses.sweep import SweepResult, sweep
-from bdamper.harmonic_balance.checks import check_contacts, problem_of
+from bdamper.harmonic_balance.checks import check_contacts
 from bdamper.harmonic_balance.equations import OK, Fixed
 from bdamper.harmonic_balance.sector import Sector
+from bdamper.harmonic_balance.study_boundary import problem_of
 from bdamper.mistuning.disk_equations import DiskSystem
 from bdamper.mistuning.disk_problem import DiskProblem
 from bdamper.mistuning.peak import DiskPeak, DiskPeakOptions, peak

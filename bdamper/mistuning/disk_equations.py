@@ -1,4 +1,4 @@
-r"""Structure and harmonic balance equations of a mistuned bladed disk with all its sectors.
+r"""Matrices and harmonic balance equations of a mistuned bladed disk with all its sectors.
 
 **Coordinates.**  The unknowns of sector ``n`` are the local coordinates :math:`u_n` of blade ``n``
 (``bdamper.model.modal_basis.LocalBasis``) and the coordinates :math:`y_n` of damper ``n``, which
@@ -89,7 +89,7 @@ def blade_of(model: Model) -> Body:
     return next(body for body in model.bodies.values() if body.local is not None)
 
 
-# ---- Structure ----
+# ---- Matrices ----
 
 KEPT = 8
 """Number of root shapes, the most important ones, whose coupling to neighbours the elimination
@@ -103,7 +103,7 @@ eight shapes leave 1e-7 after 17."""
 
 @short_repr
 @dataclass(frozen=True, eq=False)
-class Structure:
+class DiskMatrices:
     """Matrices of a bladed disk, without contact laws and loads.
 
     Parameters
@@ -200,7 +200,7 @@ class Structure:
         return self.n + self.n_damper
 
     @classmethod
-    def of(cls, study: Problem) -> Structure:
+    def of(cls, study: Problem) -> DiskMatrices:
         """Return the structure with nominal blades and dampers and the settings of a study.
 
         Parameters
@@ -250,7 +250,7 @@ class Structure:
             sector=sector,
         )
 
-    def varied(self, mistuning: Mistuning, factor: NDArray) -> Structure:
+    def varied(self, mistuning: Mistuning, factor: NDArray) -> DiskMatrices:
         """Return the same disk with mistuned blades, and with the damper masses multiplied by
         ``factor`` (n_blades,)."""
         return replace(
@@ -259,7 +259,7 @@ class Structure:
             damper_mass=self.damper_mass[:1] * factor[:, None],
         )
 
-    def reduced(self, shapes: NDArray) -> Structure:
+    def reduced(self, shapes: NDArray) -> DiskMatrices:
         """Reduce every blade to m shapes, the columns of ``shapes`` (n, m) in its coordinates.
 
         The disk then couples all coordinates of a blade to its neighbours, since all shapes move
@@ -498,7 +498,7 @@ class DiskScene:
 
     Parameters
     ----------
-    structure : Structure
+    structure : DiskMatrices
     points : PointArrays
         Contact points of all sectors, sector by sector, with the relative motion that the
         coordinates do not represent.
@@ -521,7 +521,7 @@ class DiskScene:
         Holding springs on the mean of dampers, relative to their stuck stiffness.
     """
 
-    structure: Structure
+    structure: DiskMatrices
     points: PointArrays
     harmonics: Collection[int]
     load: NDArray

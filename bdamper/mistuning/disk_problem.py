@@ -23,12 +23,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC, LAW_NORMAL, PointArrays
 from bdamper.contact.static_state import AT_LIMIT, SHORTEST, linear_range
-from bdamper.harmonic_balance.checks import StudyLike, in_type_of, problem_of
 from bdamper.harmonic_balance.effects import MAX_HARMONIC
 from bdamper.harmonic_balance.equations import OK
 from bdamper.harmonic_balance.model_sizes import Sizes
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.mistuning.disk_equations import DiskScene, DiskSystem, Structure
+from bdamper.harmonic_balance.study_boundary import StudyLike, in_type_of, problem_of
+from bdamper.mistuning.disk_equations import DiskMatrices, DiskScene, DiskSystem
 from bdamper.mistuning.mistuning import DamperVariation, Mistuning
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.peak import Peak
@@ -65,14 +65,14 @@ class Loading(NamedTuple):
 
 
 def static_disk(
-    structure: Structure, points: PointArrays, loading: Loading, pinned: NDArray, alike: NDArray
+    structure: DiskMatrices, points: PointArrays, loading: Loading, pinned: NDArray, alike: NDArray
 ) -> tuple[NDArray, NDArray, NDArray]:
     """Compute the static state of a bladed disk with unequal dampers after a history of load
     factors.
 
     Parameters
     ----------
-    structure : Structure
+    structure : DiskMatrices
     points : PointArrays
         Contact points of all sectors.
     loading : Loading
@@ -197,7 +197,7 @@ def static_disk(
     return u.reshape(load.shape), slider, force
 
 
-def disk_points(structure: Structure, dampers: DamperVariation) -> PointArrays:
+def disk_points(structure: DiskMatrices, dampers: DamperVariation) -> PointArrays:
     """Return the contact points of all sectors, sector by sector, with sliders at zero and no
     shift."""
     tuned = structure.tuned
@@ -230,7 +230,7 @@ def disk_points(structure: Structure, dampers: DamperVariation) -> PointArrays:
     )
 
 
-def local_vector(structure: Structure, modal: NDArray, force: bool) -> NDArray:
+def local_vector(structure: DiskMatrices, modal: NDArray, force: bool) -> NDArray:
     """Return the mean motion or static force of a sector (n_sector,) from modal values of the tuned
     study."""
     phi = structure.modes(0)
@@ -269,7 +269,7 @@ class Loaded:
     missing: NDArray
 
 
-def loaded(structure: Structure, preload: float, dampers: DamperVariation | None) -> Loaded:
+def loaded(structure: DiskMatrices, preload: float, dampers: DamperVariation | None) -> Loaded:
     """Compute the static state under a preload (N), which acts on a damper of nominal mass.
 
     Raises
@@ -314,13 +314,13 @@ def loaded(structure: Structure, preload: float, dampers: DamperVariation | None
 
 
 def disk_system(
-    structure: Structure, state: Loaded, excitation: NDArray, response_row: NDArray
+    structure: DiskMatrices, state: Loaded, excitation: NDArray, response_row: NDArray
 ) -> DiskSystem:
     """Return the equations of the vibration about a static state.
 
     Parameters
     ----------
-    structure : Structure
+    structure : DiskMatrices
     state : Loaded
     excitation : (n_blades, n_sector) complex, N kg^-1/2
     response_row : (n,) float
@@ -367,9 +367,9 @@ class DiskProblem(Summarised):
     _tuned_peaks: dict[float, Peak] = field(default_factory=dict, repr=False)
     _tuned_changes: dict[float, float] = field(default_factory=dict, repr=False)
     _states: dict[float, Loaded] = field(default_factory=dict, init=False, repr=False)
-    _structure: Structure | None = field(default=None, repr=False)
-    """Structure with nominal blades and dampers."""
-    structure: Structure = field(init=False, repr=False)
+    _structure: DiskMatrices | None = field(default=None, repr=False)
+    """Matrices with nominal blades and dampers."""
+    structure: DiskMatrices = field(init=False, repr=False)
     """Matrices of the bladed disk."""
 
     def __post_init__(self) -> None:
@@ -384,7 +384,7 @@ class DiskProblem(Summarised):
                     f"dampers: the model has {n} dampers, found {self.dampers.n_blades}"
                 )
             mass = self.dampers.mass
-        nominal = Structure.of(problem) if self._structure is None else self._structure
+        nominal = DiskMatrices.of(problem) if self._structure is None else self._structure
         object.__setattr__(self, "mistuning", mistuning)
         object.__setattr__(self, "_structure", nominal)
         object.__setattr__(self, "structure", nominal.varied(mistuning, mass))

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.equations import OK, Correction, Fixed, Plane, norm2
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.mistuning.disk_equations import KEPT, DiskSystem, Structure, of_blade
+from bdamper.mistuning.disk_equations import KEPT, DiskMatrices, DiskSystem, of_blade
 from bdamper.mistuning.disk_problem import MORE_HARMONICS, DiskProblem, Loaded
 from bdamper.response.peak import PeakOptions, find_peak, phase_row, slope_along
 from bdamper.util.errors import SettingError
@@ -510,7 +510,7 @@ finite-element blades it is 2e-4 and 7e-5.  With lumped blades with fourteen ran
 stuck frequency changes by 5e-2, and peaks were too low by a factor of four."""
 
 
-def close(structure: Structure, shapes: NDArray, omega: float) -> bool:
+def close(structure: DiskMatrices, shapes: NDArray, omega: float) -> bool:
     """Return whether a reduction to shapes keeps the frequency nearest to ``omega`` (rad/s).
 
     The frequency is compared with free and with stuck dampers.
@@ -530,7 +530,7 @@ def close(structure: Structure, shapes: NDArray, omega: float) -> bool:
     return True
 
 
-def family_shapes(structure: Structure, omega: float) -> NDArray:
+def family_shapes(structure: DiskMatrices, omega: float) -> NDArray:
     """Return mass-normalised shapes of the blades (n, m).
 
     The first are shapes of the contact flexibility, the most flexible ones last; the last is the
@@ -538,7 +538,7 @@ def family_shapes(structure: Structure, omega: float) -> NDArray:
 
     Parameters
     ----------
-    structure : Structure
+    structure : DiskMatrices
     omega : float, rad/s
         Frequency of the tuned peak.  The family contains the highest mode below it at the engine
         order, with free dampers.
@@ -582,7 +582,7 @@ def family_shapes(structure: Structure, omega: float) -> NDArray:
     return np.asarray(shapes / np.sqrt(modal_mass))
 
 
-def reduced_state(structure: Structure, state: Loaded, shapes: NDArray) -> Loaded:
+def reduced_state(structure: DiskMatrices, state: Loaded, shapes: NDArray) -> Loaded:
     """Return the static state as the origin of the motion in shapes, with the remaining static
     forces."""
     n = structure.n

@@ -28,9 +28,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.analyses.executors import Records, check_executor, run_stored
-from bdamper.harmonic_balance.checks import StudyLike, problem_of
 from bdamper.harmonic_balance.parameters import study_fingerprint
 from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.study_boundary import StudyLike, problem_of
 from bdamper.mistuning.bladed_disk import OF_PEAKS, BladedDisk, answers
 from bdamper.mistuning.mistuning import DamperVariation, Mistuning
 from bdamper.mistuning.peak import DiskPeakOptions

@@ -18,8 +18,8 @@ from matplotlib.colors import to_rgba
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from bdamper.harmonic_balance.checks import accepts_study
 from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.study_boundary import accepts_study
 from bdamper.importers.build import BuiltModel
 from bdamper.model.structure import Model
 from bdamper.plot.axes import SMALL, STYLE, finish, looks, new_axes

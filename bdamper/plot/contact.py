@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from bdamper.analyses.hysteresis import AXES, WHOLE, Hysteresis
 from bdamper.contact.preload_state import PreloadState
-from bdamper.harmonic_balance.checks import StudyLike, check_result, problem_of
+from bdamper.harmonic_balance.checks import check_result
 from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.study_boundary import StudyLike, problem_of
 from bdamper.model.structure import Model
 from bdamper.plot.axes import (
     COLUMN,

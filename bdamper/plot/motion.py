@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED_CONSTANT, refuse
-from bdamper.harmonic_balance.checks import accepts_study
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.sector import segments
+from bdamper.harmonic_balance.study_boundary import accepts_study
 from bdamper.model.kinematics import RIGID_NAMES, body_axes, principal_axes
 from bdamper.model.structure import Model, SurfaceMesh, turn
 from bdamper.util import validation

@@ -20,9 +20,10 @@ import numpy as np
 
 from bdamper.analyses.fit_result import Fitted
 from bdamper.analyses.hysteresis import hysteresis
-from bdamper.harmonic_balance.checks import StudyLike, check_result, problem_of
+from bdamper.harmonic_balance.checks import check_result
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.rotor_speed import RPM
+from bdamper.harmonic_balance.study_boundary import StudyLike, problem_of
 from bdamper.mistuning.peak import DiskPeak
 from bdamper.mistuning.sample import MistunedSample
 from bdamper.plot.axes import save_figure

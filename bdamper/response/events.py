@@ -20,7 +20,15 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.harmonic_balance.equations import OK, Correction, Equations, Fold, Peak, Plane, norm2
+from bdamper.harmonic_balance.equations import (
+    OK,
+    Correction,
+    Equations,
+    Fold,
+    Maximum,
+    Plane,
+    norm2,
+)
 from bdamper.response.scalar_search import root_trials
 from bdamper.util import validation
 from bdamper.util.formatting import short_repr
@@ -356,7 +364,7 @@ class Events:
             # the quantity changes about linearly over the step
             part = first / (first - last)
             tangent = a.tangent + part * (b.tangent - a.tangent)
-            condition = Fold if kind == "fold" else Peak
+            condition = Fold if kind == "fold" else Maximum
             curvature = (last - first) / (end * self._weight(kind, a.y))
             target = condition(tangent / norm2(tangent), curvature, tolerance, 0.5 * end)
             near = StepPoint(0.0, a.y, a.tangent)

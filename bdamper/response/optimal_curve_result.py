@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.fatigue.margin import MarginCurve
-from bdamper.harmonic_balance.checks import StudyLike
 from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.study_boundary import StudyLike
 from bdamper.response.linear_limits import Limit
 from bdamper.response.motion_range import exceeds
 from bdamper.response.optimum_checks import (

@@ -10,7 +10,7 @@ changes from positive to negative.  With the adjoint ``J^T lambda = grad(|X_1|^2
 remains regular at folds.
 
 From a close guess Newton's method on the curve, with a secant along it, converges to the peak
-(:class:`~bdamper.harmonic_balance.equations.Peak`).  If it fails, :func:`find_peak` follows the
+(:class:`~bdamper.harmonic_balance.equations.Maximum`).  If it fails, :func:`find_peak` follows the
 curve uphill (:mod:`bdamper.response.continuation`) until ``phi`` changes sign, and locates the
 maximum within this step.  At a corner of the curve ``phi`` may jump through zero; the search then
 ends at the corner.
@@ -332,7 +332,7 @@ class _Search:
     def newton(self, y: NDArray, tangent: NDArray, curvature: float) -> Correction | None:
         """Return the peak by Newton's method from a close guess, or None."""
         options = self.options
-        condition = equations.Peak(
+        condition = equations.Maximum(
             tangent, curvature, options.position_tolerance, 0.5 * options.max_step
         )
         c = self.solve(y, condition)

@@ -23,7 +23,7 @@ from bdamper.importers import (
     read_rst,
 )
 from bdamper.importers.fe_body import FEBody
-from bdamper.importers.prepared_body import Placement, PreparedBody, Ring
+from bdamper.importers.prepared_body import CyclicStructure, Placement, PreparedBody
 from bdamper.importers.stress_sets import stress_rows
 from tests.ansys_files import write_rst
 from tests.each import each
@@ -220,7 +220,7 @@ def stress_of(body: FEBody, moved, first):
     elasticity = (
         None if body.element_kinds and body.element_kinds[0].youngs_modulus else (YOUNG, POISSON)
     )
-    nodes, ring = {"all": first + np.arange(len(moved))}, Ring(no_faces(), (), ())
+    nodes, ring = {"all": first + np.arange(len(moved))}, CyclicStructure(no_faces(), (), ())
     (rows,) = stress_rows(prepared, Sector(stress=nodes, elasticity=elasticity), laid, ring)
     return (rows._rows @ moved.ravel()).reshape(-1, 6)
 

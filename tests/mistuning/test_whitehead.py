@@ -7,7 +7,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.mistuning import BladedDisk, DiskPeakOptions, Mistuning
-from bdamper.mistuning.disk_equations import Structure
+from bdamper.mistuning.disk_equations import DiskMatrices
 from bdamper.model.modal_basis import LocalBasis
 from tests.models import wedge_model
 
@@ -97,7 +97,7 @@ def test_random_wheels_keep_the_bound():
     for _ in range(20):
         order = int(rng.integers(0, 8))
         disk = 10.0 ** rng.uniform(0.0, 2.5) * (1.0 - np.cos(2.0 * np.pi * np.arange(5) / 8))
-        structure = Structure.of(study(8, order, disk, 1e-3).problem)
+        structure = DiskMatrices.of(study(8, order, disk, 1e-3).problem)
         size = 10.0 ** rng.uniform(-3.0, -1.3)
         ratio += amplification(structure, order, size * rng.normal(size=(20, 8)))[0].tolist()
     assert len(ratio) == 400 and max(ratio) < bound

@@ -9,8 +9,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.analyses.robust_optimum import SteadyPeak
-from bdamper.harmonic_balance.equations import Equations, Plane
-from bdamper.harmonic_balance.equations import Peak as PeakThere
+from bdamper.harmonic_balance.equations import Equations, Maximum, Plane
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.response import optimal_curve, sensitivity
 from bdamper.response.events import ContinuationOptions
@@ -198,7 +197,7 @@ class TestNewtonToThePeak:
             peak.y + (away[0] * peak.tangent + away[1] * side / np.linalg.norm(side)) * peak.scale
         )
         c = system.solve(
-            guess, PeakThere(peak.tangent, 2.0 * peak.curvature, 1e-8, 0.2), peak.scale, 1e-10, 15
+            guess, Maximum(peak.tangent, 2.0 * peak.curvature, 1e-8, 0.2), peak.scale, 1e-10, 15
         )
         assert c.status == 0
         assert c.residual <= 1e-10

@@ -1,0 +1,73 @@
+"""Boundary between studies and problems: functions of a problem that also accept a study.
+
+Class ``Study`` is defined above all packages.  These functions use only its attribute ``problem``
+and its method that returns a study of another problem.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, Concatenate, ParamSpec, Protocol, Self, TypeVar, overload
+
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.model.structure import Model
+from bdamper.util import validation
+
+
+class StudyLike(Protocol):
+    """Members of a study that the functions below class ``Study`` use."""
+
+    @property
+    def problem(self) -> Problem: ...
+    @property
+    def model(self) -> Model: ...
+    def replace(self, **settings: Any) -> Self: ...
+    def _with_problem(self, problem: Problem) -> Self: ...
+
+
+P = ParamSpec("P")
+R = TypeVar("R")
+A = TypeVar("A", bound=StudyLike | Problem)
+
+
+def problem_of(study: StudyLike | Problem) -> Problem:
+    """Return the problem of a study, or the problem itself.
+
+    Raises
+    ------
+    SettingError
+        If the argument is neither.
+    """
+    problem: Any = getattr(study, "problem", study)
+    return validation.instance("study", problem, Problem, "a Study")
+
+
+def in_type_of(study: A, problem: Problem) -> A:
+    """Return a problem in the type of the first argument, a study of the problem or itself."""
+    result: Any = problem
+    if not isinstance(study, Problem):
+        result = study if problem is study.problem else study._with_problem(problem)
+    return result
+
+
+@overload
+def accepts_study(
+    function: Callable[Concatenate[Problem, P], Problem],
+) -> Callable[Concatenate[A, P], A]: ...
+@overload
+def accepts_study(
+    function: Callable[Concatenate[Problem, P], R],
+) -> Callable[Concatenate[StudyLike | Problem, P], R]: ...
+def accepts_study(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Decorate a function of a problem so that it also accepts a study.
+
+    A returned problem becomes a study.
+    """
+
+    @wraps(function)
+    def of_study(study: Any, /, *given: Any, **named: Any) -> Any:
+        answer = function(problem_of(study), *given, **named)
+        return in_type_of(study, answer) if isinstance(answer, Problem) else answer
+
+    return of_study
