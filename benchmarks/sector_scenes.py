@@ -1,0 +1,387 @@
+"""Random sectors: bonded parts of faces, and stated and true errors of peaks.
+
+FOLDER has a folder for each seed, with ``case.json`` of the generator of sectors and the imported
+model ``m_def_def_def.h5``.  Names of seeds may follow each command.
+
+``python -m benchmarks.sector_scenes peaks --sectors FOLDER`` computes the peaks that
+``results/peaks.jsonl`` does not have, on sectors and on two shipped models.
+``... bonded --sectors FOLDER`` does the linear test (``results/bonded_parts.jsonl``).
+``... show`` prints the tables of docs/evidence/measured.md.
+
+A peak belongs to a study with default settings at a multiple of the preload of its optimum.  The
+stated error is the sum of :meth:`bdamper.Study.estimate_errors`.  The reference has all residual
+modes, 20 blade modes and all modes of the damper, and two harmonics more until the amplitude
+changes by less than 2 %.  If these do not agree within the limit of processor time, time
+integration near the peak is the reference, if it settles within the same limit.  Otherwise the peak
+has no reference.
+
+The linear test compares the shift of mode 1 by bonded parts of the faces
+(:mod:`bdamper.contact.partial_contact`) with default vectors, and with vectors adapted to each
+part: the contact forces of mode 1 with this part bonded.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import resource
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from functools import partial
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import numpy as np
+
+import bdamper as bd
+from bdamper.analyses.error_estimates import Tops, solve_other, with_stand_ins
+from bdamper.contact import residual_flexibility
+from bdamper.contact.partial_contact import (
+    SMALL_SHIFT,
+    bonded_parts,
+    coupling_of_default,
+    partial_contact,
+)
+from bdamper.response.peak import Peak
+from bdamper.util.errors import COMPLETE, BdamperWarning
+
+RESULTS = Path(__file__).parent / "results" / "peaks.jsonl"
+BONDED = Path(__file__).parent / "results" / "bonded_parts.jsonl"
+SEEDS = tuple(str(seed) for seed in range(62001, 62013))
+STUBBY = tuple(str(seed) for seed in range(63001, 63011))
+SLENDER = tuple(f"630{n}" for n in (13, 22, 26, 29, 31, 32, 36, 37, 39, 41))
+"""The first ten seeds from 63001 on of each family, stubby and slender necks."""
+SHIPPED = {"turbine_blade": 0.3, "bladed_disk": 0.4}
+"""Friction coefficient by model."""
+FACTORS, SHIPPED_FACTORS = (1.2, 3.0, 0.5), (1.0, 1.2, 3.0, 0.5)
+LIMIT = 60
+"""Processor time of a reference by harmonic balance, of one in time, and of an estimate, s."""
+SETTLED = 0.02
+MOST_HARMONICS = 15
+WHOLE: dict[str, Any] = {"blade_modes": 20, "contact_stiffness": bd.ResidualModes("all")}
+LARGEST_ERROR = 0.1
+"""Largest true error that a complete peak may have."""
+Known = dict[str, dict[str, Any]]
+Say = Callable[[Any], None]
+
+
+# ---- scenes ----
+
+
+def sector(name: str, sectors: Path) -> tuple[dict[str, Any], bd.Model, int]:
+    """Return dimensions and model of a sector, and the nodal diameter of its engine order."""
+    folder = sectors / name
+    case = json.loads((folder / "case.json").read_text())
+    model = bd.load_model(folder / "m_def_def_def.h5")
+    return case, model, model.folded_nodal_diameter(case["EO"])[0]
+
+
+def study_of(name: str, sectors: Path) -> tuple[bd.Study, tuple[float, float] | None]:
+    """Return the default study of a model, and the preloads (N) that contain its optimum.
+
+    The excitation of a sector moves the tip of the free blade by 1 % of its length.
+    """
+    if name in SHIPPED:
+        model = bd.reference_model(name, 9)
+        return bd.Study(model, bd.Excitation("tip"), 5, friction_coefficient=SHIPPED[name]), None
+    case, model, diameter = sector(name, sectors)
+    basis = model.bodies["blade"].bases[diameter]
+    motion = np.abs(basis.locations["tip"][:, 0])
+    direction = ("tangential", "radial", "axial")[int(motion.argmax())]
+    free = 1e-5 * case["H"]
+    force = free * 2.0 * case["zeta"] * basis.omega2[0] / motion.max() ** 2
+    excitation = bd.Excitation("tip", direction=direction, amplitude=force)
+    friction = round(case["mu"], 3)
+    more = {"load_per_preload": {"shroud": 1.0}} if case["kind"] == "shroud" else {}
+    study = bd.Study(model, excitation, case["EO"], friction_coefficient=friction, **more)
+    return study, (10.0 * force, 5e4 * force)
+
+
+def optimum(study: bd.Study, preloads: tuple[float, float] | None) -> float:
+    """Return the preload (N) of the optimum; of sectors with one harmonic."""
+    if preloads is None:
+        return study.optimal_curve(check=False, progress=False).optimum.preload
+    quick = study.replace(harmonics=1)
+    return quick.optimal_curve(preloads, 9, check=False, progress=False).optimum.preload
+
+
+# ---- one scene ----
+
+
+def limited(work: Callable[[Say], None]) -> Iterator[Any]:
+    """Yield what the work says in a process of its own until it ends or the time is used up."""
+    receiver, sender = multiprocessing.Pipe(duplex=False)
+    process = multiprocessing.get_context("fork").Process(target=_run, args=(work, sender))
+    process.start()
+    sender.close()
+    while True:
+        try:
+            yield receiver.recv()
+        except EOFError:
+            break
+    process.join()
+
+
+def _run(work: Callable[[Say], None], sender: Connection) -> None:
+    resource.setrlimit(resource.RLIMIT_CPU, (LIMIT, LIMIT))
+    try:
+        work(sender.send)
+    except (bd.BdamperError, ArithmeticError, np.linalg.LinAlgError) as error:
+        sender.send({"failed": str(error)})
+
+
+def estimate(study: bd.Study, peak: Peak, say: Say) -> None:
+    """Say the stated error, its sources, and what is unknown."""
+    found = study.estimate_errors(peak)
+    sizes = {item.source: round(item.size, 4) for item in found.sources if item.known}
+    say(
+        {
+            "stated": round(found.total, 4),
+            "sources": sizes,
+            "unknown": list(found.unknown),
+            "undecided": found.undecided,
+            "seconds": round(found.cost.seconds, 1),
+        }
+    )
+
+
+def in_harmonics(study: bd.Study, peak: Peak, say: Say) -> None:
+    """Say number of harmonics, amplitude (m) and frequency (Hz) until the harmonics agree."""
+    dampers = study.problem.settings.by_body("damper_modes")
+    elastic = max((study.model.bodies[name].n_elastic for name in dampers), default=0)
+    whole = study.replace(**WHOLE, damper_modes=elastic).problem
+    before, tops, last = study.problem, Tops((peak,)), np.inf
+    for harmonics in range(3, MOST_HARMONICS + 1, 2):
+        richer = with_stand_ins(whole, harmonics)
+        found = solve_other(before, richer, peak.parameter, tops, by_newton=harmonics > 3)
+        if found.tops is None or found.tops.at_end:
+            say({"failed": found.change.how or "highest at an end"})
+            return
+        tops, before = found.tops, richer
+        highest = tops.peaks[0]
+        say([harmonics, highest.amplitude, highest.frequency])
+        if abs(highest.amplitude / last - 1.0) < SETTLED:
+            return
+        last = highest.amplitude
+
+
+def in_time(study: bd.Study, peak: Peak, say: Say) -> None:
+    """Say mean and range (m) of the amplitude by time integration."""
+    found = study.time_response(peak, progress=False)
+    say(
+        {
+            "um": 1e6 * found.mean,
+            "low": 1e6 * found.lowest,
+            "high": 1e6 * found.highest,
+            "status": found.status_text,
+            "settled": found.ok,
+        }
+    )
+
+
+def peak_of(study: bd.Study, preload: float) -> dict[str, Any]:
+    """Return the default answer at a preload."""
+    start = time.process_time()
+    peak = study.peak(preload, progress=False)
+    return {
+        "preload": preload,
+        "um": 1e6 * peak.amplitude,
+        "hz": peak.frequency,
+        "status": peak.status_text,
+        "seconds": round(time.process_time() - start, 2),
+    }
+
+
+def compared(study: bd.Study, preload: float) -> dict[str, Any]:
+    """Return the stated error of a complete peak and its references."""
+    peak = study.peak(preload, progress=False)
+    stopped = {"failed": f"stopped after {LIMIT} s"}
+    out: dict[str, Any] = {}
+    out["estimate"] = next(limited(partial(estimate, study, peak)), stopped)
+    out["rungs"] = list(limited(partial(in_harmonics, study, peak)))
+    if settled_rung(out) is None:
+        out["time"] = next(limited(partial(in_time, study, peak)), stopped)
+    return out
+
+
+def settled_rung(found: dict[str, Any]) -> float | None:
+    """Return the amplitude (µm) on which the last two numbers of harmonics agree, or None."""
+    amplitudes = [rung[1] for rung in found["rungs"] if isinstance(rung, list)]
+    if len(amplitudes) < 2 or abs(amplitudes[-1] / amplitudes[-2] - 1.0) >= SETTLED:
+        return None
+    return 1e6 * float(amplitudes[-1])
+
+
+def reference(found: dict[str, Any]) -> tuple[float, str] | None:
+    """Return the reference (µm) of a scene with a peak, and how it was found, or None."""
+    if "rungs" not in found:
+        return None
+    amplitude = settled_rung(found)
+    if amplitude is not None:
+        highest = [rung[0] for rung in found["rungs"] if isinstance(rung, list)][-1]
+        return amplitude, f"{highest} harmonics"
+    response = found.get("time", {})
+    if response.get("settled"):
+        return float(response["um"]), "in time"
+    return None
+
+
+# ---- results ----
+
+
+def read(path: Path) -> Known:
+    """Return the stored scenes."""
+    lines = path.read_text().splitlines() if path.exists() else []
+    return {key: value for line in lines for key, value in json.loads(line).items()}
+
+
+def keep(known: Known, key: str, value: dict[str, Any], path: Path = RESULTS) -> None:
+    """Store and print a scene."""
+    known[key] = value
+    with path.open("a") as file:
+        file.write(json.dumps({key: value}) + "\n")
+    print(key, value, flush=True)
+
+
+def scenes(names: list[str]) -> list[tuple[str, float]]:
+    """Return models and factors, one factor after the other."""
+    listed = []
+    for place in range(len(SHIPPED_FACTORS)):
+        for name in names:
+            factors = SHIPPED_FACTORS if name in SHIPPED else FACTORS
+            if place < len(factors):
+                listed.append((name, factors[place]))
+    return listed
+
+
+def compute(names: list[str], sectors: Path) -> None:
+    """Compute the peaks that are not stored, then their stated errors and references."""
+    known = read(RESULTS)
+    for name, factor in scenes(names):
+        if name not in known:
+            study, preloads = study_of(name, sectors)
+            keep(known, name, {"optimum": optimum(study, preloads)})
+        if f"{name} {factor:g}" not in known:
+            study, _ = study_of(name, sectors)
+            try:
+                found = peak_of(study, factor * known[name]["optimum"])
+            except bd.BdamperError as error:
+                found = {"status": f"not found: {error}", "um": np.nan, "seconds": np.nan}
+            keep(known, f"{name} {factor:g}", found)
+    for name, factor in scenes(names):
+        found = known[f"{name} {factor:g}"]
+        if found["status"] == COMPLETE and "rungs" not in found:
+            study, _ = study_of(name, sectors)
+            keep(known, f"{name} {factor:g}", found | compared(study, found["preload"]))
+
+
+def table(known: Known) -> str:
+    """Return the table of all scenes in Markdown, and what they count."""
+    lines = [
+        "| model | factor | peak, µm | status | stated error | reference, µm | true error | seconds |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    complete, compared, within, near = 0, 0, 0, 0
+    for key in sorted(key for key in known if " " in key):
+        found = known[key]
+        model, factor = key.split()
+        is_complete = found["status"] == COMPLETE
+        complete += is_complete
+        stated = found.get("estimate", {}).get("stated", np.nan)
+        against = reference(found)
+        true, text = np.nan, "none"
+        if against is not None:
+            true = found["um"] / against[0] - 1.0
+            text = f"{against[0]:.3g}, {against[1]}"
+        if is_complete and against is not None:
+            compared += 1
+            within += abs(true) <= stated
+            near += abs(true) <= LARGEST_ERROR
+        cells = [
+            model,
+            factor,
+            f"{found['um']:.3g}",
+            found["status"].split(":")[0],
+            f"{stated:.1%}",
+        ]
+        cells += [text, f"{true:+.1%}", f"{found['seconds']:.1f}"]
+        lines.append(f"| {' | '.join(cells)} |".replace("nan%", "not known").replace("%", " %"))
+    lines += [
+        "",
+        f"{complete} of {len(lines) - 2} peaks are complete, and {compared} of these have a "
+        f"reference: {within} are within the stated error, {near} within 10 %.",
+    ]
+    return "\n".join(lines)
+
+
+# ---- linear test ----
+
+
+def bonded(names: list[str], sectors: Path) -> None:
+    """Store the errors of the shift of mode 1 by bonded parts of the faces."""
+    known = read(BONDED)
+    for name in names:
+        if name not in known:
+            keep(known, name, bonded_parts_of(name, sectors), BONDED)
+
+
+def bonded_parts_of(name: str, sectors: Path) -> dict[str, Any]:
+    """Return the shift by whole faces and the errors with default and with adapted vectors."""
+    case, model, diameter = sector(name, sectors)
+    coupling = coupling_of_default(model, diameter)
+    assert coupling is not None
+    options = bd.ResidualModes()
+    found = partial_contact(coupling, options)
+    adapted = {}
+    for part, rows in bonded_parts(coupling).items():
+        own_part = mock.Mock(return_value={part: rows})
+        with mock.patch.object(residual_flexibility, "parts_of_faces", own_part):
+            errors = partial_contact(coupling, options).errors
+        if part in errors:
+            adapted[part] = errors[part]
+    default = dict(found.errors)
+    return {"kind": case["kind"], "shift": found.shift, "default": default, "adapted": adapted}
+
+
+def bonded_table(known: Known) -> str:
+    """Return the largest errors of the sectors whose bonded faces shift mode 1, in Markdown."""
+    lines = [
+        "| sector | kind | shift of mode 1 | default: whole | largest part | adapted: largest |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name, found in known.items():
+        if found["shift"] < SMALL_SHIFT:
+            continue
+        whole, *parts = found["default"].values()
+        largest = max(map(abs, parts))
+        adapted = max(map(abs, found["adapted"].values()))
+        sizes = [f"{100.0 * value:.2g} %" for value in (found["shift"], whole, largest, adapted)]
+        lines.append(f"| {' | '.join([name, found['kind'], *sizes])} |")
+    small = [name for name, found in known.items() if found["shift"] < SMALL_SHIFT]
+    lines += ["", f"Shift below {100.0 * SMALL_SHIFT:g} %: {', '.join(small)}."]
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Compute or show."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.sector_scenes", description=__doc__)
+    parser.add_argument("what", choices=("peaks", "bonded", "show"), nargs="?", default="show")
+    parser.add_argument("names", nargs="*", help="models; all by default")
+    parser.add_argument("--sectors", type=Path, default=Path("sectors"))
+    given = parser.parse_args()
+    warnings.simplefilter("ignore", BdamperWarning)
+    if given.what == "peaks":
+        compute(given.names or [*SHIPPED, *SEEDS], given.sectors)
+    elif given.what == "bonded":
+        bonded(given.names or [*STUBBY, *SLENDER], given.sectors)
+    else:
+        print(table(read(RESULTS)))
+        print(bonded_table(read(BONDED)))
+
+
+if __name__ == "__main__":
+    main()
