@@ -309,7 +309,8 @@ def table(known: Known) -> str:
             f"{stated:.1%}",
         ]
         cells += [text, f"{true:+.1%}", f"{found['seconds']:.1f}"]
-        lines.append(f"| {' | '.join(cells)} |".replace("nan%", "not known").replace("%", " %"))
+        row = f"| {' | '.join(cells)} |"
+        lines.append(row.replace("+nan%", "not known").replace("nan%", "none").replace("%", " %"))
     lines += [
         "",
         f"{complete} of {len(lines) - 2} peaks are complete, and {compared} of these have a "
@@ -359,8 +360,9 @@ def bonded_table(known: Known) -> str:
         whole, *parts = found["default"].values()
         largest = max(map(abs, parts))
         adapted = max(map(abs, found["adapted"].values()))
-        sizes = [f"{100.0 * value:.2g} %" for value in (found["shift"], whole, largest, adapted)]
-        lines.append(f"| {' | '.join([name, found['kind'], *sizes])} |")
+        shift = f"{100.0 * found['shift']:.1f} %"
+        errors = [f"{100.0 * value:.2f} %" for value in (abs(whole), largest, adapted)]
+        lines.append(f"| {' | '.join([name, found['kind'], shift, *errors])} |")
     small = [name for name, found in known.items() if found["shift"] < SMALL_SHIFT]
     lines += ["", f"Shift below {100.0 * SMALL_SHIFT:g} %: {', '.join(small)}."]
     return "\n".join(lines)
