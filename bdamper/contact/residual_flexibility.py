@@ -53,10 +53,16 @@ from bdamper.util.formatting import short_repr
 MARGIN = 0.1
 """Smallest fraction of the flexibility under a force vector that residual modes represent."""
 ROUNDING = 1e-9
-"""Relative size of a negative flexibility, or of a mass, that counts as zero.  Masses of 1e-17
-instead of zero made a time integration jump from 0.03 to 1.5 mm at its start.
+"""Relative size of a mass that counts as zero.  Masses of 1e-17 instead of zero made a time
+integration jump from 0.03 to 1.5 mm at its start.
 """
 
+NEGATIVE = 1e-6
+"""Relative size of a negative flexibility that counts as rounding.
+
+Residual flexibilities of 40 modes are small differences of large ones: -1.5e-9 was found on an
+imported sector.  The forces that it belongs to have no vectors (``RESOLVED``).
+"""
 RESOLVED, RESOLVED_HIGHER = 0.02, 2e-3
 """Smallest eigenvalue, in units of the flexibility of a point, of forces that the mesh resolves: at
 the harmonics 0 and 1, and at higher ones.
@@ -173,7 +179,7 @@ def force_patterns(flexibility: NDArray, what: str, resolved: float = RESOLVED) 
         )
     size = np.sqrt(diagonal)
     eigenvalue, vectors = np.linalg.eigh(flexibility / size[:, None] / size)
-    if eigenvalue.min(initial=0.0) < -ROUNDING:
+    if eigenvalue.min(initial=0.0) < -NEGATIVE:
         raise mismatch(
             what,
             "a positive semi-definite matrix",

@@ -12,6 +12,7 @@ from bdamper.contact.residual_flexibility import (
     ResidualModes,
     ResidualSet,
     active_components,
+    force_patterns,
     joined,
     stuck_modes,
 )
@@ -326,6 +327,25 @@ def test_indefinite_flexibility_is_refused_with_its_eigenvalue():
     coupling = coupling_of(replace(model, bodies={**model.bodies, "blade": bad}))
     with pytest.raises(ModelError, match=r"expected a positive.*found -?\d.*"):
         ResidualSet.make(coupling, np.full(coupling.n_points, 0.3), ResidualModes())
+
+
+@pytest.mark.parametrize("lowest", [-5e-7, -5e-6])
+def test_rounding_of_a_flexibility_is_no_negative_flexibility(lowest):
+    """The forces of a negative eigenvalue get no vectors, so that rounding has no effect."""
+    rng = np.random.default_rng(5)
+    vectors = np.linalg.qr(rng.standard_normal((6, 6)))[0]
+    positive = vectors[:, 1:] @ np.diag([0.5, 0.8, 1.0, 1.2, 1.6]) @ vectors[:, 1:].T
+    R = positive + lowest * np.outer(vectors[:, 0], vectors[:, 0])
+    R /= np.sqrt(np.outer(np.diag(R), np.diag(R)))
+    smallest = np.linalg.eigvalsh(R)[0]
+    assert 0.3 * abs(lowest) < abs(smallest) < 3.0 * abs(lowest)
+    if lowest < -1e-6:
+        with pytest.raises(ModelError, match=r"positive semi-definite.*found an eigenvalue of -"):
+            force_patterns(R, "flexibility of a test")
+        return
+    patterns = force_patterns(R, "flexibility of a test")
+    assert patterns.shape == (6, 5)
+    np.testing.assert_allclose(patterns.T @ R @ patterns, np.eye(5), atol=1e-12)
 
 
 def test_missing_nodal_diameter_is_named():
