@@ -1,6 +1,7 @@
 """Forced response of structures with frictional contacts: bladed disks with friction dampers.
 
-The public names are listed in ``__init__.pyi``.  Each module is imported when one of its names is first used.
+The public names are listed in ``__init__.pyi``.  Each module is imported when one of its names is
+first used.
 """
 
 from importlib import import_module
@@ -13,8 +14,9 @@ from typing import Any
 def _folders_with_core(path: list[str]) -> list[str]:
     """Return the folders of this package in which the compiled core lies.
 
-    Python finds the sources of a checkout before an installed package if it is started there.  Sources have no core, so
-    that the installed package replaces them as a whole: its Python and its core always belong to one version.
+    Python finds the sources of a checkout before an installed package if it is started there.
+    Sources have no core, so that the installed package replaces them as a whole: its Python and its
+    core always belong to one version.
     """
     folders = extend_path(path, __name__)
     cores = [f"_core{suffix}" for suffix in EXTENSION_SUFFIXES]

@@ -264,10 +264,10 @@ def joint(
     joint.
 
     The share x of the joint's stiffness slips below the friction limit ``friction * x**exponent``
-    of the whole joint.  The loss of a cycle is then a power of its amplitude, with the exponent
-    ``2 + 1 / exponent`` (Segalman, J. Appl. Mech. 72, 2005, 752-760).  For motions of the joint
-    from ``10**-decades`` of macroslip, ``friction / stiffness``, to macroslip the sliders are
-    within 2 % of it; an analysis of smaller motions warns.
+    of the whole joint.  The energy loss per cycle is then a power of its amplitude, with the
+    exponent ``2 + 1 / exponent`` (Segalman, J. Appl. Mech. 72, 2005, 752-760).  For motions of
+    the joint from ``10**-decades`` of macroslip, ``friction / stiffness``, to macroslip the sliders
+    are within 2 % of it; an analysis of smaller motions warns.
 
     Parameters
     ----------
@@ -675,7 +675,7 @@ def _model(
         u1 = _motion_or_rest(modes, tangential, name)
         u2 = _motion_or_rest(modes, tangential2, name)
         closing = _motion_or_rest(modes, normal, name)
-        # the closing is opposite to the normal of the ground
+        # closing motion is opposite to the normal of the ground
         shapes[port] = u1, u2, -closing
         gap = 0.0
         if face.contact is not None:
@@ -733,7 +733,7 @@ def _body_load(
 ) -> BodyLoad:
     """Return the static load per newton of preload, with the displacement of the ports under it.
 
-    ``shapes`` (n_ports, 3, n_modes) has the motions of the ports.
+    ``shapes`` (n_ports, 3, n_modes) contains the motions of the ports.
     """
     what = "load_per_preload"
     expected = "a mapping of degrees of freedom to numbers"

@@ -159,7 +159,7 @@ class Study(Comparable):
         residual_slip_seed: int = 0,
         aerodynamic_damping: complex | Mapping[int, complex] | None = None,
     ) -> None:
-        # check_settings warns of implausible values, since it knows the sizes of the model
+        # check_settings warns of implausible values, because it knows the sizes of the model
         settings = Settings(
             model=model,
             excitation=excitation,
@@ -224,7 +224,7 @@ class Study(Comparable):
         return "\n".join(line for line in lines if line)
 
     def replace(self, /, **settings: Any) -> Study:
-        """Return the same study under other settings, given by name.
+        """Return a copy of the study with some settings changed, given by name.
 
         Parameters
         ----------
@@ -485,11 +485,11 @@ class Study(Comparable):
         curve : ResponseCurve
             Response curve of this study.
         in_time : bool
-            Whether to integrate in time from each point.  A point is stable if the motion keeps its
-            amplitude to 5 %. Undecided points, and all points after Ctrl-C, keep the label of the
-            harmonics (``curve.labels``).
+            Whether to use time integration from each point.  A point is stable if its amplitude
+            changes by no more than 5 %.  Points that remain undecided, or were not reached before
+            Ctrl-C, keep the stability label from the harmonic balance (``curve.labels``).
         progress : bool, optional
-            Show the progress in the points integrated in time; on by default.
+            Show the number of integrated points during the computation; on by default.
 
         Returns
         -------
@@ -630,9 +630,10 @@ class Study(Comparable):
         seconds: float = in_time.SECONDS,
         progress: bool | None = None,
     ) -> TimeResponse:
-        """Compute the highest steady amplitude in time at the preload of a response curve or of a peak, with its error.
+        """Compute the highest steady amplitude near a resonance by time integration, with its error.
 
-        All amplitudes belong to the highest blade (:mod:`bdamper.time_domain.time_response`).
+        All amplitudes belong to the blade with the largest amplitude
+        (:mod:`bdamper.time_domain.time_response`).
 
         Parameters
         ----------
@@ -651,7 +652,7 @@ class Study(Comparable):
             limit in either direction.
         seconds : float, s
             Largest processor time of the integrations.  After it the result contains the motions
-            that have settled, and its reason names the missing part.
+            that have settled, and its reason gives the missing part.
         progress : bool, optional
             Show progress: a bar, or without a terminal lines after ten seconds; on by default.
 
@@ -660,7 +661,7 @@ class Study(Comparable):
         TimeResponse
             "not found" if no motion stays or settles in time, the integration fails, or its energy
             does not balance; "incomplete" if the error exceeds 5 %, the mean drifts, the processor
-            time is spent, or the curve ends before the motion falls.  After Ctrl-C it describes the
+            time is spent, or the curve ends before the motion jumps.  After Ctrl-C it describes the
             highest steady motion so far.
 
         Raises
@@ -875,7 +876,7 @@ class Study(Comparable):
         *,
         progress: bool | None = None,
     ) -> OptimalCurve:
-        """Return the optimal curve with the steady-state amplitude in time at some preloads.
+        """Return the optimal curve with time integrations at some preloads.
 
         Parameters
         ----------
@@ -1109,12 +1110,12 @@ class Study(Comparable):
             Index of a point of a curve; all points by default.
         time_response : TimeResponse, optional
             Time integration at the preload of the solution (:meth:`time_response`). The vibration
-            is multiplied by the ratio of the largest amplitude in time to the amplitude of the
-            harmonic balance; ``notes`` contain this ratio.
+            is multiplied by the ratio of the largest amplitude by time integration to the
+            harmonic-balance amplitude; ``notes`` contain this ratio.
         criterion : {"von_mises", "findley"}
             Definition of the stress amplitude (:mod:`bdamper.fatigue.criteria`).
         line : {"goodman", "gerber", "soderberg", "table"}
-            Failure line in the Haigh diagram. "findley" ignores it, since it includes the mean
+            Failure line in the Haigh diagram. "findley" ignores it, because it includes the mean
             stress.
         on : {"amplitude", "both"}
             Quantity that the factor multiplies: the vibration at constant mean stress, or vibration

@@ -9,12 +9,12 @@ Harmonic convergence
     half of the new harmonics are added first; if that fails too, the response curve with all of
     them is followed near the peak and its highest maximum is taken.
 
-    A few equal results do not prove convergence, since a higher harmonic may be resonant. At its
+    A few equal results do not prove convergence, because a higher harmonic may be resonant. At its
     optimum the turbine blade has 75.3, 75.0, 75.0, 75.2 and 74.2 um with 3, 5, 7, 9 and 12
     harmonics, and 69.4 um with 16. The sequence therefore continues to the highest requested
     number. It stops earlier only
 
-    * above the highest natural frequency in the equations of a reduced body, since no resonance is
+    * above the highest natural frequency in the equations of a reduced body; no resonance is
       possible there;
     * if the model has no modes of a nodal diameter;
     * if the last two changes are below a fifth of the tolerance and no later harmonic is near a

@@ -151,7 +151,7 @@ class SpeedFamily:
         """Return the speeds (rad/s) at which resonances of a mode cross the engine order line.
 
         They are the lower and the higher one of the free and the stuck resonance. They follow from
-        the resonances at two speeds, since squared frequencies are nearly linear in the squared
+        the resonances at two speeds, because squared frequencies are nearly linear in the squared
         speed. The result is 0 if a resonance does not cross the line.
         """
         at_low = self._linear(low, mode)
@@ -457,8 +457,8 @@ def peak_at_fixed_speed(
 ) -> Peak | str:
     """Return the peak at fixed speed that lies on the line, or why there is none.
 
-    If Newton's method on the interpolated equations fails, as at a corner of the curve, the complete
-    search of the exact equations follows.
+    If Newton's method on the interpolated equations fails, as at a corner of the curve, the
+    complete search of the exact equations follows.
     """
     peak = interpolated_at_fixed_speed(equations, top, meter)
     if isinstance(peak, str):

@@ -1,6 +1,6 @@
 """Comparison of a peak with the peak of another study, and error estimates by source.
 
-A study with other settings is compared in one of three ways.
+A study with different settings is compared in one of three ways.
 
 Complete curve
     The response curve of the other study is computed, and its highest point is used
@@ -20,7 +20,7 @@ Adjoint estimate
     harmonics keep their amplitudes, others are zero, and the mean keeps its distance from the
     static state. The residual ``R`` of the other system is not zero there. The amplitude ``A`` is
     stationary along the curve at a peak, so any nearby point of the other curve may be compared.
-    The phase of the response is held, since it follows a resonance that shifts:
+    The phase of the response is held, because it follows a resonance that shifts:
 
         B = [ J  R_omega ; grad(phase)  0 ],      B^T lambda = (grad A, 0),      B^T mu = (0, 1),
         dA = -lambda . R,                          domega = -mu . R.
@@ -47,12 +47,12 @@ given.
     compared with a coarser set of at least half of them. The error of ``n`` points is then assumed
     to fall as ``1/n``: between 48 and 24 points, and 24 and 12, the change of a peak of the
     reference disk falls to a quarter, so that the assumption is cautious. The coarser set keeps
-    three rows along t1 and two along t2 if the face has them, since a wedge on fewer rows rolls
+    three rows along t1 and two along t2 if the face has them, because a wedge on fewer rows rolls
     too easily.
 ``modes``
     With residual modes twice as many modes, at least the default number of blade modes: the error
     decreases with the fourth power of the frequency of the first omitted mode. Otherwise all modes
-    of the model, since convergence is slow.
+    of the model, because convergence is slow.
 ``residual flexibility``
     Contact stiffness by a diagonal rule against residual modes, which contain the complete
     flexibility for stuck modes. For residual modes the reference has one for every force on the
@@ -143,7 +143,7 @@ class Change(NamedTuple):
 
 
 def embed(old: Problem, new: Problem, preload: float, y: NDArray) -> NDArray:
-    """Embed a point of one study in a study with other settings.
+    """Embed a point of one study in a study with different settings.
 
     Modes and harmonics of both studies retain their amplitudes, others are zero. The mean retains
     its distance from the static state.
@@ -233,10 +233,10 @@ def estimate_change(system: Equations, y: NDArray) -> Change:
 NEARLY_HIGHEST = 0.7
 """Relative height from which lower peaks are followed along with the highest.
 
-The complete curve is computed if a peak rises by more than 30 %, or falls by more than 10 %, since
-it may then be below a peak that is not followed: on a small wedge it falls by 18 % and the highest
-point of the complete curve by 12 %. All other changes on 24 scenes of ``benchmarks.bench_effects``
-agree with the complete curves to 1e-9.
+The complete curve is computed if a peak rises by more than 30 %, or falls by more than 10 %,
+because it may then be below a peak that is not followed: on a small wedge it falls by 18 % and the
+highest point of the complete curve by 12 %. All other changes on 24 scenes of
+``benchmarks.bench_effects`` agree with the complete curves to 1e-9.
 """
 WIDER = 1.05, 1.1, 1.2
 """Successive factors on the interval if the resonance has left it: 39 % in total."""

@@ -212,7 +212,7 @@ def run_points(
                         left = task[len(records) :]
                         waiting.extendleft(reversed(left))
                         task_size = _fitting(records)
-                    # after the task is stored, since storing may be interrupted
+                    # after the task is stored, because storing may be interrupted
                     del running[future]
         except BaseException:
             for future, task in running.items():

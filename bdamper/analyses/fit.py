@@ -102,7 +102,7 @@ ALIKE_FORCE = 0.05
 NOISE = 0.02
 """Noise of tests without repetitions."""
 CONTRADICTED = 3.0
-"""Distance between a prior and the data, in standard deviations, above which the result names the
+"""Distance between a prior and the data, in standard deviations, above which the result gives the
 prior.
 """
 NEARLY = 0.05
@@ -593,8 +593,8 @@ def _stage(
 def _information(J: NDArray, sizes: Sequence[int]) -> NDArray:
     """Return the share (k, n_tests) of each test in the information about each parameter.
 
-    The information is the sum of squares of a column of ``J``.  ``sizes`` has the number of rows of
-    each test; rows of priors follow.
+    The information is the sum of squares of a column of ``J``.  ``sizes`` contains the number of
+    rows of each test; rows of priors follow.
     """
     squares = []
     for end, size in zip(np.cumsum(sizes), sizes):
@@ -624,7 +624,7 @@ def _correlated(names: Sequence[str], covariance: NDArray) -> list[str]:
 def _doubts(objective: Objective, x: NDArray, J: NDArray, unknown: NDArray) -> list[str]:
     """Return a statement for each parameter that the data do not determine or that is at an end.
 
-    ``J`` has the derivatives at ``x``, and ``unknown`` (k,) says whether the interval of a
+    ``J`` contains the derivatives at ``x``, and ``unknown`` (k,) says whether the interval of a
     parameter is its complete range.
     """
     names = list(objective.ranges)

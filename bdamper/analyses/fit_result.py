@@ -121,7 +121,7 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
                 raise ValueError(f"'{name}' has the shape {actual}, not {shape}")
 
     def with_present_names(self) -> Self:
-        """Return a result of version 3 of the format with the present names of settings."""
+        """Return a result of version 3 of the format with the current names of settings."""
         return replace(self, names=tuple(map(present_name, self.names)))
 
     @property
@@ -170,7 +170,7 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
         ------
         SettingError
             If the study has another model or other settings than the fit. Contact parameters
-            compensate for omitted modes, contact points and harmonics, and are wrong with other
+            compensate for omitted modes, contact points and harmonics, and are wrong with different
             settings.
         """
         # the gain belongs to the rig

@@ -68,11 +68,11 @@ class Flutter(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-flut
 
     @property
     def safe(self) -> NDArray:
-        """Amplitude (n,) in m up to which the vibration stays bounded.
+        """Largest amplitude up to which the vibration stays bounded, m, (n,).
 
-        It belongs to the preload and nodal diameter of each row. It is infinite if there is no
-        unstable limit cycle below ``highest``; 0 if the equilibrium and all limit cycles are
-        unstable.
+        Each value belongs to the preload and nodal diameter of its row.  The amplitude is infinite
+        if there is no unstable limit cycle below ``highest``; 0 if the equilibrium and all limit
+        cycles are unstable.
         """
         safe = np.full(len(self.preload), np.inf)
         for i in range(len(self.preload)):

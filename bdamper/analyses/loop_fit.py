@@ -15,11 +15,11 @@ with the upper sign for decreasing x, and H the sum at :math:`|x_\pm - x| = x_+ 
 limits that differ between left and right only change :math:`f_0`. A backlash b, a tangential
 clearance in series with the sliders, interrupts both branches at the force zero by a distance b
 without change of force; the sliders then move by :math:`x_+ - x_- - b`. The zero of the force is a
-parameter, since load cells have offsets. Displacement and force both have errors. The fit minimises
-the sum of squared distances from the points to their branch, each axis in units of its noise. The
-noise follows from third differences, which are otherwise small in a smooth record. Standard
-deviations follow from fits without one block of successive points each (jackknife), which allows
-for correlated errors.
+parameter, because load cells have offsets. Displacement and force both have errors. The fit
+minimises the sum of squared distances from the points to their branch, each axis in units of its
+noise. The noise follows from third differences, which are otherwise small in a smooth record.
+Standard deviations follow from fits without one block of successive points each (jackknife), which
+allows for correlated errors.
 """
 
 from __future__ import annotations

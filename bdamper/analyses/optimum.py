@@ -49,7 +49,8 @@ def check_optimum(
     curve : OptimalCurve
         Curve of this problem without checks.
     check : {"time", "neighbours", "range", False}
-        Preloads of the time integration, see :meth:`bdamper.Study.optimal_curve`.  False computes margins only.
+        Preloads of the time integration, see :meth:`bdamper.Study.optimal_curve`.  False computes
+        margins only.
     material : Material, optional
         Fatigue strength; without it there are no margins.
     progress : bool

@@ -17,7 +17,7 @@ The refinement ends without success if
 * the next step would exceed the largest time, or a step does. The expected time
   grows with the square of the number of unknowns, because Jacobians take most of it.
 
-The result then names the settings or the model that would reach the tolerance. Modes that a model
+The result then gives the settings or the model that would reach the tolerance. Modes that a model
 lacks are extrapolated from the part of the error that a doubled number leaves, contact points from
 an error inversely proportional to their number.
 """

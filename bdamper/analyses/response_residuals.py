@@ -4,8 +4,8 @@ At a measured frequency the residual of the amplitude is :math:`\ln|X/X_i|/\sigm
 deviation :math:`\sigma` of the noise. If a phase was measured, its residual is
 :math:`2\sin(\tfrac12\arg(X/X_i))/\sigma`, which equals the phase difference for small differences
 and is continuous. The computed response lies on the branch that the sweep of the test follows. It
-is solved at the measured frequency itself, since interpolation along a curve causes ripples of the
-residual that stop the search for the best parameters.
+is solved at the measured frequency itself, because interpolation along a curve causes ripples of
+the residual that stop the search for the best parameters.
 
 Near a jump of the sweep a small change of a parameter moves the point to another branch. Within a
 few frequency steps of a jump the residual is therefore the distance from the measured point to the
@@ -87,8 +87,8 @@ class MeasuredResponse(Summarised, validation.Checked):
     ----------
     data : Measurement
         Displacement, velocity or acceleration at the response location of the study, or strain at
-        its gauge. If it has a phase, it is relative to the excitation: ``x(t) = Re(X exp(i omega t))`` under ``Re(F exp(i
-        omega t))``.
+        its gauge. If it has a phase, it is relative to the excitation: ``x(t) = Re(X exp(i omega
+        t))`` under ``Re(F exp(i omega t))``.
     preload : float, N
         Preload of the damper.
     force : float, N, optional
@@ -380,8 +380,8 @@ def _without_model(varied: Variations, test: MeasuredResponse, reason: str) -> S
 class _Control:
     """Measured response and the solutions of a study that it is compared with.
 
-    ``model`` has the response of the study at each point, ``residual`` two residuals, and ``lost``
-    whether there is no solution.
+    ``model`` contains the response of the study at each point, ``residual`` two residuals, and
+    ``lost`` whether there is no solution.
     """
 
     def __init__(

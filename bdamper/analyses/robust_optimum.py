@@ -83,14 +83,14 @@ from bdamper.util.workers import on_threads
 
 
 def sample(distributions: Mapping[str, Any], n: int, *, seed: int = 0) -> dict[str, NDArray]:
-    """Draw settings from independent distributions by a scrambled Sobol sequence.
+    """Draw settings from independent distributions with a scrambled Sobol sequence.
 
     Parameters
     ----------
     distributions : mapping of setting to distribution
-        Frozen distributions of scipy.stats, for example ``scipy.stats.norm(0.3, 0.03)``. For
-        "residual_slip_std" a number, the standard deviation in m; every draw has other offsets at
-        the contact points.
+        Frozen distributions of scipy.stats, for example ``scipy.stats.norm(0.3, 0.03)``. The
+        setting "residual_slip_std" takes a number, the standard deviation in m; the offsets at the
+        contact points differ from draw to draw.
     n : int
         Number of draws, a power of two.
     seed : int
@@ -315,7 +315,7 @@ class OptimalCurveUncertainty(
         return len(self.amplitude)
 
     def with_present_names(self) -> Self:
-        """Return a result of version 3 of the format with the present names of settings."""
+        """Return a result of version 3 of the format with the current names of settings."""
         return replace(
             self, samples={present_name(name): values for name, values in self.samples.items()}
         )
@@ -552,12 +552,12 @@ coefficients.
 def with_other_friction(
     problem: Problem, curve: OptimalCurve, progress: bool = False
 ) -> OptimalCurve:
-    """Return the optimal curve with the peaks at its recommended preload with other friction.
+    """Return the optimal curve with the peaks at its recommended preload with different friction.
 
-    The friction coefficients are lower and higher by :data:`OTHER_FRICTION`. ``friction_range`` has
-    the factors on the friction coefficients at which the amplitude doubles. If it doubles within a
-    factor of 1.5, ``friction_range.remedy`` is the nearest preload of the curve at which it does
-    not.
+    The friction coefficients are lower and higher by :data:`OTHER_FRICTION`. ``friction_range``
+    contains the factors on the friction coefficients at which the amplitude doubles. If it doubles
+    within a factor of 1.5, ``friction_range.remedy`` is the nearest preload of the curve at which
+    it does not.
 
     Without an optimum or without friction the curve is returned as it is.  After Ctrl-C the peaks
     that are missing have the status "interrupted".

@@ -8,8 +8,8 @@ respect to the motions of a path contains all four,
 .. math:: \frac{dF_m}{dx_j} = f_x \delta_{jm} + f_s \frac{ds_m}{dx_j}, \qquad
     \frac{ds_k}{dx_j} = g_s \frac{ds_{k-1}}{dx_j} + g_x \delta_{jk} + g_{x'} \delta_{j,k-1}.
 
-Each derivative is compared with a forward and a backward difference; one must agree, since the law
-may have a corner.
+Each derivative is compared with a forward and a backward difference; one must agree, because the
+law may have a corner.
 """
 
 from __future__ import annotations

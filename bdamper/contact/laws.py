@@ -60,13 +60,14 @@ from bdamper.util.formatting import short_repr
 def power_law_sliders(
     exponent: float, decades: float, n: int | None = None
 ) -> tuple[NDArray, NDArray]:
-    r"""Return parallel sliders whose loss of a cycle is a power of its amplitude.
+    r"""Return parallel sliders whose energy loss per cycle is a power of the amplitude.
 
     The share of the stiffness that slips below :math:`\phi`, relative to macroslip, is
-    :math:`\phi^a`.  Then the loss of a cycle of amplitude u is :math:`4 a u^{a+2}/((a+1)(a+2))`.
-    Two sliders replace each interval of slip displacements.  They have the first four moments of
-    the distribution there, as in Gaussian quadrature.  Force and loss depend on the moments up to
-    the second alone, so they are exact at all ends of intervals.
+    :math:`\phi^a`.  Then the energy loss per cycle of amplitude u is
+    :math:`4 a u^{a+2}/((a+1)(a+2))`.  Two sliders represent each interval of slip displacements.
+    As in Gaussian quadrature, their first four moments equal those of the distribution in the
+    interval.  Force and loss depend only on moments up to the second, so both are exact at all
+    ends of intervals.
 
     Parameters
     ----------
@@ -80,7 +81,8 @@ def power_law_sliders(
     Returns
     -------
     share, slip : (2 n,) float
-        Stiffness, with the sum 1, and slip displacements, of which macroslip is 1.
+        Stiffness, with the sum 1, and slip displacements relative to the displacement at
+        macroslip.
     """
     a = exponent
     if n is None:
@@ -483,7 +485,7 @@ class ContactLaw:
         )
 
     def __reduce__(self) -> Any:
-        """Pickle by record, since other processes have built-in functions only.
+        """Pickle by record, because other processes have built-in functions only.
 
         Addresses differ between processes.
         """
@@ -495,7 +497,7 @@ class ContactLaw:
         return any(self.pointer.function is function for function in SHIPPED.values())
 
     def springs(self, n: int, interface: str) -> ContactStiffness:
-        """Return the springs in stick as contact stiffness of the n points of an interface."""
+        """Return the contact stiffness in stick at the n points of an interface."""
         stiffness = self._per_point("stick", self.stick, n, interface)
         return ContactStiffness(stiffness.copy(), "user")
 

@@ -2,8 +2,8 @@ r"""Linear test of residual modes: shift of the first mode by bonded parts of th
 
 The contact points of a part are bonded and the others free.  With the flexibility :math:`R` that
 residual modes represent, and its rows :math:`S` of the part, the stiffness of the modes is
-:math:`\Omega^2 + G_S^H R_{SS}^{-1} G_S`.  All residual modes give the reference of the shift of mode 1.
-Only eigenvalue problems are solved.
+:math:`\Omega^2 + G_S^H R_{SS}^{-1} G_S`.  All residual modes give the reference of the shift of
+mode 1.  Only eigenvalue problems are solved.
 """
 
 from __future__ import annotations

@@ -163,7 +163,7 @@ class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="con
     def edges(self) -> str:
         """Faces with friction that touch with less than :data:`EDGE` of their area.
 
-        The text has the mean pressure there; it is empty without such faces.
+        The text gives their mean pressure; it is empty if there are no such faces.
         """
         if not self.ok or self.area is None or self.friction is None:
             return ""

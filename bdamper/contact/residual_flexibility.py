@@ -78,7 +78,8 @@ SOFT_ENOUGH = 0.2
 """Smallest flexibility, in units of that of a point, of force vectors with those of parts.
 
 Without the limit the share falls from 0.50 to 0.01 on random sectors, and a corner that carries
-alone is 9 % too stiff; with 0.4 edges are up to 15 % too soft with the halves of faces (measured.md).
+alone is 9 % too stiff; with 0.4 edges are up to 15 % too soft with the halves of faces
+(measured.md).
 """
 PART = 0.35
 """Extent of a part in units of the extent of the face."""
@@ -256,8 +257,8 @@ def _near_lower_end(x: NDArray) -> NDArray:
 
 
 def _soft_enough(R: NDArray, vectors: NDArray, least: float) -> NDArray:
-    """Return unit vectors that span the combinations with more than ``least`` of the flexibility of a
-    point.
+    """Return unit vectors that span the combinations with more than ``least`` of the flexibility of
+    a point.
     """
     flexibility = vectors.conj().T @ R @ vectors
     in_points = vectors.conj().T @ (np.diag(R).real[:, None] * vectors)

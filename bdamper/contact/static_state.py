@@ -166,7 +166,7 @@ def law_tangent(kt: NDArray, kn: NDArray, mu: NDArray, status: NDArray) -> NDArr
 def _forces(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray]:
     """Return forces (..., n_points, 3) and states (..., n_points, 2) at the motions x.
 
-    ``w`` has the sliders and the memory of compiled laws before the step.
+    ``w`` contains the sliders and the memory of compiled laws before the step.
     """
     level = system.n0 + system.kn * x[..., 2]
     trial = system.kt * (x[..., :2] - w[:, :2])
@@ -343,7 +343,7 @@ class _LoadStep:
     def residuals(self, *coordinates: NDArray) -> tuple[NDArray, NDArray]:
         """Return residuals (n, n_modes), and states, of n vectors of modal coordinates.
 
-        The vectors are evaluated one by one, since a product with all of them rounds differently.
+        The vectors are evaluated one by one, because a product with all of them rounds differently.
         Rounding determines the state of a point at its friction limit.
         """
         products = np.array([self.G @ q for q in coordinates])

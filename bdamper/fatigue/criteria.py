@@ -205,7 +205,7 @@ def _pair_difference(y: NDArray, pair: NDArray) -> tuple[NDArray, NDArray, NDArr
 def _refine_pair(y: NDArray, pair: NDArray) -> NDArray:
     """Maximise ``|y(theta_1) - y(theta_2)|^2`` by Newton's method and return the maxima (n,).
 
-    ``pair`` (n, 2) has the initial angles.
+    ``pair`` (n, 2) contains the initial angles.
     """
     value, gradient, hessian = _pair_difference(y, pair)
     for _ in range(8):
@@ -491,9 +491,10 @@ class Material(validation.Checked):
         line: str = "goodman",
         temperature: NDArray | float | None = None,
     ) -> NDArray:
-        """Return the endurable stress amplitude (...) in Pa at a mean stress (...) in Pa.
+        """Return the endurable stress amplitude at a mean stress, both (...) in Pa.
 
-        The line "table" needs the ``temperature`` (...) in °C if the table has several.
+        If ``line`` is "table" and the table covers several temperatures, ``temperature`` (...) in
+        °C is required.
         """
         if line == "table":
             if self.haigh is None:

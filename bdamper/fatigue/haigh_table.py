@@ -1,5 +1,5 @@
-r"""Endurable stress amplitudes as laboratories report them: a table over mean stress, temperature and
-survival probability.
+r"""Endurable stress amplitudes as laboratories report them: a table over mean stress, temperature
+and survival probability.
 
 A row is the endurable amplitude of a test series: at a mean stress, or at a stress ratio
 :math:`R = \sigma_{min}/\sigma_{max}`, which has the mean stress
@@ -10,7 +10,7 @@ Between the rows the amplitude is interpolated: linearly over the mean stress, l
 temperature at the same mean stress, and linearly over the quantile of the normal distribution of
 the survival probability, between rows of the same mean stress or stress ratio. Below the lowest
 mean stress the amplitude is constant, and above the highest one a straight line ends at the
-ultimate strength. A temperature or probability outside of the table is an error.
+ultimate strength. A temperature or probability outside the table is an error.
 """
 
 from __future__ import annotations
@@ -244,13 +244,13 @@ class HaighTable(validation.Checked):
     def allowed(
         self, mean: ArrayLike, ultimate_strength: float, temperature: ArrayLike | None = None
     ) -> NDArray:
-        """Return the endurable amplitudes at mean stresses and temperatures.
+        """Return the endurable amplitude for each mean stress and temperature.
 
         Parameters
         ----------
         mean : (...) float, Pa
         ultimate_strength : float, Pa
-            Mean stress without an endurable amplitude.
+            Mean stress at which no amplitude is endurable.
         temperature : float or (...) float, °C, optional
             Needed if the table has several temperatures.
 
@@ -261,7 +261,7 @@ class HaighTable(validation.Checked):
         Raises
         ------
         SettingError
-            If the table has several probabilities, or a temperature is missing or outside of the
+            If the table has several probabilities, or a temperature is missing or outside the
             table.
         """
         validation.check(

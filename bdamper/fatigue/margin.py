@@ -51,7 +51,8 @@ class Rule(validation.Checked):
     criterion : {"von_mises", "findley"}
         Definition of the stress amplitude (:mod:`bdamper.fatigue.criteria`).
     line : {"goodman", "gerber", "soderberg", "table"}
-        Failure line in the Haigh diagram. "findley" ignores it, since it includes the mean stress.
+        Failure line in the Haigh diagram. "findley" ignores it, because it includes the mean
+        stress.
     on : {"amplitude", "both"}
         Quantity that the factor multiplies: the vibration, or mean and vibration.
     """
@@ -107,10 +108,7 @@ class Rule(validation.Checked):
 
 @runtime_checkable
 class SteadyAmplitude(Protocol):
-    """Steady-state amplitude from time integration.
-
-    ``bdamper.response.verification.TimeResponse`` has it.
-    """
+    """Protocol of results with a steady-state amplitude, such as TimeResponse."""
 
     @property
     def factor(self) -> float: ...
@@ -168,7 +166,7 @@ class Margins(
 
     @property
     def critical(self) -> int:
-        """Index of the counted point with the least factor."""
+        """Index of the point with the smallest safety factor, among the points that count."""
         return int(np.where(self.counted, self.factor, np.inf).argmin())
 
     def _order(self) -> NDArray:
@@ -240,7 +238,7 @@ class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-
     values : (n,) float
         Abscissa.
     margin : (n,) float
-        Least factor of the counted points; NaN without a solution.
+        Smallest safety factor of the points that count; NaN without a solution.
     response : (n,) float, m
         Response amplitude.
     names : tuple of str
@@ -256,10 +254,10 @@ class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-
         Abscissa and value of the largest margin, refined between the values if possible; NaN if not
         computed.
     best_status, best_reason : str
-        Status of the search for the largest margin ("" without a search), and how exact it is.
+        Status of the search for the largest margin ("" without a search), and the reason.
     in_time : tuple of Margins
-        Margins at the largest blade amplitude in time integration, at the preloads with a time
-        integration.
+        Margins at the largest blade amplitude from time integration, for each preload that was
+        integrated.
     notes : tuple of str
     settings : mapping
     model_hash : str
@@ -412,7 +410,7 @@ def margin(
 
 
 def _scaled_to_time(cycle: StressCycle, time_response: SteadyAmplitude | None) -> StressCycle:
-    """Scale the vibration to the largest amplitude in time integration."""
+    """Scale the vibration to the largest amplitude from time integration."""
     if time_response is None:
         return cycle
     validation.instance(

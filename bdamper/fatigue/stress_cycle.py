@@ -89,8 +89,8 @@ class StressCycle(
     Parameters
     ----------
     coefficients : (n, 6, H + 1) complex, Pa
-        Mean with centrifugal stress, and complex amplitude of each harmonic; components xx, yy, zz,
-        xy, yz, xz.
+        Mean, including the centrifugal stress, and the complex amplitude of each harmonic, for the
+        components xx, yy, zz, xy, yz, xz.
     settings : mapping
     model_hash : str
     """
@@ -98,26 +98,26 @@ class StressCycle(
     coefficients: PerRow
 
     def over_cycle(self, theta: NDArray) -> NDArray:
-        """Return the stress (n, 6, n_theta) in Pa at phase angles of the excitation (rad)."""
+        """Return the stress at phase angles of the excitation (rad), Pa, (n, 6, n_theta)."""
         return criteria.over_cycle(self.coefficients, np.asarray(theta, float))
 
     def amplitude_and_mean(self) -> criteria.Cycle:
-        """Return von Mises amplitude and mean (n,), Pa."""
+        """Return von Mises amplitude and mean stress, Pa, each (n,)."""
         return criteria.amplitude_and_mean(self.coefficients)
 
     @property
     def amplitude(self) -> Pascals:
-        """Von Mises stress amplitude (n,), Pa."""
+        """Von Mises stress amplitude, Pa, (n,)."""
         return self.amplitude_and_mean().amplitude
 
     @property
     def mean(self) -> Pascals:
-        """Mean stress (n,), Pa: trace of the mean tensor."""
+        """Mean stress, Pa, (n,): trace of the mean tensor."""
         return self.amplitude_and_mean().mean
 
     @property
     def critical(self) -> int:
-        """Index of the counted point with the largest von Mises amplitude."""
+        """Index of the point with the largest von Mises amplitude, among the points that count."""
         return int(np.where(self.counted, self.amplitude, -1.0).argmax())
 
     def _order(self) -> NDArray:

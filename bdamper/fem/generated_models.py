@@ -198,8 +198,8 @@ class SectorFE:
     density : MeshDensity
     material : Material
     keep_factors : bool
-        Keep the matrices of all nodal diameters, not only the latest; all of them share one
-        factorisation.
+        Keep the matrices of all nodal diameters instead of only the last one used; all of them
+        share one factorisation.
     """
 
     geometry: Geometry = field(default_factory=Geometry)

@@ -377,7 +377,8 @@ def local_shapes(
     n_sectors = first.faces.n_sectors
     carried = blade.carried(root_shapes(blade, sector, n_sectors, sizes))
     disk_stiffness, disk_mass = disk_matrices(blade, first, carried)
-    # shapes of unit mass on the average over all waves, so that all matrices have similar entries
+    # normalise the shapes to unit mass averaged over all waves, so that all entries have
+    # similar magnitudes
     mean_stiffness = mean_over_waves(disk_stiffness, n_sectors)
     _, scale = eigh(mean_stiffness, mean_over_waves(disk_mass, n_sectors))
     stiffness = hermitian(scale.T @ disk_stiffness @ scale)

@@ -7,7 +7,7 @@ side :math:`s = \pm 1` of the dependent face (+1 toward +X),
 
 Row i of W has a single entry 1 if node i of the dependent face is the image of a node of the
 independent face.  If the meshes differ, the row contains the shape functions of the facet of the
-independent face at node i.  The finer face is dependent, since each of its nodes is then
+independent face at node i.  The finer face is dependent, because each of its nodes is then
 constrained.  Nodes on the axis of rotation are images of themselves, with the condition
 :math:`u = e^{i \varphi} R\, u`.
 """
@@ -291,7 +291,7 @@ def _closest_on_facet(facet: NDArray, size: float, points: NDArray) -> NDArray:
         aim += np.clip(miss, -size, size)
         if np.abs(miss).max() < 1e-12 * size:
             break
-    # points outside of the facet are moved to its edge
+    # points outside the facet are moved to its edge
     reference = np.clip(reference, SQUARE.min(), SQUARE.max())
     if len(corner) == 3:
         barycentric = np.maximum(reference, 0.0)
@@ -304,7 +304,7 @@ def find_faces(
 ) -> SectorFaces | None:
     """Find the cut faces of a sector by geometry: nodes mapped onto other nodes by one rotation.
 
-    Rotations by ``2 pi/N`` are tried for N = 2, 3, ..., since a rotation below one pitch may also
+    Rotations by ``2 pi/N`` are tried for N = 2, 3, ..., because a rotation below one pitch may also
     map a regular mesh onto itself.
 
     Parameters

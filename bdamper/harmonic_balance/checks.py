@@ -430,7 +430,7 @@ def check_interval(case: LoadCase, frequency: tuple[float, float]) -> None:
 
 
 def _strongest(sector: Sector, resonances: Sequence[_Resonance]) -> float:
-    """Return the largest linear response at resonances, 0 without any."""
+    """Return the largest linear response at resonances, 0 if there are none."""
     row = sector.response_rows[1]
     responses = [
         abs(sector.linear.response(resonance.omega, resonance.springs) @ row)

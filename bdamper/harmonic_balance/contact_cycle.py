@@ -1,7 +1,7 @@
 r"""Contact motion, contact force and energy over one cycle of a solution.
 
 With the motion ``x`` of a contact point and its force ``f`` as complex amplitudes of each harmonic,
-the work of a cycle is
+the work per cycle is
 
 .. math:: \oint f\,dx = \pi \sum_l l\,\mathrm{Im}(f_l \bar x_l).
 

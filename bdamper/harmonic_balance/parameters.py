@@ -86,7 +86,7 @@ def setting_names(problem: Problem) -> list[str]:
 
 
 def present_name(name: str) -> str:
-    """Return the present name of a setting in a file of version 3 of the format."""
+    """Return the current name of a setting in a file of version 3 of the format."""
     head, dot, part = name.partition(".")
     return f"{RENAMED.get(head, head)}{dot}{part}"
 

@@ -158,14 +158,14 @@ class Problem:
     # ---- other settings ----
 
     def replace(self, /, **settings: Any) -> Problem:
-        """Return the same problem under other settings, given by name.
+        """Return a copy of the problem with some settings changed, given by name.
 
         Raises
         ------
         SettingError
             If a value is not valid.
         """
-        # check_settings warns of the values, with the sizes of the model
+        # check_settings warns about implausible values; it needs the sizes of the model
         with inside_package():
             changed = replace(self.settings, **settings)
         if self.sizes.lumped and "friction_coefficient" in settings:
@@ -173,10 +173,7 @@ class Problem:
         return Problem(changed)
 
     def given(self, **parts: Any) -> Problem:
-        """Return the same problem with the given derived quantities.
-
-        Others that exist are reused.
-        """
+        """Return the problem with the given derived quantities; others already computed are reused."""
         derived = {
             name: part
             for name, part in vars(self).items()
@@ -247,7 +244,8 @@ class Problem:
     def _with_base(self, basis: HarmonicBasis, harmonic: int) -> HarmonicBasis:
         """Append the translations of the base if it moves at this harmonic and the response is absolute.
 
-        They are free masses of 1 kg, which no contact moves.  A force on them is their acceleration.
+        They are free masses of 1 kg, which no contact moves.  A force on them is their
+        acceleration.
         """
         kinds = {name: place.kind for name, place in self.model.locations.items()}
         forces = self.settings.excited.get(harmonic, ())
@@ -498,16 +496,17 @@ class Problem:
 
     @made_once
     def response_rows(self) -> list[NDArray]:
-        """Row (n_modes,) of each harmonic, from the mean on.
+        """Row (n_modes,) of each harmonic, starting with the mean.
 
         Its product with the modal amplitudes is the response.
         """
         return self.rows_at(self.settings.response_location)
 
     def rows_at(self, place: Response) -> list[NDArray]:
-        """Return a row (n_modes,) of each harmonic, from the mean on.
+        """Return one row (n_modes,) for each harmonic, starting with the mean.
 
-        It gives the motion of a location along a direction, or the strain of a gauge.
+        Multiplied by the modal amplitudes, a row gives the motion of a location along a direction,
+        or the strain of a gauge.
         """
         location = str(place.location)
         direction = direction_vector(place.direction, "response direction")
@@ -620,14 +619,14 @@ class Problem:
 
     @one_thread
     def static(self, preload: float, history: Sequence[float] | None = None) -> PreloadState:
-        """Compute the quasi-static contact state under a load on the damper (paper, section 3.1).
+        """Compute the quasi-static contact state at a preload (paper, section 3.1).
 
         Parameters
         ----------
         preload : float, N
         history : sequence of float, optional
-            Load factors, up and down, through which the load passes from zero.  Default:
-            ``load_history`` of the study.
+            Load factors, increasing or decreasing, that are applied in sequence, starting from zero
+            load.  Default: ``load_history`` of the study.
 
         Returns
         -------
@@ -728,12 +727,12 @@ class Problem:
 
     @property
     def layout(self) -> Layout:
-        """Indices of the harmonics in the unknowns of the harmonic balance."""
+        """Indices of the harmonics in the harmonic-balance unknowns."""
         return Layout(np.array([basis.n_modes for basis in self.bases]))
 
     @property
     def n_unknowns(self) -> int:
-        """Number of unknowns of the harmonic balance."""
+        """Number of harmonic-balance unknowns."""
         return self.layout.n_unknowns
 
     @made_once

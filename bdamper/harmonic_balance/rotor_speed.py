@@ -129,7 +129,7 @@ class Conditions:
     ) -> tuple[tuple[float | None, ...], ...]:
         """Return friction coefficient and excitation of each order at speeds.
 
-        These values identify the conditions in results files, since callables cannot be compared.
+        These values identify the conditions in results files, because callables cannot be compared.
         """
         orders = list(engine_orders)
         by_speed = []

@@ -336,8 +336,8 @@ class Sector:
 
     @property
     def equations(self) -> Equations[Sector]:
-        """Equations of the harmonic balance; each thread has its own object, since the core counts
-        its evaluations."""
+        """Equations of the harmonic balance; each thread has its own object, because the core
+        counts its evaluations."""
         if not hasattr(self._of_thread, "equations"):
             self._of_thread.equations = Equations(
                 core=self.core(),

@@ -167,7 +167,7 @@ class Settings(validation.Answering):
     Raises
     ------
     SettingError, ModelError
-        If a setting is not valid; the message names the setting, the expected and the given value.
+        If a setting is not valid; the message gives the setting, the expected and the given value.
     """
 
     model: Model = field(repr=False)
@@ -589,10 +589,10 @@ class Settings(validation.Answering):
         )
 
     def friction_by_interface(self) -> dict[str, float | NDArray]:
-        """Return the friction coefficient of each interface in use by name.
+        """Return the friction coefficients of the interfaces in use, by name.
 
-        It is a number, or has one for each point (n_points,).  Interfaces without friction have
-        the value 0.
+        A value is one number, or one number for each contact point (n_points,).  Interfaces without
+        friction have the value 0.
         """
         coefficient = self.friction_coefficient
         if isinstance(coefficient, Mapping):
@@ -624,10 +624,7 @@ class Settings(validation.Answering):
         return validation.numbers(item, value, self.model.interfaces[name].n_points, least=0.0)
 
     def warn_of_unused_friction(self, given: object) -> None:
-        """Warn if a friction coefficient is given for interfaces that do not use it.
-
-        These have a ContactLaw.
-        """
+        """Warn if an interface ignores its friction coefficient because it has a ContactLaw."""
         user_laws = self.own_laws()
         if isinstance(given, Mapping):
             unused = [name for name in given if name in user_laws]

@@ -692,8 +692,8 @@ _ASSIGNMENT = re.compile(r"\s*\w+(\([^)]*\))?\s*=")
 
 
 def _is_left_justified(line: str, columns: slice) -> bool:
-    """Return whether a number begins in the first column of its field and leaves its last one blank,
-    with further numbers behind it.
+    """Return whether a number begins in the first column of its field and leaves its last one
+    blank, with further numbers behind it.
     """
     field = line[columns]
     ends_before = field[-1] == " " and len(line.rstrip()) > columns.stop
@@ -902,7 +902,7 @@ def _rst_shape(
         expected = f"{per_node} values of each of {len(numbers)} nodes"
         raise mismatch(item, expected, f"{len(values)} values")
     shape = values[: n_nodes * per_node].reshape(n_nodes, per_node)[:, :3].copy()
-    shape[shape == 2.0**100] = 0.0  # number of Ansys for "no value"
+    shape[shape == 2.0**100] = 0.0  # the number that Ansys writes for "no value"
     check_all(np.isfinite(shape), shape, "finite displacements", item)
     rotate_to_file(shape, numbers, axes)
     return shape

@@ -1,6 +1,6 @@
 """Matrices and tables from plain files: NumPy, MATLAB, Abaqus coordinate text and CSV.
 
-MATLAB files of version 5 to 7.2 are read by this module, since the reader of SciPy crashes on
+MATLAB files of version 5 to 7.2 are read by this module, because the reader of SciPy crashes on
 damaged files.  After a header of 128 bytes a file consists of data elements.  Each has a type and a
 length in eight bytes (four bytes for at most four bytes of data), then the data, padded to eight
 bytes.  Type 15 contains other elements, compressed by zlib.  Type 14 is an array: flags with its
@@ -334,7 +334,7 @@ def number_rows(
     Raises
     ------
     ModelError
-        If a row is not numeric or has another length; the message names the line.
+        If a row is not numeric or has another length; the message gives the line.
     """
     rows: list[list[float]] = []
     # exponents of Fortran begin with D

@@ -419,7 +419,7 @@ def held_components(
     """Return the mask (n_nodes, 3) of fixed components.
 
     Images of fixed nodes on the other sector face are included.  Other programs fix one face only,
-    since their cyclic constraint holds the other.
+    because their cyclic constraint holds the other.
 
     Raises
     ------

@@ -100,7 +100,7 @@ def force_fields(fields: Mapping[str, object] | None, body: PreparedBody) -> dic
     ------
     SettingError, ModelError
         If a value is not a field of forces, all forces are zero, or a node does not exist.  The
-        message names the field.
+        message gives the field.
     """
     named = {} if fields is None else validation.instance("forces", fields, Mapping, "a mapping")
     units = body.placement.units

@@ -2,7 +2,7 @@
 
 For decks of CalculiX, Abaqus and Nastran the readers accept three groups of keywords: keywords of
 the mesh, keywords without effect on the mesh, and keywords that add stiffness or mass, which only
-the matrices contain.  Any other keyword is an error, since it could create, move or tie nodes,
+the matrices contain.  Any other keyword is an error, because it could create, move or tie nodes,
 elements or sets.  For archives of Ansys the table holds the commands that change the mesh; the
 reader notes the names of all other commands.
 
@@ -49,7 +49,7 @@ def refuse(found: str, item: str, read: Iterable[str]) -> NoReturn:
 
 
 # --------------------------------------------------------------------------------------------------
-# CalculiX and Abaqus; names without blanks, since both programs ignore them
+# CalculiX and Abaqus; names without blanks, because both programs ignore them
 
 INP_READ: Mapping[str, frozenset[str]] = {
     "*INCLUDE": _table("INPUT"),

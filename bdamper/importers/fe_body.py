@@ -567,7 +567,7 @@ class Included:
 
 
 class Lines:
-    """Iterator over the lines of a text file, whose errors name the line read last."""
+    """Iterator over the lines of a text file, whose errors give the line read last."""
 
     def __init__(self, source: Path, encoding: str) -> None:
         self.source = source

@@ -46,7 +46,7 @@ T = TypeVar("T")
 
 
 def _plain(text: str) -> str:
-    """Return a keyword or parameter name in capitals without blanks, since both programs ignore
+    """Return a keyword or parameter name in capitals without blanks, because both programs ignore
     case and blanks.
     """
     return "".join(text.upper().split())

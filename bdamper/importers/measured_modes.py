@@ -125,7 +125,7 @@ def read_mode(
     Raises
     ------
     BdamperError
-        If a column or its unit is missing, or a value is not a finite number. The message names the
+        If a column or its unit is missing, or a value is not a finite number. The message gives the
         line.
     """
     units = {"amplitude": None, "frequency": HERTZ, "damping ratio": RATIOS}
@@ -187,7 +187,7 @@ def read_ring_down(
     Raises
     ------
     BdamperError
-        If the record has no decay. If it has several modes, the message names their frequencies and
+        If the record has no decay. If it has several modes, the message gives their frequencies and
         a band for each.
 
     Warns

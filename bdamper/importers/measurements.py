@@ -290,7 +290,7 @@ def load_measured(path: str | PathLike[str]) -> Measured:
     ------
     BdamperError
         If a column or its unit is missing, a row is longer than the header, or a value is not a
-        finite number of at least 0.  The message names the line.
+        finite number of at least 0.  The message gives the line.
     """
     sets = (("load", "amplitude", "frequency"), ("load", "amplitude"), ("load", "frequency"))
     may_be_blank = ("amplitude", "frequency")
@@ -344,7 +344,7 @@ def read_columns(
     ------
     BdamperError
         If no group is complete, a unit is missing or unknown, or a value is not a finite number.
-        The message names the line.
+        The message gives the line.
     """
     cells = _cells(path)
     where = f"{cells.source}, line {cells.header_line}"
@@ -578,7 +578,7 @@ def read_response(
     Raises
     ------
     BdamperError
-        If a column or its unit is missing, or a value is not a finite number.  The message names
+        If a column or its unit is missing, or a value is not a finite number.  The message gives
         the line.
     """
     return _responses(path, unit, name, columns, phase_of, None)[0]

@@ -6,7 +6,7 @@ RBE2, RBE3 and MPC.  Empty rows (rotations of solid elements, fixed components) 
 
 A dependent grid point without solid elements and rows is omitted.  The dependent grid points of an
 RBE2 whose independent grid point is held (SPC, SPC1) are held themselves.  Any other tie of solid
-elements is an error, since the unknowns of a body are the displacements of its nodes.
+elements is an error, because the unknowns of a body are the displacements of its nodes.
 
 References
 ----------
@@ -536,7 +536,7 @@ def read_op2(
     subcase : int, optional
         Subcase of the modes; by default the first one.
     axes : mapping of node number to (3, 3) float, optional
-        ``FEBody.node_axes`` of the bulk data, since displacements are in the axes of each grid
+        ``FEBody.node_axes`` of the bulk data, because displacements are in the axes of each grid
         point.
 
     Returns

@@ -52,7 +52,7 @@ def compare_frequencies(computed: NDArray, expected: NDArray, item: str, source:
     Raises
     ------
     ModelError
-        If the difference exceeds ``BOUNDS.agreement``.  The message names a mistaken unit that
+        If the difference exceeds ``BOUNDS.agreement``.  The message gives a mistaken unit that
         explains the ratio.
     """
     n = min(len(computed), len(expected))
@@ -273,7 +273,7 @@ def wave_speed(body: PreparedBody) -> float:
 
     .. math:: u^T K u = (\lambda + 2 \mu) V, \qquad 1^T M 1 = \rho V.
 
-    The result is the lowest of the three axes.  The strain is centred at the fixed nodes, since
+    The result is the lowest of the three axes.  The strain is centred at the fixed nodes, because
     their surroundings are strained more.
     """
     structure = body.structure
@@ -364,7 +364,7 @@ def check_material(body: PreparedBody, elasticity: Sequence[float] | None) -> No
     .. math:: M 1 = \sum_e \rho_e \int N\,dV, \qquad K u = \sum_e \int \sigma_e \nabla N\,dV.
 
     The densities are compared by the sums of all nodes, the moduli by the median of the nodes,
-    since springs act on few.  A difference is a failed comparison.
+    because springs act on few.  A difference is a failed comparison.
     """
     try:
         from bdamper.fem.element_stress import lame_constants, nodal_integrals

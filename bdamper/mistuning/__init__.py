@@ -2,7 +2,7 @@
 
 `BladedDisk` solves a problem whose model has a sector-local basis, for one `Mistuning` and one
 `DamperVariation`. `mistuned_sample` solves many random bladed disks and fits the distribution of
-the highest blade amplitude.
+the largest blade amplitude.
 """
 
 from bdamper.mistuning.bladed_disk import BladedDisk as BladedDisk

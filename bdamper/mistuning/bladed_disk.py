@@ -1,5 +1,5 @@
 """Analyses of a mistuned bladed disk: peaks over the preload, response curves, and steady-state
-amplitudes in time.
+amplitudes by time integration.
 
 Response curves are computed by the same continuation as for one sector; the result has the response
 of all blades.
@@ -103,9 +103,9 @@ def optimal_curve(
     Returns
     -------
     SweepResult
-        Over the preload: amplitude, frequency and number of the highest blade, holding springs of
-        the dampers, error of the amplitude (:class:`~bdamper.mistuning.peak.DiskPeak`), and tuned
-        amplitude.
+        Over the preload: amplitude, frequency and number of the blade with the largest amplitude,
+        holding springs of the dampers, error of the amplitude
+        (:class:`~bdamper.mistuning.peak.DiskPeak`), and tuned amplitude.
     """
     check_contacts(problem_of(disk.study), "optimal_curve")
     values = validation.numbers("preloads", preloads, above=0.0, unit="N")
@@ -159,10 +159,10 @@ def frequency_response(
     Returns
     -------
     ResponseCurve
-        Curve of the highest blade, with the response of all blades in ``blades`` and without
-        unknowns.  It consists of the branch from one end, of the branch from the other end if the
-        first does not reach it, and of branches from solutions in the remaining gaps.  Branches may
-        leave the interval and return.
+        Curve of the blade with the largest amplitude, with the response of all blades in ``blades``
+        and without unknowns.  It consists of the branch from one end, of the branch from the other
+        end if the first does not reach it, and of branches from solutions in the remaining gaps.
+        Branches may leave the interval and return.
     """
     first, last = validation.interval("frequency", frequency)
     low = TWO_PI * first
@@ -289,8 +289,8 @@ def _all_sectors(of_blade: NDArray, waves: NDArray) -> NDArray:
 def time_response(
     disk: DiskProblem, peak: DiskPeak, *, steps_per_period: int | None = None
 ) -> TimeResponse:
-    """Compute the steady-state amplitude of the highest blade by time integration of all blades
-    from the peak.
+    """Compute the largest steady-state blade amplitude by time integration of all blades from the
+        peak.
 
     After Ctrl-C there is no result.
 

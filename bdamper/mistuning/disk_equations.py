@@ -262,7 +262,7 @@ class DiskMatrices:
     def reduced(self, shapes: NDArray) -> DiskMatrices:
         """Reduce every blade to m shapes, the columns of ``shapes`` (n, m) in its coordinates.
 
-        The disk then couples all coordinates of a blade to its neighbours, since all shapes move
+        The disk then couples all coordinates of a blade to its neighbours, because all shapes move
         the root.
         """
         root = shapes[self.n - self.n_root :]

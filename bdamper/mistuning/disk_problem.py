@@ -237,7 +237,7 @@ def local_vector(structure: DiskMatrices, modal: NDArray, force: bool) -> NDArra
     coordinates = structure.tuned.static_basis.coordinates
     bodies = structure.tuned.model.bodies
     of_damper = np.array([bodies[c.body].local is None for c in coordinates], bool)
-    # forces M phi f have the modal forces f, since phi^H M phi = I
+    # forces M phi f have the modal forces f, because phi^H M phi = I
     to_blade = structure.local.mass(0) @ phi if force else phi
     blade = (to_blade @ modal[~of_damper]).real
     return np.concatenate([blade, modal[of_damper]])

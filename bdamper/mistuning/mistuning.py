@@ -127,7 +127,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         FileNotFoundError
             If the file does not exist.
         BdamperError
-            If the file is invalid; the message names the row and the column.
+            If the file is invalid; the message gives the row and the column.
         """
         return cls.from_frequencies(_read_frequencies(path), reference, f"file {Path(path).name}")
 

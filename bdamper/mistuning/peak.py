@@ -1,8 +1,8 @@
 """Highest peak of a mistuned bladed disk: a search on a reduced disk, and its highest peaks
 corrected on the full one.
 
-Continuation of the tuned peak into mistuning loses the highest blade's peak too often.  The search
-(:mod:`bdamper.mistuning.peak_search`) takes four steps.
+Continuation of the tuned peak into mistuning loses the peak of the blade with the largest amplitude
+too often.  The search (:mod:`bdamper.mistuning.peak_search`) takes four steps.
 
 1. Sweep the frequency band of the tuned disk's waves, with springs that hold the dampers.
 2. Follow the response uphill from the highest maxima to the peaks of single blades.
@@ -14,10 +14,10 @@ The error estimate also contains the change by two more harmonics: of the highes
 phase on the disk of the search, and of the tuned peak.  A resonance without damping that the
 friction does not limit has no amplitude, as on one sector (:mod:`bdamper.response.resolution`).
 
-A peak of the harmonic balance need not be a steady state in time.  The curve of a lumped disk of
-six blades (300 N, ``tests/mistuning/test_in_time.py``) continues from its first maximum of 2.2 mm
-through some ninety folds to others of 5.4 to 12 mm.  In time the first persists; the other tested
-ones decay within a hundred periods (``BladedDisk.time_response``).
+A harmonic-balance peak need not be a steady state.  The curve of a lumped disk of six blades (300
+N, ``tests/mistuning/test_in_time.py``) continues from its first maximum of 2.2 mm through some
+ninety folds to others of 5.4 to 12 mm.  In time the first persists; the other tested ones decay
+within a hundred periods (``BladedDisk.time_response``).
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class DiskPeak(Result, Plottable, Recorded, Storable, kind="bdamper-wheel-peak")
         Amplitude of the first harmonic; NaN if no peak was found or no digits of it are left,
         infinite if it is unbounded.
     blade : int
-        Number of the highest blade; -1 if no peak was found.
+        Number of the blade with the largest amplitude; -1 if no peak was found.
     tuned_amplitude : float, m
         Highest peak of the tuned disk at the same preload and engine order.
     response : (n_blades, n_harmonics + 1) complex, m
@@ -444,7 +444,7 @@ def peak(
 
 
 def _unresolved_tuned(tuned: Peak) -> str:
-    """Return why the tuned peak is unbounded or has no digits; "" if it has an amplitude.
+    """Return why the tuned peak is unbounded or cannot be resolved; "" if it has an amplitude.
 
     Blades that differ have the same damping and friction, so their peaks have no amplitude either.
     """

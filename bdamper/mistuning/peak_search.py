@@ -187,7 +187,7 @@ class Search:
                 raise_if_stopped()
                 y = np.append(start, w)
                 scale = self.system.structure.units_about(y, self.width)
-                # from rest a rough solution is not good enough
+                # starting from rest requires an accurate solution
                 loose = 0.0 if start is at_rest else accepted_step
                 c = system.solve(y, Fixed(), scale, 1e-6, 25, 2, loose=loose)
                 if c.status == OK:
@@ -294,7 +294,7 @@ class Search:
         """Return the relative change of a peak by more harmonics (:data:`MORE_HARMONICS`), or by
         fewer of them if there is no solution; NaN if it is unknown.
 
-        The phase of the blade is held, since it follows a resonance that shifts.  On 65 blades of
+        The phase of the blade is held, because it follows a resonance that shifts.  On 65 blades of
         the shipped disk (2 %, 2 kN) the change is -12.6 % on the reduced disk and -12.2 % on the
         full one; it takes 1.5 s, the search 4.8 s.
         """
@@ -339,8 +339,8 @@ class Search:
         """Follow peaks to weaker springs until no peak that may become the highest has springs left
         to weaken.
 
-        Peaks with the strongest springs come first, since a high peak with weaker springs excludes
-        others. This order takes 5 % fewer evaluations than the order by height with twelve
+        Peaks with the strongest springs come first, because a high peak with weaker springs
+        excludes others. This order takes 5 % fewer evaluations than the order by height with twelve
         candidates (nine searches on 65 blades), 2 % fewer with eight (twenty searches).
         """
         remaining = list(peaks)

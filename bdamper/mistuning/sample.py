@@ -1,15 +1,15 @@
-"""Samples of mistuned bladed disks: the highest blade of each, in a file that can be resumed, with
-an audit of the search.
+"""Samples of mistuned bladed disks: the largest blade amplitude of each, in a file that can be
+resumed, with an audit of the search.
 
 The deviations and the dampers of disk ``k`` are drawn with the seed ``(seed, k)``.  One unit
 pattern is scaled to every standard deviation.  A disk is therefore the same at every preload and
 standard deviation, and in a study with more harmonics.  More disks can be added to a sample in the
 same results file.
 
-**Audit.**  A coarse sweep with local searches (:mod:`bdamper.mistuning.peak_search`) can miss the
+**Audit.** A coarse sweep with local searches (:mod:`bdamper.mistuning.peak_search`) can miss the
 highest peak.  Therefore a random part of the disks, drawn before any result is known, is searched
 again with half the spacing and three times the number of local searches.  After the sample, the
-same fraction of the highest disks of each cell is also searched again, since results are quoted
+same fraction of the highest disks of each cell is also searched again, because results are quoted
 from the tail.  Both searches release their dampers, and the released peaks are compared.
 """
 
@@ -123,7 +123,7 @@ class Audit(Summarised, Tabular, row="search"):
 
     @property
     def undecided(self) -> NDArray:
-        """Whether one of the searches has no peak, (n,) bool."""
+        """Whether one of the searches found no peak, (n,) bool."""
         return ~self.missed & (np.array(self.status) != COMPLETE)
 
     @property
@@ -158,7 +158,7 @@ class Audit(Summarised, Tabular, row="search"):
 @short_repr
 @dataclass(frozen=True)
 class BestPreload(Summarised):
-    """Preload of a sample at which a percentile of the highest blade amplitude is smallest.
+    """Preload of a sample at which a percentile of the largest blade amplitude is smallest.
 
     Parameters
     ----------
@@ -227,7 +227,7 @@ class MistunedSample(
     standard_deviation : (n_deviations,) float
     preload : (n_preloads,) float, N
     amplitude, frequency, blade : float, m and Hz
-        Amplitude and frequency of the highest blade, and its number.
+        Amplitude and frequency of the blade with the largest amplitude, and its number.
     residual, springs, error : float
         Residual, holding springs of the dampers, and error estimate of the amplitude
         (:class:`~bdamper.mistuning.peak.DiskPeak`).
@@ -352,7 +352,7 @@ class MistunedSample(
         return int(index[0])
 
     def best_preload(self, q: float = 95.0, standard_deviation: float | None = None) -> BestPreload:
-        """Find the preload of the sample with the smallest ``q`` % percentile of the highest blade
+        """Find the preload of the sample with the smallest ``q`` % percentile of the largest blade
         amplitude.
 
         Raises
@@ -632,8 +632,8 @@ def mistuned_sample(
     resume: str | Path | None = None,
     progress: bool | None = None,
 ) -> MistunedSample:
-    """Compute the highest blade of many mistuned bladed disks over the standard deviation and the
-    preload.
+    """Compute the largest blade amplitude of many mistuned bladed disks over the standard deviation
+    and the preload.
 
     Parameters
     ----------

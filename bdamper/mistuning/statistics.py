@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-import scipy  # scipy.stats is imported on first use, since it takes half a second
+import scipy  # scipy.stats is imported on first use, because it takes half a second
 from numpy.typing import NDArray
 
 from bdamper.util import validation
@@ -111,7 +111,8 @@ class WeibullTail(Summarised):
     Parameters
     ----------
     shape, bound, scale : float
-        k, b and s by maximum likelihood; k is above 1, since below 1 the likelihood has no maximum.
+        k, b and s by maximum likelihood; k is above 1, because below 1 the likelihood has no
+        maximum.
     threshold : float
         Lowest value in the fit.
     n, n_tail : int

@@ -84,7 +84,7 @@ def group_patches(face: Interface, n_groups: int) -> NDArray:
 def _grid_quality(grid: tuple[int, int], rows: tuple[int, int]) -> tuple[int, ...]:
     """Return the quality of a grid of groups along t1 and t2; earlier entries take precedence.
 
-    ``rows`` has the numbers of rows of patches.
+    ``rows`` contains the numbers of rows of patches.
     """
     a, b = grid
     enough_rows = min(a, b, ROWS)

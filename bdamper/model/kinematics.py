@@ -526,7 +526,7 @@ class Coupling:
             modes = basis.contact_modes[..., elastic].reshape(n_forces, len(elastic))
             residual = basis.flexibility - (modes / basis.omega2[elastic]) @ modes.conj().T
 
-            # P R P^H: placed by columns, then by rows
+            # P R P^H: place the columns first, then the rows
             by_force = residual.reshape(n_forces // 3, 3, n_forces)
             half = self.placed(body, by_force, harmonic).reshape(n, n_forces)
             by_contact = half.conj().T.reshape(n_forces // 3, 3, n)

@@ -113,7 +113,7 @@ def _combinations(basis: ModalBasis, n: int, places: Sequence[Place]) -> NDArray
 def _with_vectors(basis: ModalBasis, n: int, energies: NDArray) -> tuple[ModalBasis, NDArray]:
     """Append k residual vectors to a basis; return it and the matrix to the previous coordinates.
 
-    ``energies`` (m, k) has the combinations of :func:`_combinations`.
+    ``energies`` (m, k) contains the combinations of :func:`_combinations`.
     """
     frequency = np.sqrt(basis.omega2[n:])
     shapes = energies / frequency[:, None]

@@ -5,7 +5,7 @@ elastic modes), a ring (one sector of a free body that runs around the axis), lu
 all their modes) or the ground (rigid).  Its motion is a modal superposition with one modal basis
 for each nodal diameter ``d``.  Free bodies and acyclic structures (``n_blades = 1``) have ``d = 0``
 only.  A ring has rigid-body modes at ``d = 0`` (along and about the axis) and ``d = 1`` (across the
-axis, and tilting).  A split ring also has a radial one at ``d = 0``, since its gap leaves no hoop
+axis, and tilting).  A split ring also has a radial one at ``d = 0``, because its gap leaves no hoop
 force.
 
 An *interface* is a set of contact points between ``body_a`` and ``body_b``.  The side of a body at
@@ -203,7 +203,7 @@ class Body(Record):
 
     @property
     def n_elastic(self) -> int:
-        """Largest value of ``damper_modes`` for a free body or a ring: modes beyond six."""
+        """Largest value of ``damper_modes`` for a free body or a ring: number of modes minus six."""
         return min(basis.n_natural for basis in self.bases.values()) - 6
 
     @property
@@ -314,7 +314,7 @@ class ContactStiffness(Record):
     source : str
         Method: "cigeroglu2009", "unit_traction", "residual_modes" or "user".
     fallback : (n_points, 3) bool, optional
-        Points and directions with a fallback value, since the method did not apply.
+        Points and directions with a fallback value, because the method did not apply.
     """
 
     stiffness: Annotated[NDArray, Data("N/m", ("n_points", 3), limits=validation.Limits(least=0.0))]
@@ -365,7 +365,7 @@ class SurfaceMesh(Record):
 @short_repr
 @dataclass(frozen=True)
 class Model(Plottable, Record):
-    """Structure with all data of an analysis.
+    """Structure with all the data that an analysis needs, except loads and settings.
 
     ``bdamper.model.structure`` describes the conventions.  ``plot`` draws bodies and contact points
     in 3-D (:func:`bdamper.plot.plot_model`).
@@ -383,8 +383,8 @@ class Model(Plottable, Record):
     provenance : mapping of str to str
     stress : mapping of name to StressSet
     slip_resolution : float, m, optional
-        Amplitude of the contact motion below which the friction of a joint is wrong, since its
-        sliders do not represent smaller slip.
+        Amplitude of the contact motion below which the friction of a joint is inaccurate, because
+        its sliders do not resolve smaller slip.
     """
 
     n_blades: int
@@ -509,7 +509,7 @@ class Model(Plottable, Record):
     def neglected_over_speed(self, diameters: Collection[int] | None = None) -> tuple[str, ...]:
         """Return the effects of rotor speed that the model neglects, one sentence for each body.
 
-        Free bodies neglect nothing, since their rigid-body modes do not depend on speed.
+        Free bodies neglect nothing, because their rigid-body modes do not depend on speed.
 
         Parameters
         ----------

@@ -60,7 +60,7 @@ STYLE: dict[Any, Any] = matplotlib.rc_params_from_file(SHEET, use_default_templa
 OPTIMUM = "#c0392b"
 """Colour of the optimum and of other extreme points."""
 IN_TIME = "#1a7a3e"
-"""Colour of amplitudes in time (diamonds with bars)."""
+"""Colour of amplitudes by time integration (diamonds with bars)."""
 STYLES = ("-", "-.", (0, (6, 1, 1, 1, 1, 1)), (0, (10, 2)), (0, (1, 0.6)), (0, (3, 1, 1, 1)))
 """Line styles, distinct in grey print; plain dashed and dotted lines have other meanings."""
 DASHED = (0, (3, 1.5))
@@ -101,9 +101,9 @@ class Picture(Figure):
 def new_axes(
     width: float = COLUMN, height: float = 2.4, rows: int = 1, columns: int = 1, **options: Any
 ) -> Any:
-    """Return empty axes (size of the figure in inches), or an array of axes.
+    """Return empty axes, or an array of them, in a new figure of ``width`` by ``height`` inches.
 
-    Axes below each other share the x axis.
+    Axes in one column share the x axis.
     """
     options = {"sharex": columns == 1, **options}
     size = (width, height)

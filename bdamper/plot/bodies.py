@@ -251,9 +251,9 @@ def _scale(ax: Axes) -> None:
 
 @register_plot(Model)
 def plot_model(model: Model) -> Axes:
-    """Plot the bodies at rest, and next to them their contact points enlarged.
+    """Plot the bodies at rest, and an enlarged view of their contact points.
 
-    Free bodies are drawn over the others, which would hide them.
+    Free bodies are drawn in front, because the other bodies would hide them.
     """
     fixed: list[Surface] = []
     free: list[Surface] = []

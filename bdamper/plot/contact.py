@@ -140,7 +140,7 @@ def _face_axes(ax: Axes, x: NDArray, y: NDArray, dx: float, dy: float) -> None:
     ax.set(aspect="equal", xlabel="Along the axis (mm)", ylabel="Outward (mm)")
     is_wide = np.ptp(ax.get_xlim()) > 1.5 * np.ptp(ax.get_ylim())
     ax.xaxis.set_major_locator(MaxNLocator(3 if is_wide else 1))
-    # the numbers of a low map would lie on each other
+    # in a low map the numbers would overlap
     ax.yaxis.set_major_locator(MaxNLocator(2 if is_wide else 4))
     ax.grid(False)
 

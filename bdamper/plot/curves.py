@@ -1,4 +1,4 @@
-"""Plots of response curves, optimal curves, response maps, measurements and amplitudes in time.
+"""Plots of response curves, optimal curves, response maps, measurements and time integrations.
 
 :mod:`bdamper.plot.axes` describes the conventions of lines and colours.
 """
@@ -342,12 +342,13 @@ def plot_optimal(
 
     Notes
     -----
-    Dotted lines connect different resonances.  A filled star is a verified optimum, an open star
-    the least known value.  By harmonic balance the amplitude of the shaded preloads is at most a
-    fifth higher.  Hatched preloads have no value; open triangles there are lower bounds.  A bar at
-    the optimum is the range of its peak with more harmonics.  Diamonds with bars are means and
-    ranges in time.  Triangles to the left and to the right are clearly higher amplitudes with lower
-    and higher friction coefficients.
+    Dotted lines mark preloads between which the highest resonance changes.  A filled star marks a
+    verified optimum, an open star the lowest value found.  In the shaded range of preloads, the
+    harmonic-balance amplitude is at most 20 % above the optimum.  In hatched ranges no value was
+    found; open triangles there mark lower bounds.  The bar at the optimum shows the range of its
+    peak with more harmonics.  Diamonds with bars show means and ranges from time integration.
+    Triangles to the left and to the right mark amplitudes that are clearly higher with lower and
+    higher friction coefficients.
     """
     if ax is None:
         shown: tuple[str, ...] = SHOWN
@@ -560,7 +561,7 @@ def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
 
 @picture(TimeResponse, "mark")
 def mark_time_response(time_response: TimeResponse, ax: Axes, x: float | None = None) -> None:
-    """Mark mean and range of the highest blade in time by a bar, by default at its frequency."""
+    """Mark mean and range from time integration with a bar, by default at their frequency."""
     mean = time_response.mean
     below = mean - time_response.lowest
     above = time_response.largest - mean

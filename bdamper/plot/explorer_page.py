@@ -643,7 +643,7 @@ class Page:
         self.texts["optimal"] = star + in_unit_of_response(found, statement(found)).html
 
     def _in_time(self, found: TimeResponse) -> None:
-        """Show the steady-state amplitude in time next to the peak."""
+        """Show the steady-state amplitude by time integration next to the peak."""
         if not np.isfinite(found.mean):
             self.texts["time"] = f"In time: {html.escape(found.status_text)}."
             return

@@ -86,7 +86,7 @@ class Answer:
     point : int
         Point of the curve to which ``contacts``, ``loops`` and ``drawing`` belong.
     time_response : TimeResponse, optional
-        Steady-state amplitude in time at the peak of the curve.
+        Steady-state amplitude by time integration at the peak of the curve.
     """
 
     question: Question

@@ -439,10 +439,10 @@ smallest exceeds five.
 def draw_table(
     ax: Axes, table: Tabular, x: str, y: str, *, rows: Any = slice(None), **style: Any
 ) -> None:
-    """Plot a field or property of a result over another one.
+    """Plot one field or property of a result against another.
 
-    Existing axis labels are not changed.  Lines do not connect branches.  A known value between two
-    unknown ones is a point.  Ratios are in per cent.
+    Existing axis labels are not changed.  Lines do not connect branches.  A value with a gap on
+    either side is drawn as a point.  Ratios are in per cent.
 
     Parameters
     ----------
@@ -576,8 +576,7 @@ def plot_loop(result: FittedLoop, ax: Axes = NEW) -> None:
 def plot_nonlinear_mode(mode: NonlinearMode, ax: NDArray = NEW, **style: Any) -> None:
     """Plot frequency and damping ratio of a nonlinear mode over the response amplitude.
 
-    Circles are folds of the amplitude.  Lines are dashed where the motion no longer resembles the
-    mode.
+    Circles are folds of the amplitude.  Lines are dashed if the motion no longer resembles the mode.
 
     Parameters
     ----------

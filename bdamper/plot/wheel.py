@@ -72,8 +72,8 @@ def plot_mistuning(mistuning: Mistuning, ax: Axes = NEW) -> None:
 def plot_wheel_map(curve: ResponseCurve, ax: Axes = NEW) -> None:
     """Plot a map of the amplitude of every blade over frequency.
 
-    If there are several solutions at a frequency, the one with the highest blade is shown.  A
-    circle marks the highest point.
+    If there are several solutions at a frequency, the one with the blade with the largest amplitude
+    is shown.  A circle marks the highest point.
 
     Parameters
     ----------
@@ -140,8 +140,8 @@ def _bars(ax: Axes, heights: NDArray, blade: int, **look: Any) -> None:
 def plot_wheel_peak(peak: DiskPeak, ax: Axes = NEW) -> None:
     """Plot the amplitudes of all blades at the highest peak as bars.
 
-    The highest blade is dark, the tuned peak is a line.  The title has the reason if the peak is
-    incomplete.
+    The blade with the largest amplitude is drawn dark, and the tuned peak as a line.  If the peak
+    is incomplete, the title gives the reason.
     """
     if not np.isfinite(peak.amplitude):
         note(ax, peak._headline(), empty=True)
@@ -165,10 +165,11 @@ def _of_peak(peak: DiskPeak, result: str) -> str:
 
 @picture(TimeResponse)
 def plot_blades(found: TimeResponse, ax: Axes = NEW) -> None:
-    """Plot mean amplitudes of all blades in time as bars with ranges, the highest blade dark.
+    """Plot mean amplitudes of all blades from time integration as bars with ranges.
 
-    The highest blade has the printed range, which contains all integrations; the other blades have
-    the range of their periods.  A line is the peak of the harmonic balance.
+    The blade with the largest amplitude is drawn dark.  Its bar shows the range that the result
+    prints, over all integrations; the other bars show the range over their periods.  A line marks
+    the harmonic-balance peak.
     """
     if not found.blades.size:
         raise BdamperError(
@@ -210,7 +211,7 @@ def plot_periods(found: MotionInTime, ax: Axes = NEW) -> None:
 def plot_wheel(peak: DiskPeak, model: Model, ax: Axes = NEW) -> None:
     """Plot the bladed disk from the front, with darker blades for larger amplitudes.
 
-    The number of the highest blade is bold.
+    The number of the blade with the largest amplitude is bold.
 
     Parameters
     ----------
@@ -291,7 +292,7 @@ def plot_sample(
     standard_deviation: float | None = None,
     percentiles: Sequence[float] = PERCENTILES,
 ) -> None:
-    """Plot percentiles of the highest blade over the deviation of mistuning or the preload.
+    """Plot percentiles of the largest blade amplitude over mistuning or preload.
 
     Over the standard deviation each preload has a colour.
 

@@ -100,7 +100,7 @@ class LeftOut(NamedTuple):
 
     @property
     def amplitude(self) -> float:
-        """Amplitude (m) of the resonance in a part that is unbounded or has no digits."""
+        """Amplitude (m) of the resonance in a part that is unbounded or cannot be resolved."""
         return float("inf") if self.why.startswith(UNBOUNDED) else float("nan")
 
     @property
@@ -143,7 +143,7 @@ def in_order(pieces: Sequence[Piece]) -> list[tuple[Correction, Piece]]:
     for piece in pieces:
         points = [(point, piece) for point in piece.path.points]
         if before is not None and _other_way(before, piece):
-            # the common start, which stands once, is no end of the branch
+            # the shared starting point occurs once and is not an end of the joined branch
             first = len(ordered) - len(before.path.points)
             start, _ = ordered[first]
             ordered[first] = replace(start, kind="regular"), before

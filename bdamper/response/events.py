@@ -55,17 +55,15 @@ class ContinuationOptions:
     tolerance : float
         Tolerance of the largest residual, relative to the excitation and the static load.
     step, min_step, max_step : float
-        Initial, smallest and largest step in scaled unknowns (0.1: a tenth of the present
-        vibration).
+        Initial, smallest and largest step in scaled unknowns (0.1 means a tenth of the vibration at
+        the current point).
     max_turn : float, rad
         Largest angle between successive tangents of an accepted step.
     max_points : int
         Largest number of points of one path.
     patience : int
-        Number of points without progress in frequency after which a path ends as a tangle of folds.
-        Without this limit the widest gap grows on three of six curves with tangles (from 5.3 to 23,
-        1.0 to 3.5 and 11.7 to 12.0 Hz) and shrinks on one (from 7.6 to 6.5 Hz); none of 284
-        ordinary curves changes.
+        Number of points without progress in frequency after which the path is abandoned as a tangle
+        of folds.
     budget : int or None
         Largest number of evaluations of the equations for a curve; None sets it from the size of
         the problem (``bdamper.response.branches.evaluation_budget``).
@@ -76,7 +74,7 @@ class ContinuationOptions:
     locate_tolerance : float
         Tolerance of their position, relative to the step.
     corner_step : float
-        Largest failed step that is searched for a corner; longer steps are shortened first.
+        Largest failed step within which a corner is searched; longer steps are shortened first.
     """
 
     tolerance: Annotated[float, validation.Limits(above=0.0, below=1e-2)] = 1e-9
@@ -85,6 +83,9 @@ class ContinuationOptions:
     max_step: validation.Positive = 0.15
     max_turn: Annotated[float, validation.Limits(above=0.0, most=np.pi)] = 0.45
     max_points: AtLeastTwo = 5000
+    # Without this limit the widest gap grows on three of six curves with tangles (from 5.3 to 23, 1.0
+    # to 3.5 and 11.7 to 12.0 Hz) and shrinks on one (from 7.6 to 6.5 Hz); none of 284 ordinary
+    # curves changes.
     patience: AtLeastTwo = 400
     budget: validation.Count | None = None
     max_iterations: AtLeastTwo = 8

@@ -220,7 +220,8 @@ def without_lost_peaks(
         for preload, there in known.items()
         if there.followed and there.top is not None
     }
-    # also where the damper rattles: its peak may be followed to a preload at which it does not
+    # include preloads at which the damper rattles, because their peaks may lead to a preload at
+    # which it does not
     heights = {preload: there.height for preload, there in known.items()}
     found = followed_peaks(problem, heights, needs_check, peak_at, before, options)
     changed: dict[float, AtPreload] = {}

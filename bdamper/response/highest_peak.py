@@ -67,8 +67,9 @@ FOLLOWED = "higher on the peak followed from"
 FAR_BELOW_FREE = 0.01
 """Ratio to the resonance without contact below which a peak of another mode is no answer if the
 preload is less than the excitation.  A shroud of a random sector has 0.5 um at 929 Hz in contact,
-and 524 um at 149 Hz without.  Its faces close the ring: started from the free motion at 149 Hz, time
-integration falls below 1 um within 14 periods.  The limit thus raises a doubt and proves nothing.
+and 524 um at 149 Hz without.  Its faces close the ring: started from the free motion at 149 Hz,
+time integration falls below 1 um within 14 periods.  The limit thus raises a doubt and proves
+nothing.
 """
 ANOTHER_MODE = 1.5
 """Ratio to the frequency of the free resonance from which a peak belongs to another mode."""
@@ -563,10 +564,10 @@ def highest_peak(
     Peak
         ``corner`` is set unless it is a smooth maximum.  The status is "incomplete" if the curve is
         incomplete, has no maximum in the interval, gave up a branch among many folds, or is higher
-        at an end or on a separate branch.  The amplitude is then NaN, and ``lower_bound`` has the
-        highest computed maximum, or the end.  The amplitude of an unbounded resonance is infinite.
-        The status is "not found" with the reason, and there are no unknowns, if no response was
-        found in the interval.
+        at an end or on a separate branch.  The amplitude is then NaN, and ``lower_bound`` contains
+        the highest computed maximum, or the end.  The amplitude of an unbounded resonance is
+        infinite.  The status is "not found" with the reason, and there are no unknowns, if no
+        response was found in the interval.
     """
     frequency = peak_interval(problem.at(preload), frequency, mode)
     check_options(options)
@@ -596,7 +597,7 @@ def as_peak(problem: Problem, response: AtPreload, frequency: tuple[float, float
         return peak
     if response.curve.without_amplitude is not None:
         return replace(peak, amplitude=response.height, half_range=response.height)
-    # a number that only its status makes harmless would be read as an answer
+    # users would take this number for a result in spite of its status
     nan = float("nan")
     return replace(peak, amplitude=nan, half_range=nan, lower_bound=peak.amplitude)
 

@@ -261,7 +261,7 @@ class OptimalCurve(
 
     @property
     def ok(self) -> bool:
-        """Whether there is a value at every preload, and nothing lower is possible elsewhere."""
+        """Whether a value was found at every preload and no lower amplitude is possible elsewhere."""
         return self.complete and self.optimum.ok
 
     @property
@@ -388,7 +388,7 @@ class OptimalCurve(
 
     @property
     def optimum_in_time(self) -> TimeResponse | None:
-        """Time response with the least upper bound of the amplitude; None with less than two."""
+        """Time response with the lowest upper bound of the amplitude; None if fewer than two exist."""
         known = [response for response in self.time_response if known_in_time(response)]
         if len(known) < 2:
             return None
@@ -396,7 +396,7 @@ class OptimalCurve(
 
     @property
     def recommended_preload(self) -> float:
-        """Preload (N) with the least upper bound in time, or of the optimum; NaN without both."""
+        """Preload (N) with the lowest upper bound in time, or of the optimum; NaN without both."""
         if self.optimum_in_time is not None:
             return self.optimum_in_time.preload
         return self.optimum.preload

@@ -268,7 +268,7 @@ def _friction_remedy(curve: OptimalCurve) -> str:
 
 
 def friction_tried(curve: OptimalCurve) -> bool:
-    """Return whether other friction coefficients were tried at the recommended preload."""
+    """Return whether different friction coefficients were tried at the recommended preload."""
     if not curve.other_friction:
         return False
     nominal = curve.other_friction[0]

@@ -1,7 +1,7 @@
 """Printed statement of an optimal curve, for print, notebooks, report and explorer.
 
 The statement gives the preload, the design amplitude with the values of each method, and the
-effects that are not covered. If a check has failed, it begins with the failure and names a remedy,
+effects that are not covered. If a check has failed, it begins with the failure and gives a remedy,
 and there is no design amplitude.
 """
 

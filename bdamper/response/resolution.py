@@ -26,7 +26,7 @@ TOO_SHARP = (
 def unresolved_resonance(
     system: Equations, basis: HarmonicBasis, y: NDArray, branch: NDArray
 ) -> LeftOut | None:
-    """Return the range around the highest point if its amplitude is unbounded or has no digits.
+    """Return the range around the highest point if the amplitude there is unbounded or unresolved.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def unresolved_resonance(
 
 
 def why_unresolved(system: Equations, y: NDArray, damping_ratio: float) -> str:
-    """Return why the amplitude of a resonance is unbounded or has no digits; "" if it has some.
+    """Return why the amplitude of a resonance is unbounded or cannot be resolved, or "".
 
     Parameters
     ----------

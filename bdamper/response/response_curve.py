@@ -201,7 +201,7 @@ OPEN = 0.5
 points that are closed at rest.
 
 At a rotor speed most points may be open without vibration.  Without this limit three more of the 84
-curves are detected, and on one of them the amplitude in time is steady.
+curves are detected, and on one of them the amplitude by time integration is steady.
 """
 
 

@@ -123,15 +123,15 @@ class ResponseCurve(
     stability_note : str
         Criterion, disturbances considered, and the cost.
     in_time : (n,) float or None
-        Mean amplitude in time of the motion that starts at a point, relative to the point; NaN if
-        unknown (:mod:`bdamper.time_domain.floquet`).
+        Mean amplitude by time integration of the motion that starts at a point, relative to the
+        point; NaN if unknown (:mod:`bdamper.time_domain.floquet`).
     closed : tuple of int
         Closed branches.  No sweep of frequency leads to them, and they do not count for ``peak``.
     speed : (n,) float, rad/s, or None
         Rotor speed of a run-up.
     blades : (n, n_blades, n_harmonics + 1) complex, m, or None
         Response of every blade of a bladed disk in its local axes; ``harmonics`` is the response of
-        the highest blade.
+        the blade with the largest amplitude.
     """
 
     kind: str
@@ -315,7 +315,7 @@ class ResponseCurve(
 
     @property
     def out_of_reach(self) -> NDArray:
-        """Whether each point (n,) is on a closed branch, or a separate one above the peak."""
+        """Whether each point is on a closed branch, or on a separate branch above the peak, (n,)."""
         separate = self.separate
         above = separate[self.amplitude[separate] > self.amplitude[self.peak_index]]
         return np.isin(self.branch, (*self.closed, *self.branch[above]))
@@ -341,8 +341,8 @@ class ResponseCurve(
 
         It is the point ``peak_index`` of the curve, without further computation.  A maximum is
         exact to ``ContinuationOptions.locate_tolerance``.  The amplitude of an unbounded resonance
-        is infinite, and NaN if it has no digits.  The curve does not store its tangent, which is
-        zero here; the analyses that need the tangent first correct the point by Newton's method
+        is infinite, and NaN if it cannot be resolved.  The curve does not store its tangent, which
+        is zero here; the analyses that need the tangent first correct the point by Newton's method
         (``bdamper.response.peak.with_tangent``).
         """
         i = self.peak_index

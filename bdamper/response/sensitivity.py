@@ -695,7 +695,7 @@ def families(
 
 
 def setting_value(problem: Problem, name: str) -> float:
-    """Return the present value of a numeric setting, 1 for a factor."""
+    """Return the current value of a numeric setting, 1 for a factor."""
     head, _, part = name.partition(".")
     if head in FACTORS:
         return 1.0

@@ -79,7 +79,7 @@ def energy_change(energy: tuple[float, ...]) -> str:
 
 
 class AllBlades(Result):
-    """Base class of motions in time: blades, energy of a period, and travelling waves."""
+    """Base class of time integrations: blades, energy per period, and travelling waves."""
 
     blade: int
     blades: NDArray
@@ -88,7 +88,7 @@ class AllBlades(Result):
 
     @property
     def spread(self) -> tuple[float, float]:
-        """Mean amplitudes of the lowest and the highest blade, m; NaN without time integration."""
+        """Smallest and largest mean amplitude of the blades, m; NaN without time integration."""
         mean = self.blades.mean(axis=0) if self.blades.size else np.full(1, np.nan)
         return float(mean.min()), float(mean.max())
 
@@ -116,7 +116,7 @@ class AllBlades(Result):
         return float(numerical)
 
     def _unlike_rows(self) -> list[Row]:
-        """Return the row of the lowest and highest blade if equal blades vibrate differently."""
+        """Return the row of the smallest and largest amplitude if equal blades vibrate differently."""
         if not self.blades_differ:
             return []
         return [Row("Different blades", span(*self.spread, "m"), "lowest to highest, means")]
@@ -152,14 +152,14 @@ class AllBlades(Result):
 @short_repr
 @dataclass(frozen=True)
 class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-response"):
-    """Highest steady-state amplitude in time near a resonance at one preload, with its error.
+    """Highest steady amplitude near a resonance by time integration, with its error range.
 
     ``plot`` draws the amplitudes of all blades (:func:`bdamper.plot.plot_blades`).
 
     Parameters
     ----------
     mean : float, m
-        Amplitude of the first harmonic of the highest blade, mean over periods.
+        Amplitude of the first harmonic of the blade with the largest amplitude, mean over periods.
     lowest, highest : float, m
         Range of the mean: all ``answers`` and higher ``starts``, widened by the remaining change of
         a settled motion or the standard deviation of its periods.  It contains ``highest_period``.
@@ -191,10 +191,10 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         Nodal diameters and amplitudes (m) of the travelling waves of the motion, in descending
         order.  A wave against the direction of the excitation has a negative nodal diameter.
     answers : dict of str to float, m
-        Mean amplitude of the highest blade with n, 2n and 4n time steps, in a richer structure, and
-        at ``jump_frequency``.
+        Mean amplitude of the blade with the largest amplitude with n, 2n and 4n time steps, in a
+        more detailed structure, and at ``jump_frequency``.
     starts : dict of str to float, m
-        Mean amplitude that other initial states lead to.
+        Mean amplitude reached from different initial states.
     energy : tuple of four float, J
         In a period, all blades: work of the excitation, loss in damping, loss in contacts, and rise
         of kinetic and strain energy.
@@ -202,8 +202,8 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         Growth rate per period of the motion in other waves than the excited wave; negative if it
         decays, NaN if too small.
     half_range : float, m
-        Half of the peak-to-peak response of the highest blade with the harmonics of the study, mean
-        over periods.
+        Half of the peak-to-peak response of the blade with the largest amplitude with the harmonics
+        of the study, mean over periods.
     settings : mapping
     model_hash : str
     """
@@ -259,7 +259,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
 
     @property
     def factor(self) -> float:
-        """Largest amplitude in time over the one by harmonic balance, as a factor on stress."""
+        """Factor on stress: largest amplitude by time integration over harmonic-balance amplitude."""
         return self.largest / self.balance
 
     @property
@@ -350,18 +350,20 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
 class MotionInTime(
     AllBlades, Plottable, Tabular, Recorded, Storable, kind="bdamper-motion-in-time", row="period"
 ):
-    """One motion in time from a solution of the harmonic balance, period by period.
+    """One motion in time from a harmonic-balance solution, period by period.
 
     ``plot`` draws the amplitude over the periods (:func:`bdamper.plot.plot_periods`).
 
     Parameters
     ----------
     mean, lowest, highest : float, m
-        Amplitude of the first harmonic of the highest blade: mean, and range of single periods.
-        With a verdict over the periods named in its reason, otherwise over the second half.
+        Amplitude of the first harmonic of the blade with the largest amplitude: mean, and range of
+        single periods. With a verdict over the periods named in its reason, otherwise over the
+        second half.
     frequency, preload : float, Hz, N
     harmonics : (n_periods, n_harmonics + 1) complex, m
-        Response amplitudes of the highest blade; the first column is the mean position.
+        Response amplitudes of the blade with the largest amplitude; the first column is the mean
+        position.
     balance : float, m
         Amplitude of the solution at which the motion starts; NaN if it is at another frequency.
     verdict : str
@@ -417,11 +419,11 @@ class MotionInTime(
 
     @property
     def amplitude(self) -> Amplitude:
-        """Amplitude (n_periods,) of the first harmonic of the highest blade, m."""
+        """First harmonic of the largest blade amplitude, m, (n_periods,)."""
         return np.abs(self.harmonics[:, 1])
 
     def columns(self) -> dict[str, Column]:
-        """Return the columns of the periods."""
+        """Return the columns of the table, which has one row for each period."""
         columns = super().columns()
         return {name: columns[name] for name in ("period", "amplitude", "harmonics")}
 
@@ -488,7 +490,7 @@ class HarmonicPeak:
     seconds: Second = 0.0
 
 
-# ---- other friction coefficients ----
+# ---- different friction coefficients ----
 
 
 FRICTION_SPREAD = 1.5
@@ -500,7 +502,7 @@ MUCH = 2.0
 
 @dataclass(frozen=True)
 class FrictionPeak(WithStatus, Record):
-    """Highest peak with other friction coefficients.
+    """Highest peak with different friction coefficients.
 
     Parameters
     ----------
@@ -580,7 +582,7 @@ class FrictionLimit(NamedTuple):
 
 @dataclass(frozen=True)
 class FrictionRange(Record):
-    """Peaks at one preload with other friction, and the factors at which the amplitude doubles.
+    """Peaks at one preload with different friction, and the factors at which the amplitude doubles.
 
     Parameters
     ----------

@@ -84,7 +84,7 @@ determinant without sign.
 
 def real_basis(system: Equations[Sector]) -> HarmonicBasis | None:
     """Return the real set of modes with mass that all harmonics share, so that they describe one
-    motion in time.
+    motion from time integration.
     """
     first, *others = [basis for basis in system.structure.bases if len(basis.omega2)]
     if (system.structure.arrays["mass"] <= 0.0).any():
@@ -446,8 +446,8 @@ def judged_in_time(ring: Ring, curve: ResponseCurve, progress: bool) -> Response
 
 
 def judged_at(ring: Ring, u: NDArray, omega: float) -> tuple[str, float]:
-    """Return the verdict on a solution, and the ratio of the mean amplitude in time to the
-    amplitude of the solution.
+    """Return the verdict on a solution, and the ratio of the mean amplitude by time integration to
+    the amplitude of the solution.
     """
     expected = ring.system.response(u)
     expected_amplitude = abs(expected[1])

@@ -1,6 +1,6 @@
 """Slow sweep of the excitation frequency in time.
 
-The frequency changes linearly in time from one end of an interval to the other, as on a test rig.
+The frequency changes linearly with time from one end of an interval to the other, as on a test rig.
 Among several stable solutions the sweep follows its branch until it ends, and then jumps; it leaves
 unstable solutions.  A transient of the least damped mode, with half bandwidth ``b = zeta f``, falls
 to 1/e within ``1/(2 pi b)``.  The default rate moves the frequency by RATE half bandwidths in this
@@ -75,7 +75,8 @@ class TimeSweep(
     frequency : (n,) float, Hz
         In the middle of each period of the excitation, in the order of time.
     harmonics : (n, n_harmonics + 1) complex, m
-        Response amplitudes of the highest blade in each period; the first column is the mean.
+        Response amplitudes of the blade with the largest amplitude in each period; the first column
+        is the mean.
     preload : float, N
     rate : float, Hz/s
         Positive upward.

@@ -502,7 +502,7 @@ class Ring:
         first : int
             Number of the first time step within its period.
         omega_end : float, rad/s, optional
-            Final frequency, reached linearly in time.
+            Final frequency, reached linearly with time.
         trace : bool
             Whether to store the coordinates at the start of each time step.
         tolerance : float

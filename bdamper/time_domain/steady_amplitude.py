@@ -1,12 +1,12 @@
-"""Search for the highest steady amplitude in time near a resonance.
+"""Search for the highest steady amplitude by time integration near a resonance.
 
-The peak of the harmonic balance is the highest periodic solution of its equations, but a motion
-need not stay there, and another may be higher.  The search therefore follows motions in time, from
-two places:
+The harmonic-balance peak is the highest periodic solution of its equations, but a motion need not
+stay there, and another may be higher.  The search therefore follows motions from time integration,
+from two places:
 
 * **from the flank**, at a frequency next to the resonance with one solution, in a slow sweep
   towards the tip and beyond;
-* **from the tip**, with the solution of the harmonic balance.  Its motion settles, unless it leaves
+* **from the tip**, with the harmonic-balance solution.  Its motion settles, unless it leaves
   the tip at once.  If it is more than 5 % higher than the sweep there, it is also followed by
   sweeps in both directions.
 
@@ -159,7 +159,7 @@ def _highest(places: list[Place]) -> float:
 
 
 class SteadySearch:
-    """Search for the highest steady amplitude in time
+    """Search for the highest steady amplitude by time integration
     (:mod:`bdamper.time_domain.steady_amplitude`).
 
     Parameters

@@ -1,5 +1,5 @@
-"""Highest steady amplitude in time at one preload, with its error, and one motion in time from a
-solution.
+"""Highest steady amplitude by time integration at one preload, with its error, and one motion in
+time from a solution.
 
 **Structure.**  A response curve may retain few modes, because its cost grows with them; in time
 they cost little.  The integration therefore has all stored modes of the constrained bodies.  A free
@@ -10,7 +10,7 @@ frequency of the highest harmonic (:func:`structure_in_time`).
 From its highest motion
 
 * 2n and, from there, 4n time steps are used, because contacts may chatter only with shorter steps;
-* the motion continues in a richer structure: all elastic modes of the free bodies, and
+* the motion continues in a more detailed structure: all elastic modes of the free bodies, and
   :data:`VECTORS` residual modes for the flexibility of the contact faces;
 * its amplitude is extrapolated up to the frequency at which it falls.
 
@@ -100,7 +100,7 @@ SECONDS = 300.0
 shipped studies.
 """
 VECTORS = 24
-"""Residual modes per harmonic of the richer structure."""
+"""Residual modes per harmonic of the more detailed structure."""
 
 # ---- structures in time ----
 
@@ -322,14 +322,14 @@ class _Integrations:
     runs : dict of str to SteadyPoint
         The highest motion, with refinements.
     starts : dict of str to float, m
-        Amplitudes that other initial states lead to.
+        Amplitudes reached from different initial states.
     step_error : str
         Why the time steps are too long, or "".
     time_spent : str
         That the processor time is spent, or "".
     interrupted : bool
     cost : Cost
-        Cost of the richer structure.
+        Cost of the more detailed structure.
     """
 
     search: SteadySearch
@@ -362,7 +362,7 @@ def _integrate(
     time_spent = ""
     what = f"time integration at {amount(preload, 'N')}, {counted(search.ring.n, 'blade')}"
     with LongWork() as work, progress_stages(progress, what, "step") as report:
-        # three runs with different steps, one in the richer structure, and the other starts
+        # three runs with different steps, one with the more detailed structure, one for each start
         search.on_frequency = lambda frequency: report(f"{frequency:.6g} Hz", len(runs), 3 + starts)
         try:
             search.run()
@@ -393,7 +393,7 @@ def _integrate(
 
 @dataclass(frozen=True)
 class _RicherRing:
-    """Name of a richer structure, and all its sectors."""
+    """Name of a more detailed structure, and all its sectors."""
 
     name: str
     ring: Ring
@@ -461,7 +461,7 @@ def _refine(
 ) -> SteadyPoint:
     """Return the highest motion with ``step_factor`` times the steps, or in a richer structure.
 
-    A richer structure may need shorter steps.
+    A more detailed structure may need shorter steps.
 
     Raises
     ------
@@ -552,7 +552,7 @@ def _stated(
     search = integrations.search
     best = search.best
     spent = _after_limit(integrations)
-    # an amplitude with energy that the time steps supply is no bound either
+    # an amplitude to which the time steps supply energy is not a bound either
     if integrations.step_error or best is None:
         why = integrations.step_error or spent or search.failure or "no motion stays near the peak"
         end = _ending(NOT_FOUND, why, integrations.interrupted)

@@ -1,12 +1,13 @@
 """Time integration period by period, and the criteria for a steady motion.
 
 A :class:`Transient` starts from a harmonic-balance solution or from the end of another time
-integration, and continues in complete periods of the excitation.  Period ``k`` has the response
-amplitudes
+integration, and continues in complete periods of the excitation.  Period ``k`` contains the
+response amplitudes
 
     X_l(k) = 2/T int_kT^(k+1)T x(t) exp(-i l omega t) dt        (half of this for l = 0).
 
-All statements on a motion in time use these amplitudes and the criteria :data:`CRITERIA`.
+All statements on a motion from time integration use these amplitudes and the criteria
+:data:`CRITERIA`.
 
 **Steady.**  :func:`settle` integrates until the motion is steady or has fallen: a motion falls if
 its amplitude becomes less than the fraction :attr:`SteadyCriteria.jump` of the expected amplitude.
@@ -60,7 +61,7 @@ AGREES, DIFFERS, UNDECIDED = "agrees", "does not agree", "undecided"
 
 @dataclass(frozen=True)
 class SteadyCriteria:
-    """Criteria for motions in time.
+    """Criteria for motions from time integration.
 
     At 50 points the criteria give the same verdict as integrations of up to 960 periods
     (docs/evidence/measured.md, *Labels in time and long integrations*).
@@ -240,7 +241,7 @@ class Transient:
         return np.abs(self.response[:, 1])
 
     def advance(self, periods: int = 1, ends: tuple[float, float] | None = None) -> None:
-        """Integrate some periods; with ``ends`` (rad/s) the frequency changes linearly in time.
+        """Integrate some periods; with ``ends`` (rad/s) the frequency changes linearly with time.
 
         Raises
         ------
@@ -346,7 +347,7 @@ class SteadyPoint(NamedTuple):
 
     @property
     def amplitude(self) -> NDArray:
-        """Amplitude (n_periods,) of the highest blade in the second half of the periods, m."""
+        """Largest blade amplitude in each period of the second half, m, (n_periods,)."""
         return second_half(self.transient.amplitude)
 
     @property
@@ -356,7 +357,7 @@ class SteadyPoint(NamedTuple):
 
     @property
     def half_range(self) -> float:
-        """Half of the peak-to-peak response of the highest blade, mean over the same periods, m."""
+        """Half of the largest peak-to-peak response of a blade, mean over the same periods, m."""
         return float(half_range(second_half(self.transient.response)).mean())
 
     @property

@@ -1,7 +1,8 @@
 """Printed summaries, notebook output, figures and comparisons of results.
 
-Results do not depend on matplotlib.  Each drawing function of :mod:`bdamper.plot` registers itself here by the type that it
-draws.  The first figure imports the modules that the entry points for pictures name (pyproject.toml).
+Results do not depend on matplotlib.  Each drawing function of :mod:`bdamper.plot` registers itself
+here by the type that it draws.  The first figure imports the modules that the entry points for
+pictures name (pyproject.toml).
 """
 
 from __future__ import annotations
@@ -139,8 +140,9 @@ SHOWN_ROWS = 8
 class Summarised:
     """Mixin of results that print a summary.
 
-    The text begins with :meth:`_headline`, followed by a few lines from :meth:`_facts` or :meth:`summary`.  A notebook
-    shows the same lines, a figure, and the complete summary in a collapsed section.
+    The text begins with :meth:`_headline`, followed by a few lines from :meth:`_facts` or
+    :meth:`summary`.  A notebook shows the same lines, a figure, and the complete summary in a
+    collapsed section.
     """
 
     _summary_fields: tuple[str, ...] = ()
@@ -415,7 +417,8 @@ class Plottable(Summarised):
         path : path-like, optional
             File for the figure, for example "curve.png", "curve.pdf" or "curve.svg".
         options
-            Options of that function, for example ``ax=`` for existing axes or the figure of another result.
+            Options of that function, for example ``ax=`` for existing axes or the figure of another
+            result.
 
         Returns
         -------
@@ -517,8 +520,8 @@ class Comparable(Summarised):
         Returns
         -------
         Differences
-            It prints a line for each difference, with the change from this object to the other.  It is False if there is
-            none.
+            It prints a line for each difference, with the change from this object to the other.  It
+            is False if there is none.
 
         Raises
         ------

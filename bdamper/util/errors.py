@@ -97,7 +97,7 @@ def import_extra(module: str, asked: str, extra: str) -> Any:
     Raises
     ------
     BdamperError
-        If the module is not installed; the error names the extra.
+        If the module is not installed; the error gives the extra.
     """
     try:
         return importlib.import_module(module)

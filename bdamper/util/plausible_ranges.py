@@ -1,6 +1,6 @@
 """Plausible ranges of all numerical arguments, in SI units.
 
-A value outside its range is used, with a warning that names the value, the range and the likely
+A value outside its range is used, with a warning that gives the value, the range and the likely
 mistake.  A key of the table is the name of a parameter.  The name of a function or class before it
 limits the range to that function or class.  A bound can depend on the sizes of the model
 (:class:`bdamper.harmonic_balance.model_sizes.Sizes`).

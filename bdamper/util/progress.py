@@ -105,7 +105,7 @@ def raise_if_stopped() -> None:
 def shows_progress(progress: bool | None) -> bool:
     """Return whether to show progress.
 
-    By default everywhere but inside longer work, which shows its own progress.
+    By default progress is shown, except inside a longer computation that shows its own.
     """
     if progress is None:
         return not is_part_of_work()
@@ -197,7 +197,7 @@ def _bar(*items: Any, **options: Any) -> Any:
     from tqdm.auto import tqdm
 
     if _is_watched():
-        # short work has no bar
+        # short runs show no bar
         return tqdm(*items, **options, delay=1.0)
 
     class Lines(tqdm):  # type: ignore[misc]
@@ -215,7 +215,7 @@ def _bar(*items: Any, **options: Any) -> Any:
                 return
             tenth = int(10.0 * self.n / self.total + 1e-9)
             now = time.monotonic()
-            # short work prints nothing
+            # short runs print no progress
             if now < self.started + FIRST_LINE:
                 return
             if tenth <= self.tenths and now <= self.printed + 30.0:

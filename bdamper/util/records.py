@@ -4,8 +4,8 @@ A :class:`Record` is a group.  Numbers and texts are attributes, arrays are data
 nested records are groups, and all other values are texts in JSON, also the objects in an array with
 named fields.  A field that is None is omitted.  :class:`Data` sets units, type and path.
 
-:func:`read_record` rejects unknown names, since a misspelt optional dataset would have no effect.
-It also rejects links to other places, external storage and virtual datasets, since a file must
+:func:`read_record` rejects unknown names, because a misspelt optional dataset would have no effect.
+It also rejects links to other places, external storage and virtual datasets, because a file must
 contain all its data.  It ignores other attributes.
 
 :func:`check_record` checks type, shape and size of all data of a record; an error names the item.
@@ -94,7 +94,7 @@ class Data:
         Limits of all numbers.
     matrix : {"", "symmetric", "Hermitian", "skew-Hermitian"}
     derived : bool
-        Whether a file may omit it, since it follows from other data.
+        Whether a file may omit it, because it follows from other data.
     """
 
     units: str = ""
@@ -344,7 +344,7 @@ def with_separate_reasons(values: dict[str, Any], names: Iterable[str]) -> dict[
             continue
         status, reason = separated(text)
         separate[status_name] = status
-        # a motion in time had a reason for its verdict as well
+        # a motion from time integration had a reason for its verdict as well
         separate[name] = values.get(name) or reason
     return separate
 

@@ -130,7 +130,7 @@ _READERS: dict[str, Callable[[FilePath], Any]] = {}
 
 
 def register_reader(kind: str, read: Callable[[FilePath], Any]) -> None:
-    """Let :func:`load` read files of a format with a function of the path."""
+    """Register a function that reads files of a format; :func:`load` calls it with the path."""
     _READERS[kind] = read
 
 
@@ -209,7 +209,7 @@ class Storable(Record):
             write_record(file, self)
 
     def with_present_names(self) -> Self:
-        """Return a result of version 3 of the format with the present names of settings."""
+        """Return a result of version 3 of the format with the current names of settings."""
         return self
 
 

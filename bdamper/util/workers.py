@@ -1,8 +1,8 @@
 """Threads for independent parts of one result.
 
-The C core computes without the interpreter, so that threads use all cores.  :func:`on_threads` is
-the only place that starts threads for parts of a result: preloads in time, shorter time steps
-and a richer structure, other friction coefficients.  All of them share the threads of the
+The C core computes without the interpreter, so that threads use all cores. :func:`on_threads` is
+the only place that starts threads for parts of a result: preloads in time, shorter time steps and a
+more detailed structure, different friction coefficients.  All of them share the threads of the
 outermost call, whose number :func:`set_workers` sets.
 
 The calling thread computes one part after the other, and each thread that has nothing to do takes

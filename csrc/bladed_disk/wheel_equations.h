@@ -55,7 +55,7 @@ typedef struct {
     bd_wheel_input input; /* input, with copies of its arrays */
     bd_ring ring;
     bd_evaluator evaluator;
-    /* waves; coordinates of a sector; entries of a vector */
+    /* coefficients; waves; coordinates of a sector; entries of a vector */
     int n_coef, n_wave, sector_size, vector_size;
     bd_waves waves, remainder; /* remainder: part outside the elimination */
     /* part in the elimination: stiffness, mass, damping (n_blade, n_blade) of the sector */

@@ -45,7 +45,8 @@ typedef struct {
     double *stick_basis; /* (n_coef) sum of the basis since the slider was last set */
     double *products;    /* (n_coef, n_coef) */
     double *contact;     /* (n_power) */
-    bd_segment *segment; /* (n_time) parts of the cycle of the latest point; slip is BD_SLIP_PLUS */
+    bd_segment *segment; /* (n_time) parts of the cycle of the point evaluated last; slip in
+                          * either direction is stored as BD_SLIP_PLUS */
     int n_segment;
     int n_period; /* periods of the latest search */
     double *memory;

@@ -36,8 +36,8 @@ BD_INLINE points load_parameters(const bd_time *t, size_t p) {
     return out;
 }
 
-/* Compute the forces F (3) at the motion x (3); move the sliders from w to next_w, (2, stride) from
- * the first point on. */
+/* Compute the forces F (3) at the motion x (3); move the sliders from w to next_w. Both are
+ * (2, stride) and begin at the first of these points. */
 BD_INLINE void contact_forces(const bd_time *t, const points *at, const bd_vec *x, const double *w,
                               double *next_w, bd_vec *F) {
     const bd_vec zero = bd_all(0.0), one = bd_all(1.0);
