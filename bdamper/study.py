@@ -890,10 +890,10 @@ class Study(Comparable):
         Returns
         -------
         OptimalCurve
-            ``time_response`` has a further ``bdamper.response.verification.TimeResponse`` for each
-            preload, in ascending order; it gives the reason if no time integration is possible, and
-            is empty without an optimum.  After Ctrl-C unfinished preloads have the status
-            "interrupted".
+            ``time_response`` contains an additional ``bdamper.response.verification.TimeResponse`` for
+            each preload, in ascending order.  If time integration is not possible, the TimeResponse
+            gives the reason.  Nothing is added without an optimum.  After Ctrl-C unfinished
+            preloads have the status "interrupted".
 
         Raises
         ------
@@ -982,7 +982,7 @@ class Study(Comparable):
             Aerodynamic damping ratio, negative for a destabilising flow, at the nodal diameter of
             the engine order or at the given ones. For a complex number the imaginary part is the
             damping ratio and the real part the relative frequency shift. The force is proportional
-            to mass; the part of the shift does not act on rigid motions.
+            to mass; its real part does not act on rigid motions.
         mode, amplitude, options
             See :meth:`nonlinear_mode`; limit cycles are searched in this range of amplitudes.
         n : int

@@ -175,7 +175,8 @@ class _Law:
         m = len(path)
         before = np.zeros(3)
         s = np.zeros(n)
-        # derivative of the state with respect to the motions; the first three columns: the start
+        # derivative of the state with respect to the motions; the first three columns belong to the
+        # start
         by_motions = np.zeros((n, 3 * m + 3))
         states = []
         for k, x in enumerate(path):

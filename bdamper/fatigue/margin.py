@@ -463,10 +463,10 @@ def _caveats(cycle: StressCycle, factor: NDArray) -> tuple[str, ...]:
 @validation.check_arguments
 @dataclass(frozen=True)
 class LeastMargin(Rule):
-    """Failure criterion with material, stress sets and speed.
+    """Smallest safety factor of all points, for :meth:`bdamper.Study.resonance_crossings`.
 
-    It is a quantity for :meth:`bdamper.Study.resonance_crossings`.  A call with problem, unknowns
-    of a solution, angular frequency (rad/s) and preload (N) returns the margin.
+    A call with problem, unknowns of a solution, angular frequency (rad/s) and preload (N) returns
+    the margin.
 
     Parameters
     ----------

@@ -95,8 +95,9 @@ class Sector(validation.Checked):
     stress : set or mapping of name to set, optional
         Nodes with stress (extra ``bdamper[fe]``).
     rings : mapping of free body to (set, set), optional
-        Faces, in either order, at which one sector of a friction ring repeats.  None in place of
-        the faces states that a body whose ends fit its neighbours is a separate piece per sector.
+        Faces, in either order, at which one sector of a friction ring repeats.  None instead of
+        the faces declares that a body whose ends fit its neighbours is a separate piece per
+        sector.
     split_rings : sequence of str
         Names of rings with one gap.  Their hoop force is zero, so that the contacts carry their
         whole centrifugal load.

@@ -237,7 +237,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
 
     @property
     def record_text(self) -> str:
-        """Text in the settings of results; files of earlier results have the same."""
+        """Text in the settings of results, the same as in files of earlier versions."""
         modes = ""
         if self.deviation.ndim == 2:
             modes = f", {self.deviation.shape[1]} modes each"
@@ -388,7 +388,7 @@ class DamperVariation(Summarised, Storable, kind="bdamper-damper-variation"):
 
     @property
     def record_text(self) -> str:
-        """Text in the settings of results; files of earlier results have the same."""
+        """Text in the settings of results, the same as in files of earlier versions."""
         lines = [f"{self.n_blades} dampers, {int(self.missing.sum())} missing"]
         for name in _LIMITS:
             values = getattr(self, name)

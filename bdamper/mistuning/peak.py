@@ -341,10 +341,13 @@ def peak(
 
         Peaks outside the band are ignored.
 
-    Notes ----- The extended band is needed by a lumped disk of six blades (engine order 2, 300 N).
-    With held dampers it vibrates at 295 Hz, 13 Hz above the default band; its peak at 230 Hz lies
-    on a branch from folds at 291 Hz.  The comparison with the tuned disk is needed by the same disk
-    at 100 N: it had a "held" peak of 1.9 mm with an error of 20 %, while its sector reaches 118 mm.
+    Notes
+    -----
+    A lumped disk of six blades (engine order 2, 300 N) shows why the band is extended.  With held
+    dampers the disk vibrates at 295 Hz, 13 Hz above the default band, and its peak at 230 Hz lies
+    on a branch from folds at 291 Hz.  The same disk at 100 N shows why peaks are compared with the
+    tuned disk: the search found a "held" peak of 1.9 mm with an error of 20 %, whereas one sector
+    reaches 118 mm.
     """
     meter = CostMeter()
     progress = shows_progress(progress)

@@ -520,8 +520,8 @@ class Comparable(Summarised):
         Returns
         -------
         Differences
-            It prints a line for each difference, with the change from this object to the other.  It
-            is False if there is none.
+            Prints one line for each difference, with the change from this object to the other.  The
+            object is False if nothing differs.
 
         Raises
         ------

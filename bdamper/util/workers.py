@@ -46,8 +46,8 @@ def workers() -> int:
 def set_workers(number: int) -> Iterator[None]:
     """Set the number of threads for each result that is computed in this context.
 
-    Without it, a result uses all cores that the process may use, and each point of a sweep on an
-    executor one core.  The digits of the results do not depend on the number.
+    By default, a result uses all cores that the process may use, and each point of a sweep on an
+    executor uses one core.  The number of threads does not change the results.
 
     Parameters
     ----------
