@@ -27,9 +27,14 @@ stuck.  If there are fewer stuck modes than vectors, the forces with the largest
 
 These forces say nothing about an edge that carries alone.  For partial contact more of the softest
 forces follow, or the contact forces of the first mode with a part of the points stuck
-(:func:`parts_of_faces`).  Forces of parts are largest at their ends, so that their combinations can
-be stiff.  Combinations with less than a fifth of the flexibility of a point are in the diagonal
-alone; with them as vectors the share would be small at every point.
+(:func:`parts_of_faces`).
+
+Forces of parts are largest at their ends, so that combinations of the vectors can be stiff.  They
+would make the share of every point small.  The stiffness of their coordinates is therefore
+increased, which leaves these combinations to the diagonal.  The increase is smooth: a limit at
+which vectors are left out gave equations that interpolation over speed cannot follow.  The first
+vector keeps its stiffness: the first stuck frequency of the fundamental harmonic and the static
+state remain exact.
 
 The diagonal is a fraction of the point flexibility at the fundamental harmonic,
 :math:`D = s\,\mathrm{diag}(R)`.  The setting ``contact_share`` is its upper bound; a smaller
@@ -74,15 +79,26 @@ forces just above the limit make every point too stiff: 24 points on faces of 15
 0.02, and its peaks change by up to 0.7 %; those of the paper's blade on the ground by up to 3.4 %.
 """
 
-SOFT_ENOUGH = 0.2
-"""Smallest flexibility, in units of that of a point, of force vectors with those of parts.
+SOFT_ENOUGH = 0.17
+"""Flexibility, in units of that of a point, below which combinations of force vectors fade out.
 
 Without the limit the share falls from 0.50 to 0.01 on random sectors, and a corner that carries
-alone is 9 % too stiff; with 0.4 edges are up to 15 % too soft with the halves of faces
-(measured.md).
+alone is 9 % too stiff; with 0.2 a corner of the turbine blade is 29 % too soft (measured.md).
+"""
+FADING = 10.0
+"""Increase of the stiffness of fading combinations for each unit of flexibility below the limit.
+
+It is also the steepness of the transition.  With 20 the largest error of parts of faces is the same
+on random sectors.
 """
 PART = 0.35
 """Extent of a part in units of the extent of the face."""
+SAME_PLACE = 1e-6
+"""Distance that counts as zero, in units of the extent of a face.
+
+Decks of one face round coordinates differently.  Without the limit rounding chose the part of a
+face with a single row of points, and changed stuck frequencies by up to 2e-3.
+"""
 
 RESIDUAL = "residual"
 """Body name of residual modes in the coordinates of a basis."""
@@ -115,8 +131,9 @@ class ResidualModes(validation.Checked):
         from the optimum of two reference models on, at 1.5 to 2 times the time (measured.md).
     partial_contact : bool
         Add the force vectors of faces that touch at one end: outer, inner, front or rear third.
-        They lower the largest error of mode 1 with bonded parts from 44 to 13 % on 29 random
-        sectors, at up to 1.8 times the time (measured.md).
+        They lower the largest error of mode 1 with bonded parts from 44 to 12 % on 29 random
+        sectors, at up to 1.8 times the time (measured.md).  Stiff combinations fade out, so that
+        of the stuck frequencies the first alone is exact.
     """
 
     n_vectors: Annotated[int | Literal["all"], _count_or_all] = 6
@@ -239,32 +256,38 @@ def parts_of_faces(coupling: Coupling) -> dict[str, NDArray]:
         face = coupling.model.interfaces[name]
         rows = np.arange(coupling.n_points)[coupling.rows(name)]
         along_t1, along_t2 = np.einsum("ncj,nj->cn", face.frame[:, :2], face.points)
-        radius = np.hypot(face.points[:, 0], face.points[:, 1])
+        same = SAME_PLACE * np.hypot(np.ptp(along_t1), np.ptp(along_t2))
+        from_axis = np.hypot(face.points[:, 0], face.points[:, 1])
+        from_middle = along_t1 - along_t1.mean()
         # t1 of the faces of a wedge point outwards on one face and inwards on the other
-        outwards = (along_t1 - along_t1.mean()) @ (radius - radius.mean())
-        if outwards < 0.0:
+        if from_middle @ (from_axis - from_axis.mean()) < -same * np.abs(from_middle).sum():
             along_t1 = -along_t1
-        found["inner"].append(rows[_near_lower_end(along_t1)])
-        found["outer"].append(rows[_near_lower_end(-along_t1)])
-        found["front"].append(rows[_near_lower_end(along_t2)])
-        found["rear"].append(rows[_near_lower_end(-along_t2)])
+        found["inner"].append(rows[_near_lower_end(along_t1, same)])
+        found["outer"].append(rows[_near_lower_end(-along_t1, same)])
+        found["front"].append(rows[_near_lower_end(along_t2, same)])
+        found["rear"].append(rows[_near_lower_end(-along_t2, same)])
     return {name: np.concatenate(rows) for name, rows in found.items()}
 
 
-def _near_lower_end(x: NDArray) -> NDArray:
-    """Return which positions (n,) are in the lowest part of their range."""
-    return np.asarray(x - x.min() <= PART * np.ptp(x))
+def _near_lower_end(x: NDArray, same: float) -> NDArray:
+    """Return which positions (n,) are in the lowest part of their range, within ``same``."""
+    return np.asarray(x - x.min() <= PART * np.ptp(x) + same)
 
 
-def _soft_enough(R: NDArray, vectors: NDArray, least: float) -> NDArray:
-    """Return unit vectors that span the combinations with more than ``least`` of the flexibility of
-    a point.
+def _faded(energy: NDArray, in_points: NDArray, least: float) -> NDArray:
+    """Return the energy (n, n) under force vectors, increased for stiff combinations.
+
+    They are those whose energy is less than ``least`` of the energy ``in_points`` (n, n) that the
+    same forces have in the flexibility of the points.  More energy is more stiffness of their
+    coordinates.
     """
-    flexibility = vectors.conj().T @ R @ vectors
-    in_points = vectors.conj().T @ (np.diag(R).real[:, None] * vectors)
-    ratio, combination = scipy.linalg.eigh(flexibility, in_points)
-    soft = vectors @ combination[:, ratio > least]
-    return np.asarray(soft / np.linalg.norm(soft, axis=0))
+    if not len(energy):
+        return energy
+    ratio, combination = scipy.linalg.eigh(energy, in_points)
+    # log(1 + exp(x)) is smooth; it is nearly 0 above the limit and x below
+    increase = least * np.logaddexp(0.0, FADING * (1.0 - ratio / least))
+    coordinates = in_points @ combination
+    return np.asarray(energy + (coordinates * increase) @ coordinates.conj().T)
 
 
 def _stuck_static(
@@ -283,6 +306,10 @@ def _stuck_static(
     # (Omega^2 + G^T R^-1 G) q = f - G^T R^-1 s
     q = np.linalg.lstsq(np.diag(basis.omega2) + G.T @ G, load - G.T @ s, rcond=1e-13)[0]
     return np.asarray(F @ (G @ q + s))
+
+
+def _hermitian(matrix: NDArray) -> NDArray:
+    return np.asarray(0.5 * (matrix + matrix.conj().T))
 
 
 def _independent(vectors: NDArray, most: int) -> NDArray:
@@ -310,13 +337,13 @@ class _ForceVectors:
         R of all components.
     vectors : (n_active, n) complex or float
         W, of the active components.
-    modal_flexibility : (n, n) complex or float
-        W^H R W.
+    energy : (n, n) complex or float
+        W^H R W, increased for combinations that fade out.
     """
 
     flexibility: NDArray
     vectors: NDArray
-    modal_flexibility: NDArray
+    energy: NDArray
 
 
 @short_repr
@@ -378,6 +405,11 @@ class ResidualSet:
         share = min(options.contact_share, (1.0 - MARGIN) / largest)
         return replace(unscaled, flexibility=share * unscaled.flexibility, share=share)
 
+    @property
+    def _fades(self) -> bool:
+        """Whether stiff combinations of the force vectors fade out."""
+        return self.options.partial_contact and self.options.n_vectors != "all"
+
     def _force_vectors(self, harmonic: int) -> _ForceVectors:
         """Return the force vectors of a harmonic, computed once."""
         if harmonic in self._vectors:
@@ -388,9 +420,13 @@ class ResidualSet:
         active = self.active.ravel()
         R_active = R[np.ix_(active, active)]
         W = self._choose_vectors(harmonic, R_active)
-        product = W.conj().T @ R_active @ W
-        hermitian = 0.5 * (product + product.conj().T)
-        self._vectors[harmonic] = _ForceVectors(R, W, hermitian)
+        energy = _hermitian(W.conj().T @ R_active @ W)
+        if harmonic <= 1 and self._fades:
+            others = W[:, 1:]
+            points = np.diag(R_active).real
+            in_points = _hermitian(others.conj().T @ (points[:, None] * others))
+            energy[1:, 1:] = _faded(energy[1:, 1:], in_points, SOFT_ENOUGH)
+        self._vectors[harmonic] = _ForceVectors(R, W, energy)
         return self._vectors[harmonic]
 
     def _choose_vectors(self, harmonic: int, R: NDArray) -> NDArray:
@@ -429,13 +465,10 @@ class ResidualSet:
             return W
         partial = self._forces_of_parts(restricted, R, what, resolved)
         W = _independent(np.concatenate([W, partial], axis=1), W.shape[1] + partial.shape[1])
-        if harmonic > 1:
-            # forces that the mesh does not resolve move nothing
-            return _soft_enough(R, W, RESOLVED_HIGHER)
+        # the others, which may fade out, do no work on the motion under the first
         first, others = W[:, :1], W[:, 1:]
         work = (first.conj().T @ R @ others) / (first.conj().T @ R @ first)
-        soft = _soft_enough(R, others - first @ work, SOFT_ENOUGH)
-        return np.concatenate([first, soft], axis=1)
+        return np.concatenate([first, others - first @ work], axis=1)
 
     def _forces_of_parts(
         self, basis: HarmonicBasis, R: NDArray, what: str, resolved: float
@@ -470,7 +503,7 @@ class ResidualSet:
         W = parts.vectors
         D = self.flexibility.ravel()[self.active.ravel()]
         in_diagonal = W.conj().T @ (D[:, None] * W)
-        fractions = scipy.linalg.eigh(in_diagonal, parts.modal_flexibility, eigvals_only=True)
+        fractions = scipy.linalg.eigh(in_diagonal, parts.energy, eigvals_only=True)
         return float(fractions[-1])
 
     def basis(self, harmonic: int) -> HarmonicBasis:
@@ -484,9 +517,12 @@ class ResidualSet:
 
         # E W, including rows of axial stops: friction forces move them
         columns = (parts.flexibility - np.diag(D))[:, active] @ W
-        S = W.conj().T @ columns[active]
-        fraction, V = scipy.linalg.eigh(0.5 * (S + S.conj().T), parts.modal_flexibility)
+        in_diagonal = _hermitian(W.conj().T @ (D[active][:, None] * W))
+        energy = parts.energy
         # at higher harmonics the diagonal may contain the complete flexibility under a force vector
+        if harmonic > 1 and self._fades:
+            energy = _faded(energy, in_diagonal, 1.0 / (1.0 - MARGIN))
+        fraction, V = scipy.linalg.eigh(energy - in_diagonal, energy)
         represented = fraction > 0.5 * MARGIN
         V = V[:, represented] / np.sqrt(fraction[represented])
 
