@@ -193,7 +193,7 @@ def force_patterns(flexibility: NDArray, what: str, resolved: float = RESOLVED) 
         raise mismatch(
             what,
             "a positive flexibility at every contact point",
-            f"{diagonal.min():.3g} m/N; the retained modes are softer than the full model",
+            f"{diagonal.min():.3g} m/N; the retained modes are more flexible than the full model",
         )
     size = np.sqrt(diagonal)
     eigenvalue, vectors = np.linalg.eigh(flexibility / size[:, None] / size)

@@ -47,6 +47,8 @@ from bdamper.util import validation
 from bdamper.util.errors import SettingError, check
 from bdamper.util.formatting import short_repr
 
+DIRECTIONS = ("t1", "t2", "n")
+"""Names of the local directions of a contact point."""
 METHODS = ("residual_modes", "unit_traction", "cigeroglu2009")
 FAR = 10.0
 """Largest ratio between a stiffness from Eqs. (4), (10) and from ``"unit_traction"``, in either
@@ -340,6 +342,7 @@ def unit_traction(residual: NDArray, area: NDArray) -> ContactStiffness:
     ModelError
         If a uniform traction gives no point a positive displacement.
     """
+    # residual = full model - retained modes: negative if the retained modes are more flexible
     n = len(area)
     blocks = residual.real.reshape(n, 3, n, 3)
     stiffness = np.empty((n, 3))
@@ -349,10 +352,10 @@ def unit_traction(residual: NDArray, area: NDArray) -> ContactStiffness:
         positive = displacement > 0.0
         check(
             positive.any(),
-            f"residual flexibility along axis {axis}",
+            f"residual flexibility along {DIRECTIONS[axis]}",
             "a positive displacement under a uniform traction",
-            f"at most {displacement.max():.3g} m2 m/N; "
-            "the retained modes are stiffer than the full model",
+            f"at most {displacement.max():.3g} m³/N: the retained modes are more flexible than the "
+            "full model",
         )
         per_area = np.median(displacement[positive] / area[positive])
         displacement[~positive] = per_area * area[~positive]

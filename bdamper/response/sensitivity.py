@@ -50,9 +50,9 @@ from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
 from bdamper.util.display import Plottable, Result
 from bdamper.util.errors import SettingError
-from bdamper.util.formatting import peak_text, percent, spaced
+from bdamper.util.formatting import UNITS, amount, peak_text, percent, short_repr, spaced
 from bdamper.util.progress import one_thread
-from bdamper.util.statement import Statement
+from bdamper.util.statement import Row, Statement
 
 # ---- derivatives with respect to parameters of the equations ----
 
@@ -154,6 +154,7 @@ class Sensitivities(Result, Plottable, dict[str, PeakSensitivity]):
         return self._statement().text
 
 
+@short_repr
 @dataclass(frozen=True)
 class CurveSensitivity:
     """Derivatives of a response curve with respect to one parameter, per unit of the parameter.
@@ -179,6 +180,27 @@ class CurveSensitivity:
     frequency: NDArray
     response: NDArray
     tangent: NDArray
+
+    def __str__(self) -> str:
+        """Return a few lines, with the changes for one per cent of the parameter."""
+        per_cent = 0.01 * self.value
+        frequency = np.abs(per_cent * self.frequency)
+        response = np.abs(per_cent * self.response)
+        largest = int(np.argmax(response))
+        verdict = (
+            f"Largest change for +1 % of {spaced(self.name)}: {amount(response[largest], 'm')}"
+        )
+        rows = [
+            Row("Parameter", f"{self.value:.6g} {UNITS.get(self.name, '')}".rstrip()),
+            Row("Response", amount(response[largest], "m"), f"largest, at point {largest}"),
+            Row(
+                "Frequency",
+                amount(frequency.max(), "Hz"),
+                f"largest, at point {frequency.argmax()}",
+            ),
+            Row("Points", str(len(frequency)), "counted from 0, in the order of the curve"),
+        ]
+        return Statement([verdict], rows, remarks=["Not covered: changes of the folds"]).text
 
     @property
     def at_frequency(self) -> NDArray:
