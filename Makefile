@@ -37,6 +37,8 @@ unexport PYTHONDONTWRITEBYTECODE
 
 # these run in make others alone
 APART := --ignore=tests/others
+# the slowest tests are listed at the end, with their fixtures
+SLOWEST := --durations=40 --durations-min=1
 comma := ,
 # folders of tests that run with other versions of the dependencies, in continuous integration and every night
 OLDEST := tests/core tests/contact tests/harmonic_balance
@@ -45,9 +47,10 @@ VERSIONS := $(OLDEST) tests/model tests/response tests/util
 BUILD_INPUTS := pyproject.toml meson.build meson.options
 BUILD_TOOLS := "meson-python>=0.18" "meson>=1.3" ninja "numpy>=2.0"
 
-# $(call step,what,command): runs the command and says what failed
+# $(call step,what,command): runs the command, and says its seconds or what failed
 define step
-@echo "== $(1)"; { $(2); } || { status=$$?; echo "make: FAILED: $(1)"; exit $$status; }
+@echo "== $(1)"; begin=$$(date +%s); { $(2); } || { status=$$?; echo "make: FAILED: $(1)"; exit $$status; }; \
+  echo "== $(1): $$(($$(date +%s) - begin)) s"
 endef
 
 .PHONY: demo test test-slow test-all nightly portability bench examples docs docs-check manual links accuracy validate hard fuzz lint sanitize kernels nastran others oldest newest wheel readme browser cross peers clean prerequisites
@@ -56,13 +59,13 @@ demo: $(VENV)/demo.stamp
 	$(call step,demonstration,$(PY) examples/demo.py)
 
 test: $(VENV)/test.stamp
-	$(call step,test suite,$(PY) -m pytest -n auto --dist worksteal -m "not slow" $(APART) $(PYTEST_ARGS))
+	$(call step,test suite,$(PY) -m pytest -n auto --dist worksteal -m "not slow" $(APART) $(SLOWEST) $(PYTEST_ARGS))
 
 test-slow: $(VENV)/test.stamp
-	$(call step,slow tests,$(PY) -m pytest -n auto --dist worksteal -m slow $(APART) $(PYTEST_ARGS))
+	$(call step,slow tests,$(PY) -m pytest -n auto --dist worksteal -m slow $(APART) $(SLOWEST) $(PYTEST_ARGS))
 
 test-all: $(VENV)/test.stamp
-	$(call step,all tests,$(PY) -m pytest -n auto --dist worksteal -m "" $(APART) $(PYTEST_ARGS))
+	$(call step,all tests,$(PY) -m pytest -n auto --dist worksteal -m "" $(APART) $(SLOWEST) $(PYTEST_ARGS))
 
 # one after the other, whatever -j says: each uses all processors
 nightly:

@@ -82,7 +82,13 @@ PEAKS = {
 }
 
 
-@pytest.mark.parametrize("row", PEAKS)
+# eight times the processor time of 500 N, which asks the same of the same model
+LONG = "turbine blade, 50 N"
+
+
+@pytest.mark.parametrize(
+    "row", [pytest.param(row, marks=pytest.mark.slow) if row == LONG else row for row in PEAKS]
+)
 def test_sampled_peaks_differ_from_exact_ones_as_stated(row):
     page = (DOCS / "accuracy.md").read_text()
     stated = re.search(rf"\| {re.escape(row)}[^|]*\|([^\n]*)\|\n", page)[1].split("|")

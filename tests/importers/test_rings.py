@@ -124,8 +124,9 @@ class TestCalculix:
         """Sector and ring with common nodes on their face: so many patches leave the face no other motion."""
         from tools.ring_sector import joined
 
+        # twice as many patches along the arc change the frequencies by less than 1e-10
         one = study(
-            build(bodies, points=(10, 2), n_damper_modes=30), blade_modes=20, damper_modes=24
+            build(bodies, points=(5, 2), n_damper_modes=30), blade_modes=20, damper_modes=24
         )
         text, sets = joined()
         theirs = run(self.cyclic(text, sets, ORDER, 2, True), tmp_path)[::2]

@@ -48,6 +48,12 @@ def curve(study):
     return study.optimal_curve((60.0, 240.0), 6, check=False)
 
 
+@pytest.fixture
+def words_alone(monkeypatch):
+    """Reports without their pictures, which take most of the time, for tests that read the text."""
+    monkeypatch.setattr("bdamper.plot.report._picture", lambda *_, **__: "<p>a picture</p>")
+
+
 @pytest.mark.slow
 def test_one_file_without_links(study, curve, tmp_path):
     curve.report(tmp_path / "review.html", study)
@@ -78,6 +84,7 @@ def test_one_file_without_links(study, curve, tmp_path):
     assert re.search(rf"modal damping ratio\s*0\.002\s*damper\s*{mass}", page.said)
 
 
+@pytest.mark.usefixtures("words_alone")
 def test_the_first_screen_says_what_by_whom_and_when(curve, tmp_path):
     given = {
         "project": "Stage 3",
@@ -101,6 +108,7 @@ def test_the_first_screen_says_what_by_whom_and_when(curve, tmp_path):
     assert curve.report(tmp_path / "today.html").read_text().count(date.today().isoformat()) == 1
 
 
+@pytest.mark.usefixtures("words_alone")
 def test_settings_that_are_not_given_have_their_meaning(curve, tmp_path):
     said = " ".join(Page(curve.report(tmp_path / "review.html").read_text()).said.split())
     settings = said[said.index("Settings") : said.index("To do it again")]
@@ -121,6 +129,7 @@ def test_settings_that_are_not_given_have_their_meaning(curve, tmp_path):
     )
 
 
+@pytest.mark.usefixtures("words_alone")
 def test_the_first_sentence_has_the_colour_of_the_checks(curve, tmp_path):
     """Grey while a check has not been run, and green only if none failed."""
 
@@ -141,6 +150,7 @@ def test_the_response_at_the_optimum_is_beside_its_limits(study, curve, tmp_path
     assert "<!-- free -->" in drawn and "<!-- stuck -->" in drawn
 
 
+@pytest.mark.usefixtures("words_alone")
 def test_the_lines_that_do_it_again(study, curve, tmp_path, monkeypatch):
     curve.report(tmp_path / "review.html")
     page = Page((tmp_path / "review.html").read_text())
@@ -217,6 +227,7 @@ def test_the_recommended_preload_is_checked(curve):
     assert colours(swapped, "Harmonic balance against time") == "red"
 
 
+@pytest.mark.usefixtures("words_alone")
 @pytest.mark.parametrize(
     ("misfit", "settings", "mu", "colour"),
     [(1.0, {}, None, "green"), (2.0, {}, None, "amber"), (4.0, {}, None, "red"), (1.0, {"harmonics": [1, 3]}, None, "red"),
