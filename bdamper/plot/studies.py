@@ -213,7 +213,7 @@ def _draw_changes(
 def plot_sensitivities(found: Sensitivities, ax: Axes = NEW) -> None:
     """Plot the changes of a peak for one per cent of each parameter as bars, sorted by size.
 
-    Each bar has its number with a sign; an unknown change has no bar.
+    Each bar is labelled with its signed value; a change that is NaN has no bar.
     """
     changes = {name: 100.0 * np.array(pair) for name, pair in found.changes().items()}
 

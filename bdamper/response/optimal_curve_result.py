@@ -403,7 +403,7 @@ class OptimalCurve(
 
     @property
     def recommended_response(self) -> TimeResponse | None:
-        """Time response nearest to the recommended preload, even without an amplitude, or None."""
+        """Time response closest to the recommended preload, even if it has no amplitude, or None."""
         preload = self.recommended_preload
         if not np.isfinite(preload):
             return None

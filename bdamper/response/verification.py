@@ -792,7 +792,7 @@ class Convergence(Result, Plottable, Tabular):
 
     @property
     def note(self) -> str:
-        """Amplitude, verdict, and the reason why the harmonics end."""
+        """Amplitude, verdict, and the reason why no more harmonics were used."""
         peak = self.peaks[0]
         harmonics = counted(peak.harmonics, "harmonic")
         text = f"{amount(peak.amplitude, 'm')} with {harmonics}, {self.verdict}"

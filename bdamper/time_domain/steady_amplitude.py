@@ -465,7 +465,7 @@ class SteadySearch:
                 neighbours.append(neighbour)
             elif low <= one_step_away <= high:
                 return one_step_away
-        # a fall, or an end of the curve, on one side
+        # a jump to a lower amplitude, or an end of the curve, on one side
         if len(neighbours) < 2:
             return None
         return self._vertex(best, neighbours[0], neighbours[1], 0.5 * min(smallest, step))
