@@ -219,7 +219,7 @@ class Crossings(SweepResult, kind="bdamper-crossings"):
         amplitude = numbers_of(self.values, "amplitude")
         if not np.isfinite(amplitude).any():
             reasons = [
-                text for text in (*self.warnings, *self.status) if text not in ("", COMPLETE)
+                text for text in (*self.warnings, *self.status_text) if text not in ("", COMPLETE)
             ]
             return Statement([f"No crossing: {'; '.join(dict.fromkeys(reasons))}"])
         highest = self._highest_by_mass()
@@ -246,7 +246,7 @@ class Crossings(SweepResult, kind="bdamper-crossings"):
             remarks.append(f"{doubt}: {top['warning']}")
         missing = np.flatnonzero(~np.isfinite(amplitude))
         if len(missing):
-            reason = self.warnings[missing[0]] or self.status[missing[0]]
+            reason = self.warnings[missing[0]] or self.status_text[missing[0]]
             points = counted(len(self), "point")
             remarks.append(f"No crossing at {len(missing)} of {points}: {reason}")
         remarks.append("Not covered: mistuning, wear, more blade modes and contact points")

@@ -47,7 +47,13 @@ from bdamper.util.workers import set_workers
 
 Record = dict[str, Any]
 Keep = Callable[[Sequence[int], Sequence[Record]], None]
-NOT_RUN: Record = {"status": errors.NOT_RUN, "values": {}, "seconds": 0.0, "cost": {**vars(Cost())}}
+NOT_RUN: Record = {
+    "status": errors.NOT_RUN,
+    "reason": "",
+    "values": {},
+    "seconds": 0.0,
+    "cost": {**vars(Cost())},
+}
 """Record of a point that was not computed because of an interruption."""
 
 
@@ -64,28 +70,34 @@ def recorded(job: Job, settings: Mapping[str, Any]) -> Record:
     result "status" that begins with a word of :data:`bdamper.util.errors.STATUSES` is its status.
     """
     meter = CostMeter()
-    ending = errors.COMPLETE
+    ending = errors.Ending()
     values: dict[str, Any] = {}
     try:
         # a worker has neither the LongWork nor the mark of the call that submitted the job
         with LongWork() as work, inside_package():
             values = dict(job(settings))
         # a job that returned may still have an answer that is incomplete
-        status = values.get("status")
-        if isinstance(status, str) and errors.status_word(status) in errors.STATUSES:
-            ending = values.pop("status")
+        status, reason = errors.separated(str(values.get("status", "")))
+        if status in errors.STATUSES:
+            ending = errors.Ending(status, reason)
+            del values["status"]
         if work.interrupted:
             raise ExecutorEnded(work.reason) if work.reason else KeyboardInterrupt
     # SciPy raises ValueError for matrices with infinite entries
     except (BdamperError, ArithmeticError, ValueError, MemoryError, ExecutorEnded) as error:
         # MemoryError often has no text
-        reason = error if str(error) else type(error).__name__
-        ending = errors.with_reason(errors.FAILED, reason)
+        ending = errors.Ending(errors.FAILED, str(error) or type(error).__name__)
     spent = meter.read()
     cost = spent
     if isinstance(values.get("cost"), Cost):
         cost = values.pop("cost")
-    return {"status": ending, "values": values, "seconds": spent.seconds, "cost": {**vars(cost)}}
+    return {
+        "status": ending.status,
+        "reason": ending.reason,
+        "values": values,
+        "seconds": spent.seconds,
+        "cost": {**vars(cost)},
+    }
 
 
 @dataclass(frozen=True)
@@ -258,13 +270,14 @@ class Records:
     Parameters
     ----------
     values, cost : (n,) array with named fields
-    status : tuple of str
+    status, reason : tuple of str
     seconds : (n,) float
     """
 
     values: NDArray
     cost: NDArray
     status: tuple[str, ...]
+    reason: tuple[str, ...]
     seconds: NDArray
 
 
@@ -275,14 +288,18 @@ class _Table:
         self.known = np.zeros(n, bool)
         self.seconds = np.zeros(n)
         self.status = [errors.NOT_RUN] * n
+        self.reason = [""] * n
         self.columns: dict[str, dict[str, NDArray]] = {"values": {}, "cost": {}}
 
     def put(self, i: int, record: Record) -> None:
         """Store the record of a point."""
         self.known[i] = True
         self.seconds[i] = record["seconds"]
+        # results files of version 0.10 have the reason in the status
+        status, reason = errors.separated(record["status"])
         # equal texts share their memory
-        self.status[i] = sys.intern(record["status"])
+        self.status[i] = sys.intern(status)
+        self.reason[i] = sys.intern(record.get("reason", reason))
         for group, columns in self.columns.items():
             for name, value in record[group].items():
                 column = self._column(columns, name, isinstance(value, float))
@@ -302,7 +319,7 @@ class _Table:
         n = len(self.known)
         values = named_fields(self.columns["values"], n)
         cost = named_fields(self.columns["cost"], n)
-        return Records(values, cost, tuple(self.status), self.seconds)
+        return Records(values, cost, tuple(self.status), tuple(self.reason), self.seconds)
 
 
 def run_stored(
@@ -364,7 +381,7 @@ def run_stored(
                 store.append(*lines.values())
 
         run_points(job, point, todo, executor, keep)
-    not_run = NOT_RUN | {"status": errors.with_reason(errors.NOT_RUN, work.reason)}
+    not_run = NOT_RUN | {"reason": str(work.reason)}
     for i in np.flatnonzero(~table.known).tolist():
         table.put(i, not_run)
     return table.records()

@@ -22,9 +22,10 @@ from bdamper.response.events import ContinuationOptions
 from bdamper.response.optimal_curve import preload_values
 from bdamper.util import validation
 from bdamper.util.display import Plottable, Result
-from bdamper.util.errors import COMPLETE, INCOMPLETE, with_reason
+from bdamper.util.errors import COMPLETE, INCOMPLETE, Ending, separated
 from bdamper.util.formatting import amount, short_repr
 from bdamper.util.progress import one_thread, progress_stages, shows_progress
+from bdamper.util.records import Data
 from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Tabular
@@ -51,8 +52,8 @@ class Flutter(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-flut
     highest : float, m
         Upper limit of the searched amplitudes.
     aerodynamic_damping : mapping of nodal diameter to complex
-    statuses : tuple of str
-        Status of each row.
+    statuses, reasons : tuple of str
+        Status of each row, and the reason for it.
     settings : mapping
     model_hash : str
     """
@@ -65,6 +66,14 @@ class Flutter(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-flut
     highest: float
     aerodynamic_damping: dict[str, list[float]]
     statuses: Annotated[tuple[str, ...], Quantity(name="status")]
+    reasons: Annotated[tuple[str, ...], Data(derived=True), Quantity(name="reason")] = ()
+
+    def __post_init__(self) -> None:
+        if not self.reasons:
+            # files of version 0.10 have the reasons in the statuses
+            pairs = [separated(text) for text in self.statuses]
+            object.__setattr__(self, "statuses", tuple(status for status, _ in pairs))
+            object.__setattr__(self, "reasons", tuple(reason for _, reason in pairs))
 
     @property
     def safe(self) -> NDArray:
@@ -121,12 +130,13 @@ class Flutter(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-flut
 
 
 class _Motion(NamedTuple):
-    """Limit cycle or equilibrium: amplitude (m), frequency (Hz), stability and status."""
+    """Limit cycle or equilibrium: amplitude (m), frequency (Hz), stability, status and reason."""
 
     amplitude: float
     frequency: float
     stable: bool
-    status: str
+    status: str = COMPLETE
+    reason: str = ""
 
 
 @one_thread
@@ -180,7 +190,7 @@ def flutter(
                 scaled = [cycle._replace(amplitude=factor * cycle.amplitude) for cycle in cycles]
                 within = sorted(cycle for cycle in scaled if cycle.amplitude <= high)
                 rest_is_stable = damping_ratio + float(curve.damping_ratio[0]) > 0.0
-                equilibrium = _Motion(0.0, float(curve.frequency[0]), rest_is_stable, COMPLETE)
+                equilibrium = _Motion(0.0, float(curve.frequency[0]), rest_is_stable)
                 rows += [(p, diameter, motion) for motion in (equilibrium, *within)]
     motions = [motion for _, _, motion in rows]
     return Flutter(
@@ -195,6 +205,7 @@ def flutter(
             for diameter, value in by_diameter.items()
         },
         statuses=tuple(motion.status for motion in motions),
+        reasons=tuple(motion.reason for motion in motions),
         **problem.recorded(options),
     )
 
@@ -257,13 +268,14 @@ def _cycles(problem: Problem, mode: NonlinearMode, damping_ratio: float) -> list
         # at constant damping ratio, the last unknown but one
         constant_damping = Plane(np.eye(len(y))[-2])
         solution = system.solve(y, constant_damping, system.units(y, 1.0), 1e-10, 20, True)
+        ending = Ending()
         if solution.status == OK:
             y = solution.y
-            status = COMPLETE
         else:
-            status = with_reason(INCOMPLETE, "between two points of the mode")
+            ending = Ending(INCOMPLETE, "between two points of the mode")
         # damping that rises with the amplitude is stable
         stable = bool((total[i + 1] - total[i]) * (after[-1] - before[-1]) > 0.0)
         amplitude = float(system.structure.reference * np.exp(y[-1]))
-        cycles.append(_Motion(amplitude, float(y[-3]) / TWO_PI, stable, status))
+        frequency = float(y[-3]) / TWO_PI
+        cycles.append(_Motion(amplitude, frequency, stable, ending.status, ending.reason))
     return cycles

@@ -51,7 +51,7 @@ from bdamper.response.response_curve import check_curve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable, Result, draw
-from bdamper.util.errors import COMPLETE, FAILED, ModelError, SettingError, with_reason
+from bdamper.util.errors import COMPLETE, FAILED, ModelError, SettingError
 from bdamper.util.formatting import amount, peak_text, percent, short_repr
 from bdamper.util.progress import one_thread
 from bdamper.util.records import named_fields
@@ -567,12 +567,12 @@ def microslip(
     n = len(steps)
     n_failed = n - len(rows)
     columns = {name: [row[name] for row in rows] + [np.nan] * n_failed for name in rows[0]}
-    status = [COMPLETE] * len(rows) + [with_reason(FAILED, "the damper slides")] * n_failed
     return SweepResult(
         names=("force",),
         points=named_fields({"force": steps}, n),
         values=named_fields(columns, n),
-        status=tuple(status),
+        status=(COMPLETE,) * len(rows) + (FAILED,) * n_failed,
+        reason=("",) * len(rows) + ("the damper slides",) * n_failed,
         seconds=np.zeros(n),
         shape=(n,),
         **problem.recorded(),

@@ -65,15 +65,15 @@ from bdamper.util.errors import (
     NOT_FOUND,
     NOT_RUN,
     BdamperError,
+    Ending,
     SettingError,
+    WithRowStatus,
     all_complete,
     one_line,
-    separated,
-    status_word,
-    with_reason,
 )
 from bdamper.util.formatting import amount, counted, percent, short_repr, spaced
 from bdamper.util.progress import Cost, LongWork, one_thread, progress_stages
+from bdamper.util.records import Data
 from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, Column, Newtons, Quantity, Tabular
@@ -281,7 +281,13 @@ class RobustOptimum(Result):
 @short_repr
 @dataclass(frozen=True)
 class OptimalCurveUncertainty(
-    Plottable, Tabular, Recorded, Storable, kind="bdamper-optimal-curve-uncertainty", row="preload"
+    WithRowStatus,
+    Plottable,
+    Tabular,
+    Recorded,
+    Storable,
+    kind="bdamper-optimal-curve-uncertainty",
+    row="preload",
 ):
     """Optimal curves of a sample.
 
@@ -297,6 +303,8 @@ class OptimalCurveUncertainty(
         Status of each draw, as in :class:`bdamper.analyses.sweep.SweepResult`: "failed" if its
         settings are invalid, "not found" if it has no peak at any preload.  Draws that failed or
         were not run do not count in percentiles.
+    reason : tuple of str
+        Reason for the status of each draw, "" if there is none.
     settings : mapping
         Settings of the varied problem.
     model_hash : str
@@ -310,6 +318,7 @@ class OptimalCurveUncertainty(
     samples: dict[str, NDArray]
     status: tuple[str, ...]
     warnings: tuple[str, ...] = ()
+    reason: Annotated[tuple[str, ...], Data(derived=True)] = ()
 
     def __len__(self) -> int:
         return len(self.amplitude)
@@ -346,9 +355,7 @@ class OptimalCurveUncertainty(
     @property
     def _counted(self) -> NDArray:
         """Whether each draw (n,) counts in percentiles: it was run, and its settings are valid."""
-        return np.array(
-            [status_word(status) not in (FAILED, NOT_RUN) for status in self.status], bool
-        )
+        return np.array([status not in (FAILED, NOT_RUN) for status in self.status], bool)
 
     @property
     def _has_peak(self) -> NDArray:
@@ -376,11 +383,7 @@ class OptimalCurveUncertainty(
         return columns
 
     def _statement(self) -> Statement:
-        failed = {
-            i: status.removeprefix(f"{FAILED}: ")
-            for i, status in enumerate(self.status)
-            if status_word(status) == FAILED
-        }
+        failed = {i: self.reason[i] for i, status in enumerate(self.status) if status == FAILED}
         n_counted = int(self._counted.sum())
         remarks = [_failed_text(failed, len(self))] if failed else []
         if not np.isfinite(self.amplitude).any():
@@ -458,27 +461,22 @@ def optimal_curve_uncertainty(
         amplitude = np.full((len(curves), len(values)), np.nan)
         curve_frequency = amplitude
     invalid = _invalid_draws(study, samples)
-    status = [one if i in invalid else _without_peak(one) for i, one in enumerate(curves.status)]
+    # a draw with valid settings whose search ended in an error has no peak
+    status = [
+        NOT_FOUND if one == FAILED and i not in invalid else one
+        for i, one in enumerate(curves.status)
+    ]
     return OptimalCurveUncertainty(
         preload=values,
         amplitude=amplitude,
         frequency=curve_frequency,
         samples={name: np.asarray(column, float) for name, column in samples.items()},
         status=tuple(status),
+        reason=curves.reason,
         settings=curves.settings,
         model_hash=curves.model_hash,
         warnings=curves.warnings,
     )
-
-
-def _without_peak(status: str) -> str:
-    """Return the status of a draw with valid settings.
-
-    It is "not found" if its search for an optimal curve ended in an error.
-    """
-    if status_word(status) != FAILED:
-        return status
-    return with_reason(NOT_FOUND, status.removeprefix(f"{FAILED}: "))
 
 
 def _check_samples(samples: Any) -> None:
@@ -516,15 +514,16 @@ class SteadyPeak(PeakTask):
         search = self.response(problem, load)
         if search.rattles:
             height = np.inf
-            status = with_reason(NOT_FOUND, f"{NO_STEADY}: {search.rattles}")
+            ending = Ending(NOT_FOUND, f"{NO_STEADY}: {search.rattles}")
         else:
             # zero if nothing was found
             height = float(np.nan_to_num(search.height, posinf=np.inf))
-            status = search.ending.status_text
+            ending = search.ending
         return {
             "amplitude": height,
             "known": search.known,
-            "search": status,
+            "search_status": ending.status,
+            "search_reason": ending.reason,
             "cost": search.cost,
             "height": search.height,
         }
@@ -647,8 +646,14 @@ class _FrictionPeaks:
             # zero says that nothing was found
             lower_bound = amplitude if amplitude > 0.0 else np.nan
             amplitude = np.nan
-        status, reason = separated(values["search"])
-        return FrictionPeak(factor, preload, amplitude, status, reason, lower_bound)
+        return FrictionPeak(
+            factor,
+            preload,
+            amplitude,
+            values["search_status"],
+            values["search_reason"],
+            lower_bound,
+        )
 
 
 def _by_distance(curve: OptimalCurve, preload: float) -> list[float]:
@@ -838,10 +843,8 @@ def robust_optimum(
         }
         points["preload"] = grid * n_draws
         results = sweep(study, points, task, combine="zip", executor=executor, progress=progress)
-        endings = [separated(text) for text in results.status]
-        not_run = [reason for status, reason in endings if status == NOT_RUN]
-        if not_run:
-            reason = not_run[0]
+        if NOT_RUN in results.status:
+            reason = results.reason[results.status.index(NOT_RUN)]
             if optimum is not None:
                 return replace(optimum, status=INTERRUPTED, reason=reason)
             if reason:

@@ -17,7 +17,7 @@ from contextlib import closing, nullcontext, suppress
 from dataclasses import dataclass, is_dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,10 +51,10 @@ from bdamper.util.errors import (
     BdamperError,
     SettingError,
     StaticError,
+    WithRowStatus,
     all_complete,
     called_by_user,
     inside_user_code,
-    status_word,
     with_reason,
 )
 from bdamper.util.formatting import (
@@ -68,7 +68,7 @@ from bdamper.util.formatting import (
     spaced,
 )
 from bdamper.util.progress import LongWork, one_thread, shows_progress, with_progress
-from bdamper.util.records import named_fields, names_of, row_of
+from bdamper.util.records import Data, named_fields, names_of, row_of
 from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import INSTALLED, Recorded, ResultsFile, Storable
 from bdamper.util.tables import Column, Tabular, concatenate
@@ -124,7 +124,8 @@ class PeakTask(validation.Checked):
             "stick": float(stick),
             "slip": float(slip),
             "open": float(separation),
-            "search_status": search,
+            "search_status": peak.search_status,
+            "search_reason": peak.search_reason,
             "status": peak.status_text,
             "warning": warning,
             "cost": peak.cost,
@@ -171,7 +172,8 @@ class OptimalTask(validation.Checked):
             "optimum_frequency": optimum.frequency,
             "optimum_kind": optimum.kind,
             "optimum_uncertainty": optimum.uncertainty,
-            "optimum_status": optimum.status_text,
+            "optimum_status": optimum.status,
+            "optimum_reason": optimum.reason,
             "free_frequency": curve.free.frequency,
             "free_amplitude": curve.free.amplitude,
             "stuck_frequency": curve.stuck.frequency,
@@ -183,7 +185,7 @@ class OptimalTask(validation.Checked):
 
 @short_repr
 @dataclass(frozen=True)
-class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
+class SweepResult(WithRowStatus, Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
     """Results at all points of a sweep.
 
     ``plot`` draws one quantity over the last setting (:func:`bdamper.plot.plot_sweep`).
@@ -197,8 +199,9 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
     values : (n,) array with named fields
         Results of each point; NaN or None if there is none.
     status : tuple of str
-        "complete", "failed: " with the reason, or "not run" after an interruption, with the reason
-        if the executor ended.
+        "complete", "failed", "not run" after an interruption, or the status of the answer.
+    reason : tuple of str
+        Reason for the status of each point, "" if there is none.
     seconds : (n,) float
         Elapsed time of each point.
     shape : tuple of int
@@ -217,6 +220,7 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
     seconds: NDArray
     shape: tuple[int, ...]
     cost: NDArray | None = None
+    reason: Annotated[tuple[str, ...], Data(derived=True)] = ()
 
     def __len__(self) -> int:
         return len(self.points)
@@ -235,11 +239,14 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
             len(self.points),
             len(self.values),
             len(self.status),
+            len(self.reason),
             len(self.seconds),
             len(cost),
         ]
         if len(set(counts)) > 1:
-            raise ValueError(f"grid, points, values, status, seconds and cost of {counts} points")
+            raise ValueError(
+                f"grid, points, values, status, reason, seconds and cost of {counts} points"
+            )
 
     @property
     def complete(self) -> bool:
@@ -361,6 +368,7 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
             else:
                 columns[key] = Column(by_point, unit, ("point", f"{key}_index"))
         columns["run"] = Column(np.array(self.status))
+        columns["run_reason"] = Column(np.array(self.reason))
         columns["seconds"] = Column(self.seconds, "s")
         return columns
 
@@ -377,9 +385,8 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
 
         ``values`` (n,) is the main quantity, empty without one.
         """
-        words = [status_word(status) for status in self.status]
-        n_failed = words.count(FAILED)
-        n_not_run = words.count(NOT_RUN)
+        n_failed = self.status.count(FAILED)
+        n_not_run = self.status.count(NOT_RUN)
         n_missing = 0
         if len(values):
             n_missing = int(np.count_nonzero(~np.isfinite(values))) - n_failed - n_not_run
@@ -606,6 +613,7 @@ def _with_followed_peaks(job: _Job, task: PeakTask, points: NDArray, records: Re
         return records
     values = records.values.copy()
     status = list(records.status)
+    reason = list(records.reason)
     amplitude = values["amplitude"].astype(float)
     for line in _lines_over_preload(points):
         height = {preload: float(amplitude[i]) for preload, i in line.items()}
@@ -628,8 +636,9 @@ def _with_followed_peaks(job: _Job, task: PeakTask, points: NDArray, records: Re
             values["frequency"][i] = np.nan
             values["lower_bound"][i] = followed.peak.amplitude
             values["warning"][i] = followed.note
-            status[i] = with_reason(INCOMPLETE, followed.note)
-    return replace(records, values=values, status=tuple(status))
+            status[i] = INCOMPLETE
+            reason[i] = followed.note
+    return replace(records, values=values, status=tuple(status), reason=tuple(reason))
 
 
 def _header(job: _Job, over: Mapping[str, Any], combine: str) -> dict[str, Any]:

@@ -44,12 +44,12 @@ from bdamper.util.errors import (
     NOT_RUN,
     BdamperError,
     SettingError,
+    WithRowStatus,
     all_complete,
-    status_word,
 )
 from bdamper.util.formatting import amount, short_repr
 from bdamper.util.progress import one_thread, shows_progress
-from bdamper.util.records import numbers_of
+from bdamper.util.records import Data, numbers_of
 from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import INSTALLED, FilePath, Recorded, ResultsFile, Storable
 from bdamper.util.tables import (
@@ -94,8 +94,8 @@ class Audit(Summarised, Tabular, row="search"):
     tolerance : float
         A peak counts as missed if the thorough search exceeds it by more than this relative
         difference.
-    status : tuple of str
-        "complete", or why one of the searches has no peak.
+    status, reason : tuple of str
+        "complete", or the status of a search without a peak, and its reason.
     """
 
     kind: str
@@ -107,6 +107,7 @@ class Audit(Summarised, Tabular, row="search"):
     error: Numbers
     tolerance: float
     status: Annotated[tuple[str, ...], Quantity(name="run")]
+    reason: Annotated[tuple[str, ...], Quantity(name="run_reason")]
 
     @property
     def missed(self) -> Numbers:
@@ -211,7 +212,13 @@ class BestPreload(Summarised):
 @short_repr
 @dataclass(frozen=True)
 class MistunedSample(
-    Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel-sample", row="disk"
+    WithRowStatus,
+    Plottable,
+    Tabular,
+    Recorded,
+    Storable,
+    kind="bdamper-wheel-sample",
+    row="disk",
 ):
     """Highest blades of many bladed disks.
 
@@ -233,15 +240,15 @@ class MistunedSample(
         (:class:`~bdamper.mistuning.peak.DiskPeak`).
     tuned_amplitude : (n_preloads,) float, m
         Amplitude of the tuned disk at the same preload.
-    status : tuple of str
-        In the order of the arrays: "complete", "failed: " with the reason, or "not run".
+    status, reason : tuple of str
+        In the order of the arrays: "complete", "failed" or "not run", and the reason for it.
     audited : (n,) int
         Disks drawn for the audit before any result.
     audit_share : float
         Probability of this draw, and fraction of the highest disks that are audited.
     curve_amplitude : float, m
         Result of the thorough search for the audited disks.
-    curve_status : tuple of str
+    curve_status, curve_reason : tuple of str
     processor, curve_processor : float, s
         Processor time of the peaks and of the audit.
     drawn : mapping
@@ -270,6 +277,13 @@ class MistunedSample(
     processor: Seconds
     curve_processor: NDArray
     drawn: dict[str, Any] = field(default_factory=dict)
+    reason: Annotated[tuple[str, ...], Data(derived=True), Quantity(name="run_reason")] = ()
+    curve_reason: Annotated[tuple[str, ...], Data(derived=True)] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.curve_reason:
+            object.__setattr__(self, "curve_reason", ("",) * len(self.curve_status))
 
     def __len__(self) -> int:
         return len(self.disks)
@@ -419,11 +433,10 @@ class MistunedSample(
             chosen = np.broadcast_to(drawn[:, None, None], self.amplitude.shape)
 
         # a failure of the first search counts before the result of the thorough search
-        status = []
-        searched = np.zeros(len(self.status), bool)
-        for n, (first, thorough) in enumerate(zip(self.status, self.curve_status)):
-            status.append(first if status_word(first) == FAILED else thorough)
-            searched[n] = status[n] != "not asked" and status_word(status[n]) != NOT_RUN
+        first_failed = np.array(self.status) == FAILED
+        status = np.where(first_failed, self.status, self.curve_status)
+        reason = np.where(first_failed, self.reason, self.curve_reason)
+        searched = ~np.isin(status, ("not asked", NOT_RUN))
 
         flat = np.flatnonzero(chosen.ravel() & searched)
         i, j, k = np.unravel_index(flat, chosen.shape)
@@ -436,7 +449,8 @@ class MistunedSample(
             thorough=self.curve_amplitude.ravel()[flat],
             error=self.error.ravel()[flat],
             tolerance=validation.number("tolerance", tolerance, above=0.0),
-            status=tuple(status[n] for n in flat),
+            status=tuple(status[flat].tolist()),
+            reason=tuple(reason[flat].tolist()),
         )
 
     def plot_tail(self, path: FilePath | None = None, **options: Any) -> Any:
@@ -469,7 +483,7 @@ class MistunedSample(
         of_audit = float(np.nansum(self.curve_processor))
         return (
             Fact("disks", f"{len(self)} of {self.n_blades} blades"),
-            Fact("without a peak", sum(status_word(s) == FAILED for s in self.status)),
+            Fact("without a peak", self.status.count(FAILED)),
             Fact("held", int((self.springs > 0.0).sum())),
             *cells,
             *audits,
@@ -491,7 +505,7 @@ class MistunedSample(
         raised = f"raises the highest amplitude {median:.3g} times in half of {n_disks}"
         verdict = f"Mistuning of {deviation} {raised}: {subject}"
         rows = [Row("One of twenty disks", f"{upper:.3g} times", f"or more ({ends})")]
-        n_failed = sum(status_word(status) == FAILED for status in self.status)
+        n_failed = self.status.count(FAILED)
         rows.append(Row("Peaks", str(self.amplitude.size), f"{n_failed} not found"))
         checks = []
         for audit in (self.audit(), self.audit(tail=True)):
@@ -564,7 +578,7 @@ class _Sample:
 
         Nothing is returned before all peaks are known.
         """
-        if any(status_word(status) == NOT_RUN for status in peaks.status):
+        if NOT_RUN in peaks.status:
             return []
         height = numbers_of(peaks.values, "amplitude").reshape(self.shape)
         is_drawn = np.isin(self.over["disk"], drawn)
@@ -764,8 +778,10 @@ def _result(
         return of_points.reshape(sample.shape)
 
     curve_status = ["not asked"] * n_points
-    for i, status in zip(indices, searched.status):
+    curve_reason = [""] * n_points
+    for i, status, reason in zip(indices, searched.status, searched.reason):
         curve_status[i] = status
+        curve_reason[i] = reason
     columns: dict[str, Any] = {
         name: numbers_of(peaks.values, name).reshape(sample.shape) for name in OF_PEAKS
     }
@@ -780,8 +796,10 @@ def _result(
         audit_share=audit_share,
         tuned_amplitude=np.array([p.amplitude for p in tuned]),
         status=peaks.status,
+        reason=peaks.reason,
         curve_amplitude=of_searched(numbers_of(searched.values, "amplitude"), np.nan),
         curve_status=tuple(curve_status),
+        curve_reason=tuple(curve_reason),
         processor=numbers_of(peaks.cost, "processor").reshape(sample.shape),
         curve_processor=of_searched(numbers_of(searched.cost, "processor"), 0.0),
         drawn=dict(sample.random),

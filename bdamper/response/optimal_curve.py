@@ -60,7 +60,6 @@ from bdamper.util.errors import (
     Ending,
     SettingError,
     StaticError,
-    with_reason,
 )
 from bdamper.util.formatting import counted
 from bdamper.util.progress import (
@@ -629,13 +628,13 @@ def rattling_below(known: dict[float, AtPreload]) -> float:
     return edge
 
 
-def _status(response: AtPreload | None, preload: float, edge: float, why: str) -> str:
+def _ending(response: AtPreload | None, preload: float, edge: float, why: str) -> Ending:
     """Return the status of a preload; the damper rattles up to ``edge`` (N), because of ``why``."""
     if preload <= edge:
-        return with_reason(NOT_FOUND, f"{NO_STEADY} up to {edge:.6g} N: {why}")
+        return Ending(NOT_FOUND, f"{NO_STEADY} up to {edge:.6g} N: {why}")
     if response is None:
-        return with_reason(NOT_FOUND, NOT_FOLLOWED)
-    return response.ending.status_text
+        return Ending(NOT_FOUND, NOT_FOLLOWED)
+    return response.ending
 
 
 def _known_peak(response: AtPreload | None, edge: float) -> Highest | None:
@@ -653,7 +652,7 @@ def _columns(
     why_rattling = known[edge].rattles if edge else ""
     curves = []
     lower_bounds = []
-    statuses = []
+    endings = []
     tops = []
     samples = []
     for preload in preloads:
@@ -668,7 +667,7 @@ def _columns(
             lower_bounds.append(response.height if top is None else np.nan)
             samples.append(Sample(np.log(preload), response.value, response.slope))
         tops.append(top)
-        statuses.append(_status(response, preload, edge, why_rattling))
+        endings.append(_ending(response, preload, edge, why_rattling))
     goes_on = [False]
     for before, sample in zip(samples, samples[1:]):
         both_known = bool(np.isfinite(before.value + sample.value))
@@ -693,7 +692,8 @@ def _columns(
         "residual": of_peaks("residual"),
         "unknowns": np.array(unknowns),
         "kind": tuple("" if top is None else top.kind for top in tops),
-        "status": tuple(statuses),
+        "status": tuple(ending.status for ending in endings),
+        "reason": tuple(ending.reason for ending in endings),
         "goes_on": np.array(goes_on),
     }
 

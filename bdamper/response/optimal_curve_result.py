@@ -26,7 +26,7 @@ from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import Convergence, FrictionPeak, FrictionRange, TimeResponse
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Fact, InContact, draw
-from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, WithStatus
+from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, WithRowStatus, WithStatus
 from bdamper.util.formatting import percent, short_repr
 from bdamper.util.progress import Cost
 from bdamper.util.records import Data
@@ -124,7 +124,14 @@ class OptimumPoint(WithStatus):
 @short_repr
 @dataclass(frozen=True)
 class OptimalCurve(
-    InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-optimal", row="preload"
+    WithRowStatus,
+    InContact,
+    Comparable,
+    Tabular,
+    Recorded,
+    Storable,
+    kind="bdamper-optimal",
+    row="preload",
 ):
     """Resonance over preload.
 
@@ -147,9 +154,9 @@ class OptimalCurve(
     residual : (n,) float
     unknowns : (n, n_unknowns) float
     status : tuple of str
-        "complete", with a note after a colon if an end of the interval is higher than all maxima;
-        "incomplete: ..." with the omissions, or without a maximum; "not found: ..." with the
-        reason.
+        "complete"; "incomplete" with omissions or without a maximum; "not found".
+    reason : tuple of str
+        Reason for the status, or a note if an end of the interval is higher than all maxima.
     free, stuck : Limit
     optimum : OptimumPoint
     cost : Cost
@@ -228,6 +235,7 @@ class OptimalCurve(
     half_range: PerRow | None = None
     margins_interrupted: Annotated[bool, Data(derived=True)] = False
     model_doubts: Annotated[tuple[str, ...] | None, Data(derived=True)] = None
+    reason: Annotated[tuple[str, ...], Data(derived=True), Quantity()] = ()
     _summary_fields = (
         "optimum.preload",
         "optimum.amplitude",
@@ -247,6 +255,7 @@ class OptimalCurve(
     )
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         # files of version 0.10 and older have the requested preloads alone
         if self.requested is None or len(self.requested) == 0:
             object.__setattr__(self, "requested", np.ones(len(self.preload), bool))
@@ -284,10 +293,10 @@ class OptimalCurve(
         """Warnings: preloads without a value, and an optimum that is not verified."""
         texts = []
         # all preloads without a steady response have the status of the lowest preload
-        not_steady = self.status[0] if self.lowest_steady_preload else ""
+        not_steady = self.status_text[0] if self.lowest_steady_preload else ""
         if not_steady:
             texts.append(not_steady)
-        for preload, status in zip(self.preload, self.status):
+        for preload, status in zip(self.preload, self.status_text):
             if status not in (COMPLETE, not_steady):
                 texts.append(f"{preload:.6g} N: {status}")
         best = self.optimum

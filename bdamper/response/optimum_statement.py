@@ -29,7 +29,7 @@ from bdamper.response.optimum_checks import (
     range_in_time_text,
 )
 from bdamper.response.response_curve_result import NO_STEADY
-from bdamper.util.errors import COMPLETE, status_word
+from bdamper.util.errors import COMPLETE
 from bdamper.util.formatting import amount, loads_text, peak_text, percent, span
 from bdamper.util.statement import Row, Statement
 
@@ -83,9 +83,9 @@ def _verdict(curve: OptimalCurve) -> str:
 
 def _first_incomplete(curve: OptimalCurve) -> str:
     """Return the status at the lowest preload whose curve is not complete."""
-    for preload, status in zip(curve.preload, curve.status):
-        if status_word(status) != COMPLETE:
-            return f"; at {amount(preload, 'N')} {status}"
+    for preload, status, text in zip(curve.preload, curve.status, curve.status_text):
+        if status != COMPLETE:
+            return f"; at {amount(preload, 'N')} {text}"
     return ""
 
 

@@ -25,9 +25,9 @@ from bdamper.util.errors import (
     COMPLETE,
     FAILED,
     BdamperError,
+    WithRowStatus,
     WithStatus,
     not_run_lines,
-    status_word,
     with_reason,
 )
 from bdamper.util.formatting import (
@@ -214,11 +214,11 @@ class Summarised:
         texts = texts[:FEW_ROWS] + [f"{counted(len(texts) - FEW_ROWS, 'further remark')}"] * (
             len(texts) > FEW_ROWS
         )
-        status, cost = getattr(self, "status", ""), getattr(self, "cost", "")
-        if isinstance(status, tuple):
-            texts += not_run_lines(status, "parts") + [
-                s for s in dict.fromkeys(status) if status_word(s) == FAILED
-            ]
+        cost = getattr(self, "cost", "")
+        if isinstance(self, WithRowStatus):
+            texts += not_run_lines(self.status, self.reason, "parts")
+            failed = [reason for s, reason in zip(self.status, self.reason) if s == FAILED]
+            texts += [with_reason(FAILED, reason) for reason in dict.fromkeys(failed)]
         table = table_lines(self._rows(), "  ", whole=True)
         if isinstance(cost, np.ndarray):  # one cost for each part
             cost = Cost(**{name: sum(cost[name].tolist()) for name in names_of(cost)})

@@ -212,11 +212,6 @@ def with_reason(status: str, reason: object = "") -> str:
     return f"{status}: {reason}" if str(reason) else status
 
 
-def status_word(status: str) -> str:
-    """Return the status in a joined text."""
-    return status.partition(":")[0]
-
-
 class WithStatus:
     """Mixin of dataclasses with a status, one of :data:`STATUSES`, and the reason for it.
 
@@ -246,8 +241,27 @@ class WithStatus:
         return with_reason(self.status, self.reason)
 
 
+class WithRowStatus:
+    """Mixin of dataclasses whose rows have a status, one of :data:`STATUSES`, and a reason for it.
+
+    Without ``reason``, no row has one.
+    """
+
+    status: tuple[str, ...]
+    reason: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        if not self.reason:
+            object.__setattr__(self, "reason", ("",) * len(self.status))
+
+    @property
+    def status_text(self) -> tuple[str, ...]:
+        """Status and reason of each row in one text, "incomplete: the reason"."""
+        return tuple(map(with_reason, self.status, self.reason))
+
+
 def separated(text: str) -> tuple[str, str]:
-    """Return status and reason of a joined text; files of version 0.10 contain such texts."""
+    """Return status and reason of a joined text; files of earlier versions contain such texts."""
     status, _, reason = text.partition(": ")
     return status, reason
 
@@ -273,12 +287,13 @@ def all_complete(statuses: Sequence[str]) -> bool:
     return all(status == COMPLETE for status in statuses)
 
 
-def not_run_lines(statuses: Sequence[str], what: str) -> list[str]:
+def not_run_lines(statuses: Sequence[str], reasons: Sequence[str], what: str) -> list[str]:
     """Return a line with the number of parts that were not run and the first reason.
 
     An empty list if all ran.
     """
-    not_run = [status for status in statuses if status_word(status) == NOT_RUN]
-    if not not_run:
+    if NOT_RUN not in statuses:
         return []
-    return [f"  interrupted: {len(not_run)} of {len(statuses)} {what} were {not_run[0]}"]
+    first = with_reason(NOT_RUN, reasons[statuses.index(NOT_RUN)])
+    n_not_run = sum(status == NOT_RUN for status in statuses)
+    return [f"  interrupted: {n_not_run} of {len(statuses)} {what} were {first}"]

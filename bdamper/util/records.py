@@ -334,15 +334,23 @@ def read_record(group: h5py.Group, kind: Kind) -> Any:
 def with_separate_reasons(values: dict[str, Any], names: Iterable[str]) -> dict[str, Any]:
     """Return the stored values of the fields ``names``, with each status apart from its reason.
 
-    In files of version 0.10 some statuses are followed by their reason: "incomplete: the reason".
+    In files of version 0.10 some statuses, or all those of the rows of a table, are followed by their
+    reason: "incomplete: the reason".
     """
     separate = dict(values)
     for name in names:
         status_name = f"{name.removesuffix('reason')}status"
         text = values.get(status_name)
-        if not name.endswith("reason") or not isinstance(text, str):
+        if not name.endswith("reason") or not isinstance(text, str | tuple):
             continue
-        status, reason = separated(text)
+        status: Any
+        reason: Any
+        if isinstance(text, str):
+            status, reason = separated(text)
+        else:
+            pairs = [separated(of_row) for of_row in text]
+            status = tuple(of_row for of_row, _ in pairs)
+            reason = tuple(of_row for _, of_row in pairs)
         separate[status_name] = status
         # a motion from time integration had a reason for its verdict as well
         separate[name] = values.get(name) or reason

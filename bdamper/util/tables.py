@@ -340,7 +340,9 @@ class Tabular:
         Tables with more than :data:`FEW_ROWS` rows are reduced to the smallest and the largest
         value of each column.
         """
-        columns = self._flat()
+        columns = {
+            name: column for name, column in self._flat().items() if not _no_reasons(name, column)
+        }
         values = {name: np.asarray(column.values).tolist() for name, column in columns.items()}
         n_rows = len(next(iter(values.values()), []))
         if n_rows == 0:
@@ -417,7 +419,9 @@ class Tabular:
             If pandas is not installed.
         """
         pandas = import_extra("pandas", "to_pandas", "table")
-        columns = self._flat()
+        columns = {
+            name: column for name, column in self._flat().items() if not _no_reasons(name, column)
+        }
         values = {name: np.asarray(column.values) for name, column in columns.items()}
         units = {name: column.unit for name, column in columns.items()}
         frame = pandas.DataFrame(values)
@@ -459,6 +463,11 @@ class Tabular:
             variables[name] = (dims, values, attributes)
         data = xarray.Dataset(variables, attrs=self._attributes())
         return data.set_coords([name for name in data.variables if data[name].dims == (name,)])
+
+
+def _no_reasons(name: str, column: Column) -> bool:
+    """Return whether a column has the reasons for statuses, and no row has one."""
+    return name.endswith("reason") and not np.any(np.asarray(column.values) != "")
 
 
 class FrequencySeries:

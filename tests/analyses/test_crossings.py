@@ -51,7 +51,7 @@ def test_an_order_that_the_model_has_no_modes_for_fails_alone(study, found):
     both = study.resonance_crossings(SPEEDS, [4, 5])
     assert (
         both.status[0].startswith("failed")
-        and "nodal diameter" in both.status[0]
+        and "nodal diameter" in both.reason[0]
         and not both.complete
     )
     assert (

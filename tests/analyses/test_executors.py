@@ -68,7 +68,7 @@ def question(study, preload):
 @pytest.mark.parametrize("how", REASONS)
 def test_points_that_were_finished_are_returned(how):
     result = bd.sweep(pressed(), {"preload": [1.0, 2.0, 3.0, 4.0]}, question, executor=Ends(2, how))
-    assert result.status == ("complete", "complete", *[f"not run: {REASONS[how]}"] * 2)
+    assert result.status_text == ("complete", "complete", *[f"not run: {REASONS[how]}"] * 2)
     assert result.array("value")[:2].tolist() == [2.0, 4.0]
 
 
@@ -95,7 +95,7 @@ def test_pools_that_have_ended():
     with ThreadPoolExecutor(1) as pool:
         pass
     assert (
-        bd.sweep(pressed(), over, question, executor=pool).status
+        bd.sweep(pressed(), over, question, executor=pool).status_text
         == (f"not run: {REASONS['shut down']}",) * 2
     )
     with pytest.raises(
@@ -105,7 +105,7 @@ def test_pools_that_have_ended():
     with ProcessPoolExecutor(1) as pool:
         with pytest.raises(BrokenExecutor):
             pool.submit(partial(exec, "import os; os._exit(1)")).result()
-        status = bd.sweep(pressed(), over, question, executor=pool).status
+        status = bd.sweep(pressed(), over, question, executor=pool).status_text
         assert all(text.startswith("not run: ") and "process" in text for text in status)
         with pytest.raises(
             bd.BdamperError, match="executor: expected one that takes tasks, found "
@@ -135,7 +135,7 @@ def test_an_executor_that_ends_within_a_question_fails_its_point_alone():
             result = bd.sweep(
                 pressed(), {"preload": [1.0, 2.0]}, of_a_pool_that_has_ended, executor=executor
             )
-            assert result.status == (f"failed: {REASONS['shut down']}",) * 2
+            assert result.status_text == (f"failed: {REASONS['shut down']}",) * 2
 
 
 class Read:

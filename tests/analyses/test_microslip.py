@@ -81,4 +81,4 @@ def test_it_slides_when_all_friction_is_used():
     curve = microslip(s, LOAD, limit * np.array([0.5, 0.9, 0.97, 1.03, 1.1]))
     last = max(p["force"] for p, status in zip(curve.points, curve.status) if status == "complete")
     assert not curve.complete and 0.96 * limit < last < 1.05 * limit
-    assert curve.status[-1] == "failed: the damper slides"
+    assert curve.status_text[-1] == "failed: the damper slides"

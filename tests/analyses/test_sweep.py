@@ -182,7 +182,7 @@ class TestAnswers:
     def test_a_point_without_an_answer_is_marked(self, study):
         result = bd.sweep(study, over={"preload": [1000.0, -1.0]}, frequency=INTERVAL)
         assert result.status[0] == "complete"
-        assert result.status[1].startswith("failed: preload: expected")
+        assert result.status_text[1].startswith("failed: preload: expected")
         assert np.isnan(result.array("amplitude")[1])
         assert not result.complete
         assert "1 failed" in result.summary()
@@ -249,7 +249,7 @@ class TestInterrupted:
         ].tolist() == [100.0, 200.0]
         assert all(
             s.startswith("not run: A process in the process pool was terminated")
-            for s in result.status[2:]
+            for s in result.status_text[2:]
         )
         assert "2 of 4 parts were not run: A process" in result.summary()
 
@@ -574,8 +574,9 @@ class TestWarnings:
         assert peak.search_status == "incomplete"
         search = f"incomplete: {peak.search_reason}"
         result = bd.sweep(study, {"preload": [3000.0]}, frequency=wide)
-        assert not result.complete and result.status == (peak.status_text,)
-        assert result.array("search_status").tolist() == [search]
+        assert not result.complete and result.status_text == (peak.status_text,)
+        assert result.array("search_status").tolist() == ["incomplete"]
+        assert result.array("search_reason").tolist() == [peak.search_reason]
         assert result.warnings == (f"scan {search}",)
         assert "failed" not in result._headline()
         # lines are at most 88 wide
@@ -597,7 +598,8 @@ class TestWarnings:
         samples = {"friction_coefficient": [0.3]}
         result = bd.sweep(study, samples, OptimalTask((500.0, 3000.0), 5, INTERVAL))
         assert result.plot().axes[0].get_ylabel() == "Optimum amplitude (µm)"
-        assert result.values[0]["optimum_status"] == "incomplete: lost"
+        assert result.values[0]["optimum_status"] == "incomplete"
+        assert result.values[0]["optimum_reason"] == "lost"
         assert result.values[0]["optimum_uncertainty"] == 0.1
         expected = (
             "500 N: scan incomplete (lost); optimum: least value at the end of the range, the optimum may lie beyond; "
@@ -792,7 +794,8 @@ class TestUncertainty:
         )
         assert " 1 N 5 m 8 m " in text
         assert "Infinite where they have no peak: 7 of 8 draws" in text
-        failed = replace(found, status=("failed: why", *found.status[1:]))
+        status = ("failed", *found.status[1:])
+        failed = replace(found, status=status, reason=("why", *found.reason[1:]))
         assert failed.percentile(0.0).tolist() == [2.0, np.inf]
         assert "1 of 8 draws failed and does not count, first draw 0: why" in said(failed)
         assert failed.plot().axes[0].get_legend_handles_labels()[1][-1] == "95 %: no value"
@@ -1000,7 +1003,7 @@ def test_models_without_a_loaded_body_say_so():
         study.optimal_curve(check=False)
     assert PeakTask(0.0) == PeakTask(0.0)
     result = bd.sweep(study, over={"friction_coefficient": [0.1]}, evaluate=OptimalTask())
-    assert result.status[0].startswith(
+    assert result.status_text[0].startswith(
         "failed: optimal_curve: expected a model with a body that carries a load"
     )
 

@@ -73,7 +73,8 @@ def test_a_peak_is_not_that_of_another_load(study):
     done = bd.sweep(study, {"preload": [400.0, 800.0]}, frequency=INTERVAL)
     assert done.status[0] == "complete"
     assert (
-        done.status[1].startswith("not found: ") and "no equilibrium beyond 500 N" in done.status[1]
+        done.status_text[1].startswith("not found: ")
+        and "no equilibrium beyond 500 N" in done.status_text[1]
     )
 
 
@@ -81,7 +82,7 @@ def test_an_optimal_curve_has_no_peak_there(study):
     loads = np.array([200.0, 400.0, 500.0, 600.0, 1000.0])
     curve = study.optimal_curve(loads, frequency=INTERVAL, check=False)
     np.testing.assert_array_equal(np.isfinite(curve.amplitude), loads <= LAST)
-    assert all("no equilibrium beyond 500 N" in s for s in curve.status[3:])
+    assert all("no equilibrium beyond 500 N" in s for s in curve.reason[3:])
     assert not curve.complete
     assert curve.optimum.preload <= LAST
     assert np.isnan(curve.stuck.amplitude)

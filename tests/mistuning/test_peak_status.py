@@ -54,7 +54,7 @@ def test_a_part_of_the_band_without_solutions_leaves_a_lower_bound(monkeypatch, 
     ends = band_of(wheel, 2000.0)
     hidden = ends[0] + 0.3 * (ends[1] - ends[0]), ends[0] + 0.6 * (ends[1] - ends[0])
     left = wheel.optimal_curve([2000.0], options=options)
-    assert left.status[0].startswith("failed: incomplete: ") and not left.values[0]
+    assert left.status_text[0].startswith("failed: incomplete: ") and not left.values[0]
 
 
 def test_peaks_beyond_the_band_do_not_count():
@@ -114,7 +114,7 @@ def test_a_resonance_without_an_amplitude_is_no_peak(damping, amplitude, words):
     assert top.status == "incomplete" and top.reason.startswith(words)
     np.testing.assert_equal(top.amplitude, amplitude)
     assert top._headline().startswith("No peak of the bladed disk")
-    assert disk.optimal_curve([100.0]).status[0].startswith(f"failed: incomplete: {words}")
+    assert disk.optimal_curve([100.0]).status_text[0].startswith(f"failed: incomplete: {words}")
 
 
 def test_a_peak_sharper_than_rounding_has_no_amplitude(monkeypatch):

@@ -102,8 +102,8 @@ def test_order_workers_and_company_do_not_matter(study, quick):
     assert np.array_equal(some.amplitude, whole.amplitude[[6, 2]])
     other = sample(study, seed=1)
     assert not np.array_equal(other.amplitude, whole.amplitude)
-    left = set(np.array(whole.curve_status).reshape(8, 6)[5])
-    assert left <= {"failed: not found: none at 200 Hz", "not asked"}
+    left = set(np.array(whole.curve_reason).reshape(8, 6)[5])
+    assert left <= {"not found: none at 200 Hz", ""}
 
 
 def test_wheels_of_the_audit_are_drawn_before_any_result(study, quick):
@@ -128,8 +128,8 @@ def test_the_audit_finds_what_the_search_has_missed(study, quick):
     assert " 0 by more than the error estimate " in said(found)
     assert "Thorough searches 48 " in said(found) and "Disks with a miss 3 " in said(found)
     rows = {name: column.values for name, column in found.columns().items()}
-    assert rows["missed"].sum() == 6 and rows["run"][rows["disk"] == 5][0].startswith(
-        "failed: not found"
+    assert rows["missed"].sum() == 6 and rows["run_reason"][rows["disk"] == 5][0].startswith(
+        "not found"
     )
 
 
@@ -145,7 +145,7 @@ def test_a_failed_search_decides_nothing(study, quick, monkeypatch):
     whole = sample(study, audit=1.0)
     found = whole.audit()
     assert set(found.disk[found.missed]) == {3} and set(found.disk[found.undecided]) == {2, 5}
-    assert np.isclose(found.share.value, 1 / 6) and "failed: no solution" in found.status
+    assert np.isclose(found.share.value, 1 / 6) and "no solution" in found.reason
     low, _, high = whole.percentile(50.0)[:, 0, 0]
     known = np.sort(whole.amplification[:, 0, 0])[:7]
     assert low == -np.inf and high == np.inf and np.isfinite(known).all()

@@ -123,13 +123,13 @@ class TestAnalyses:
         assert np.isnan(curve.amplitude[i]) and curve.lower_bound[i] == pytest.approx(
             right, rel=1e-6
         )
-        assert curve.status[i].startswith("incomplete: higher on the peak followed from ")
+        assert curve.status_text[i].startswith("incomplete: higher on the peak followed from ")
         assert curve.optimum.preload != self.LOST
 
     def test_sweep(self, study, right):
         found = bd.sweep(study, {"preload": self.PLACES[::-1]}, frequency=BAND)
         assert found.status[0] == found.status[2] == "complete"
-        assert found.status[1].startswith("incomplete: higher on the peak followed from 1 N")
+        assert found.status_text[1].startswith("incomplete: higher on the peak followed from 1 N")
         assert np.isnan(found.array("amplitude")[1]) and found.array("lower_bound")[
             1
         ] == pytest.approx(right, rel=1e-6)
@@ -185,7 +185,7 @@ def test_a_single_peak_beside_a_lost_branch(preload):
     highest = max(abs(response(point.y[:-1])[1]) for point in path.points)
     assert path.status == "closed" and highest == pytest.approx(peak.lower_bound, rel=1e-3)
     found = bd.sweep(study, {"friction_factor": [1.0]}, bd.PeakTask(preload))
-    assert found.status[0] == peak.status_text and np.isnan(found.array("amplitude")[0])
+    assert found.status_text[0] == peak.status_text and np.isnan(found.array("amplitude")[0])
 
 
 def test_a_curve_without_folds_costs_nothing_more():

@@ -100,7 +100,7 @@ def test_an_interrupted_curve_has_the_values_that_were_finished(whole, tmp_path)
     assert known.tolist() == [False] * 5 + [True] * 3  # from the highest preload down
     np.testing.assert_array_equal(curve.amplitude[known], whole.amplitude[whole.requested][known])
     assert (
-        set(np.array(curve.status)[~known]) == {"not found: no curve was followed"}
+        set(np.array(curve.status_text)[~known]) == {"not found: no curve was followed"}
         and not curve.complete
     )
     assert curve.interrupted and curve.optimum.kind == "unknown"

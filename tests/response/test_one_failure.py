@@ -81,7 +81,7 @@ def test_a_preload_of_an_optimal_curve(study, failure, part, monkeypatch):
         assert found.status[mine] == "complete"
     if part != "amplitude_sensitivity":  # the value is known without its slope
         (lost,) = np.flatnonzero(found.preload == LOST)
-        reason = found.status[lost]
+        reason = found.status_text[lost]
         assert (
             np.isnan(found.amplitude[lost])
             and reason.startswith("not found: ")
@@ -137,7 +137,7 @@ def test_a_point_of_a_sweep(study, failure, monkeypatch):
     module = sys.modules["bdamper.analyses.sweep"]
     monkeypatch.setattr(module, "highest_peak", failing(module.highest_peak, failure))
     found = bd.sweep(study, {"preload": PRELOADS}, frequency=BAND)
-    assert found.status[1].startswith("failed: ") and str(failure) in found.status[1]
+    assert found.status_text[1].startswith("failed: ") and str(failure) in found.status_text[1]
     assert np.array_equal(found.array("amplitude")[[0, 2]], whole.array("amplitude")[[0, 2]])
 
 
@@ -149,7 +149,7 @@ def test_a_draw_of_optimal_curves(study, failure, monkeypatch):
         module, "optimal_curve", failing(module.optimal_curve, failure, of_second_draw)
     )
     found = bd.optimal_curve_uncertainty(study, draws, PRELOADS, frequency=BAND)
-    assert found.status[1].startswith("not found: ") and str(failure) in found.status[1]
+    assert found.status_text[1].startswith("not found: ") and str(failure) in found.status_text[1]
     assert (
         np.array_equal(found.amplitude[[0, 2]], whole.amplitude[[0, 2]])
         and np.isnan(found.amplitude[1]).all()

@@ -48,8 +48,8 @@ def peak(study):
 def test_no_optimum_says_why(study):
     """Within this band the response only rises."""
     curve = study.optimal_curve([1000.0, 2000.0], frequency=(250.0, 270.0), check=False)
-    assert curve.status[0].startswith("incomplete: highest at an end")
-    assert curve._headline().endswith(f"; at 1 kN {curve.status[0]}")
+    assert curve.status_text[0].startswith("incomplete: highest at an end")
+    assert curve._headline().endswith(f"; at 1 kN {curve.status_text[0]}")
 
 
 class TestOptimalCurve:
@@ -380,7 +380,7 @@ class TestAnEndOfTheInterval:
             assert left.lower_bound[k] == pytest.approx(end.amplitude, rel=1e-7)
             assert end.frequency == pytest.approx(335.0, rel=1e-12)
             assert (
-                left.status[k]
+                left.status_text[k]
                 == "incomplete: highest at an end of the interval, without a maximum in it"
             )
         assert not left.complete and "highest at an end" in left.warnings[0]
@@ -521,7 +521,7 @@ def test_one_table_has_all_preloads_that_were_computed(study, tmp_path):
     )
     # at the lowest preload a peak from below the range is higher, as at a single preload
     assert "followed from" in single[0].reason
-    assert curve.status[0] == single[0].status_text
+    assert curve.status_text[0] == single[0].status_text
     assert curve.amplitude[1:] == pytest.approx(
         [response.amplitude.max() for response in curve.curves[1:]], rel=0.01
     )

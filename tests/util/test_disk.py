@@ -315,7 +315,7 @@ def test_a_lack_of_memory_at_one_point_keeps_the_others(monkeypatch):
         return without_memory() if preload == 2.0 else {"value": preload}
 
     found = bd.sweep(pressed(), {"preload": [1.0, 2.0, 3.0]}, greedy)
-    assert found.status == ("complete", "failed: MemoryError", "complete")
+    assert found.status_text == ("complete", "failed: MemoryError", "complete")
     assert found.array("value")[[0, 2]].tolist() == [1.0, 3.0]
 
 

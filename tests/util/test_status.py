@@ -13,7 +13,7 @@ from bdamper.util.errors import (
     Ending,
     all_complete,
     not_run_lines,
-    status_word,
+    separated,
     with_reason,
 )
 from bdamper.util.records import from_json, with_separate_reasons
@@ -30,15 +30,16 @@ def test_reasons():
         with_reason("failed", ValueError("no")) == "failed: no"
         and with_reason("complete") == "complete"
     )
-    assert status_word("failed: no: none") == "failed"
+    assert separated("failed: no: none") == ("failed", "no: none")
 
 
 def test_of_several():
     assert all_complete(("complete", "complete")) and not all_complete(("complete", "incomplete"))
-    assert not_run_lines(("complete", "not run: broken", "not run"), "points") == [
+    statuses = ("complete", "not run", "not run")
+    assert not_run_lines(statuses, ("", "broken", ""), "points") == [
         "  interrupted: 2 of 3 points were not run: broken"
     ]
-    assert not_run_lines(("complete", "failed: not run"), "points") == []
+    assert not_run_lines(("complete", "failed"), ("", "not run"), "points") == []
 
 
 def test_a_result_with_a_reason():
@@ -115,3 +116,14 @@ def test_tables_and_optima_are_ok_if_all_parts_are():
     swept = bd.sweep(study, {"excitation.amplitude": [0.1, 0.2]}, task)
     assert swept.ok and swept.status == ("complete", "complete")
     assert not replace(swept, status=("complete", "failed: why")).ok
+
+
+def test_rows_of_version_0_10_have_their_reason_apart():
+    joined = {"status": ("complete", "failed: no: none"), "curve_status": ("not asked",)}
+    names = ["status", "reason", "curve_status", "curve_reason"]
+    assert with_separate_reasons(joined, names) == {
+        "status": ("complete", "failed"),
+        "reason": ("", "no: none"),
+        "curve_status": ("not asked",),
+        "curve_reason": ("",),
+    }
