@@ -233,13 +233,16 @@ def disk_points(structure: DiskMatrices, dampers: DamperVariation) -> PointArray
 def local_vector(structure: DiskMatrices, modal: NDArray, force: bool) -> NDArray:
     """Return the mean motion or static force of a sector (n_sector,) from modal values of the tuned
     study."""
-    phi = structure.modes(0)
-    coordinates = structure.tuned.static_basis.coordinates
     bodies = structure.tuned.model.bodies
-    of_damper = np.array([bodies[c.body].local is None for c in coordinates], bool)
-    # forces M phi f have the modal forces f, because phi^H M phi = I
-    to_blade = structure.local.mass(0) @ phi if force else phi
-    blade = (to_blade @ modal[~of_damper]).real
+    # the blade alone has a local basis; the coordinates of the damper remain modal
+    names = [coordinate.body for coordinate in structure.tuned.static_basis.coordinates]
+    of_damper = np.array([bodies[name].local is None for name in names], bool)
+
+    from_modal = structure.modes(0)
+    if force:
+        # forces M phi f have the modal forces f, because phi^H M phi = I
+        from_modal = structure.local.mass(0) @ from_modal
+    blade = (from_modal @ modal[~of_damper]).real
     return np.concatenate([blade, modal[of_damper]])
 
 

@@ -118,11 +118,12 @@ class Climbed:
     def error(self) -> float:
         """Estimate of the relative change of the amplitude until the dampers are free
         (see ``ERROR``)."""
-        springs = self.springs[-1]
-        if not springs:
+        weakest = self.springs[-1]
+        if not weakest:
+            # the dampers are free
             return 0.0
         change_so_far = (max(self.heights) - min(self.heights)) / self.height
-        assumed = [error for least, error in ERROR if springs > least]
+        assumed = [error for threshold, error in ERROR if weakest > threshold]
         return max(change_so_far, *assumed)
 
     @property

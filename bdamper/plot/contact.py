@@ -519,14 +519,16 @@ def plot_history(result: Hysteresis, where: int, ax: NDArray = NEW) -> None:
     row = validation.integer("where, index of a contact point", where, 0, len(result.points) - 1)
     time = result.theta / (2.0 * np.pi)
     forces, motions = ax
-    *of_directions, of_gap = [{**look, "marker": ""} for look in looks(4)]
-    for k, (name, look) in enumerate(zip(AXES, of_directions)):
-        forces.plot(time, result.force[row, k], **look, label=NAMES[name])
+    # one look for each direction, the last one for the gap
+    lines = [{**look, "marker": ""} for look in looks(len(AXES) + 1)]
+    for k, name in enumerate(AXES):
+        forces.plot(time, result.force[row, k], **lines[k], label=NAMES[name])
+        # along the normal, the axes show the gap
         if name != "n":
             motion, _ = result.loop(row, name)
-            motions.plot(time, motion, **look, label=NAMES[name])
+            motions.plot(time, motion, **lines[k], label=NAMES[name])
     if result.gap[row].max() > 0.0:
-        motions.plot(time, result.gap[row], **of_gap, label="gap")
+        motions.plot(time, result.gap[row], **lines[-1], label="gap")
     forces.set(ylabel="Contact force (N)", xlim=(0.0, 1.0))
     preload = amount(result.preload, "N")
     forces.set_title(f"{_name(result, row)}, {result.frequency:.5g} Hz, preload {preload}")

@@ -238,31 +238,17 @@ def across(
     SettingError
         If a family has no equations next to its value, or its unknowns change.
     """
-    neighbours = [_neighbours(family, value, system) for family, value in families.values()]
-    loads = [(pair.high.load, pair.low.load) for pair in neighbours]
+    pairs = [_neighbours(family, value, system) for family, value in families.values()]
     excess = np.broadcast_to(factors, len(points)) - 1.0
     # frequency (Hz) and response (m), per unit of each parameter and along the curve
-    moves = np.empty((len(neighbours), len(points), 2), complex)
+    moves = np.empty((len(pairs), len(points), 2), complex)
     tangent = np.empty((len(points), 2), complex)
     for i, (point, unit) in enumerate(zip(points, scale)):
         y = point.y
         response = system.rows.value(y)
-        dy = np.zeros((len(neighbours), len(y)))
-        # the second pass is at the ends of the first, so that changing modes do not cross a
-        # contact event
-        for _ in range(2):
-            rates = []
-            for pair, (high_load, low_load), direction in zip(neighbours, loads, dy):
-                y_high = y + pair.high.step * direction * unit
-                y_low = y + pair.low.step * direction * unit
-                above = pair.high.residual(y_high) - excess[i] * high_load
-                below = pair.low.residual(y_low) - excess[i] * low_load
-                rates.append(pair.rate(above, below))
-            # the last row of the bordered matrix keeps the point in the plane normal to the curve
-            right = np.pad(-np.array(rates), ((0, 0), (0, 1)))
-            dy = dy + system.solve_linear(y, point.tangent, unit, right)
-        for j, (pair, change) in enumerate(zip(neighbours, dy * unit)):
-            explicit = pair.rate(pair.high.first(y), pair.low.first(y))
+        for j, change in enumerate(_moves_across(system, point, unit, pairs, excess[i])):
+            # the row of the response may itself depend on the parameter
+            explicit = pairs[j].rate(pairs[j].high.first(y), pairs[j].low.first(y))
             moves[j, i, 0] = change[-1] / (2.0 * np.pi)
             moves[j, i, 1] = explicit + system.rows.value(y + change) - response
         along = point.tangent * unit
@@ -273,6 +259,32 @@ def across(
         frequency, response_change = move[:, 0].real, move[:, 1]
         derivatives[name] = CurveSensitivity(name, value, frequency, response_change, tangent)
     return derivatives
+
+
+def _moves_across(
+    system: Equations, point: Correction, unit: NDArray, pairs: Sequence[_Pair], excess: float
+) -> NDArray:
+    """Return the change (n_parameters, n_unknowns + 1) of a point per unit of each parameter.
+
+    The point moves normal to the curve.  Its excitation exceeds that of ``system`` by the relative
+    amount ``excess``, and ``unit`` scales its unknowns.
+    """
+    y = point.y
+    moves = np.zeros((len(pairs), len(y)))
+    # the second pass is at the ends of the first, so that changing modes do not cross a contact
+    # event
+    for _ in range(2):
+        rates = []
+        for pair, move in zip(pairs, moves):
+            residuals = []
+            for neighbour in (pair.high, pair.low):
+                moved = y + neighbour.step * move * unit
+                residuals.append(neighbour.residual(moved) - excess * neighbour.load)
+            rates.append(pair.rate(*residuals))
+        # the last row of the bordered matrix keeps the point in the plane normal to the curve
+        right = np.pad(-np.array(rates), ((0, 0), (0, 1)))
+        moves = moves + system.solve_linear(y, point.tangent, unit, right)
+    return moves * unit
 
 
 def sensitivities(

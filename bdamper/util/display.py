@@ -13,7 +13,7 @@ import re
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
-from functools import cache, reduce, wraps
+from functools import cache, wraps
 from importlib import metadata
 from os import PathLike
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar, cast
@@ -125,12 +125,9 @@ class Fact(NamedTuple):
 
     def to_digits(self, digits: int) -> str:
         """Return the value with the given number of digits and its unit."""
-        value = self.value
-        return (
-            amount(value, self.unit, digits)
-            if isinstance(value, float)
-            else f"{value} {self.unit}".rstrip()
-        )
+        if isinstance(self.value, float):
+            return amount(self.value, self.unit, digits)
+        return f"{self.value} {self.unit}".rstrip()
 
 
 SHOWN_ROWS = 8
@@ -174,15 +171,17 @@ class Summarised:
         """
         mark = quantities(cast(Any, type(self))).get(name, Quantity())
         *path, last = name.split(".")
-        owner = reduce(lambda whole, part: getattr(whole, part, None), path, cast(Any, self))
+        owner: Any = self
+        for part in path:
+            owner = getattr(owner, part, None)
         value: Any = getattr(owner, last, None)
         if last.endswith("status") and isinstance(value, str):
             value = with_reason(value, getattr(owner, _reason_of(last), ""))
         if mark.parts and np.ndim(value) == 1:
-            return (
-                Fact(part, round(100.0 * float(x), 1), "%") for part, x in zip(mark.parts, value)
-            )
-        unit = mark.unit or UNITS.get(name.rpartition(".")[2], "")
+            # fractions of the cycle, in per cent
+            percents = [round(100.0 * float(share), 1) for share in value]
+            return (Fact(part, share, "%") for part, share in zip(mark.parts, percents))
+        unit = mark.unit or UNITS.get(last, "")
         return _facts_of(spaced(mark.name or name), value, unit, several=several)
 
     def summary(self) -> str:
@@ -192,36 +191,9 @@ class Summarised:
         """
         if not self._headline():
             return str(self)
-        facts = [fact for fact in self._facts() if fact.known]
-        names = {"model hash", *(fact.name for fact in facts)}
-        plain = int | float | str  # fields of these types are omitted if they have their default
-        # a reason is printed with its status
-        reasons = {_reason_of(f.name) for f in fields(cast(Any, self))}
-        field_names = (
-            f.name
-            for f in fields(cast(Any, self))
-            if f.name not in self._unprinted()
-            and f.name not in reasons
-            and not (
-                isinstance(f.default, plain)
-                and getattr(self, f.name) == f.default
-                and f.name != "status"
-            )
-        )
-        single = [fact for name in field_names for fact in self._facts_of_field(name)]
-        facts += [fact for fact in single if fact.known and fact.name not in names]
-        texts = self._remarks()
-        texts = texts[:FEW_ROWS] + [f"{counted(len(texts) - FEW_ROWS, 'further remark')}"] * (
-            len(texts) > FEW_ROWS
-        )
-        cost = getattr(self, "cost", "")
-        if isinstance(self, WithRowStatus):
-            texts += not_run_lines(self.status, self.reason, "parts")
-            failed = [reason for s, reason in zip(self.status, self.reason) if s == FAILED]
-            texts += [with_reason(FAILED, reason) for reason in dict.fromkeys(failed)]
+        values = [(fact.name, fact.to_digits(6)) for fact in self._all_facts()]
         table = table_lines(self._rows(), "  ", whole=True)
-        if isinstance(cost, np.ndarray):  # one cost for each part
-            cost = Cost(**{name: sum(cost[name].tolist()) for name in names_of(cost)})
+        texts = self._remark_lines()
         statement = self._printed_statement()
         if statement is None:
             first = self._headline()
@@ -230,14 +202,45 @@ class Summarised:
             shown = replace(statement, table=()) if table else statement
             first = f"{shown.text}\n"
             texts = [text for text in texts if not statement.contains(text)]
-        texts += [str(cost or "").strip()]
-        lines = [
-            first,
-            *aligned([(fact.name, fact.to_digits(6)) for fact in facts], "  "),
-            *table,
-            *texts,
-        ]
+        lines = [first, *aligned(values, "  "), *table, *texts, self._cost_text()]
         return self._in_unit_of_response("\n".join(line for line in lines if line))
+
+    def _all_facts(self) -> list[Fact]:
+        """Return the most important values, then the other fields."""
+        facts = [fact for fact in self._facts() if fact.known]
+        printed = {"model hash", *(fact.name for fact in facts)}
+        all_fields = fields(cast(Any, self))
+        # a reason is printed with its status
+        reasons = {_reason_of(field.name) for field in all_fields}
+        for field in all_fields:
+            name = field.name
+            has_default = isinstance(field.default, int | float | str)
+            is_default = has_default and getattr(self, name) == field.default
+            if name in self._unprinted() or name in reasons or (is_default and name != "status"):
+                continue
+            for fact in self._facts_of_field(name):
+                if fact.known and fact.name not in printed:
+                    facts.append(fact)
+        return facts
+
+    def _remark_lines(self) -> list[str]:
+        """Return the first remarks, the number of the others, and the rows that were lost."""
+        remarks = self._remarks()
+        lines = remarks[:FEW_ROWS]
+        if len(remarks) > FEW_ROWS:
+            lines.append(counted(len(remarks) - FEW_ROWS, "further remark"))
+        if isinstance(self, WithRowStatus):
+            lines += not_run_lines(self.status, self.reason, "parts")
+            failed = [reason for s, reason in zip(self.status, self.reason) if s == FAILED]
+            lines += [with_reason(FAILED, reason) for reason in dict.fromkeys(failed)]
+        return lines
+
+    def _cost_text(self) -> str:
+        """Return the cost as text, added up over all parts."""
+        cost = getattr(self, "cost", "")
+        if isinstance(cost, np.ndarray):
+            cost = Cost(**{name: sum(cost[name].tolist()) for name in names_of(cost)})
+        return str(cost or "").strip()
 
     def _remarks(self) -> list[str]:
         """Return the different notes and warnings, which the complete summary prints."""
@@ -260,26 +263,30 @@ class Summarised:
             return statement.text
         if statement is not None:
             return f"{statement.text}\n\nsummary() has all values"
-        rows = [row for row in self._table() if row]
-        shown = table_lines(rows) if rows and len(rows[0]) > 2 else aligned(rows)
-        lines = shown or [
-            t for t in self.summary().split("\n")[1:] if " of the processor: " not in t
-        ]
         headline = self._in_unit_of_response(self._headline())
         # no line break between a number and its unit
-        sentences = re.sub(r"(\d) (?=(?:\S{1,2}|[kMG]Pa|rad/s)\b)", "\\1\0", headline)
-        first = textwrap.fill(sentences, width=100).replace("\0", " ").split("\n")
-        left = f"{counted(len(lines) - 9, 'further row')}; " if shown and len(lines) > 9 else ""
-        lines = [*lines[:9], f"{left}summary() has the rest"]
-        rest = "\n".join(f"  {line.removeprefix('  ')}" for line in lines)
-        return "\n".join([*first, self._in_unit_of_response(rest)])
+        kept = re.sub(r"(\d) (?=(?:\S{1,2}|[kMG]Pa|rad/s)\b)", "\\1\0", headline)
+        first = textwrap.fill(kept, width=100).replace("\0", " ")
+
+        rows = [row for row in self._table() if row]
+        lines = table_lines(rows) if rows and len(rows[0]) > 2 else aligned(rows)
+        last = "summary() has the rest"
+        if len(lines) > SHOWN_ROWS + 1:
+            last = f"{counted(len(lines) - SHOWN_ROWS - 1, 'further row')}; {last}"
+        if not lines:
+            after_headline = self.summary().split("\n")[1:]
+            lines = [line for line in after_headline if " of the processor: " not in line]
+        shown = [*lines[: SHOWN_ROWS + 1], last]
+        rest = "\n".join(f"  {line.removeprefix('  ')}" for line in shown)
+        return f"{first}\n{self._in_unit_of_response(rest)}"
 
     def _few_rows(self) -> tuple[list[tuple[str, ...]], list[str]]:
         """Return the header and the first rows, and a remark that counts the others."""
         rows = self._rows()
         shown = rows[: SHOWN_ROWS + 1]
-        n_further = len(rows) - len(shown)
-        return shown, [f"{counted(n_further, 'further row')} in the summary"] * (n_further > 0)
+        if len(shown) == len(rows):
+            return shown, []
+        return shown, [f"{counted(len(rows) - len(shown), 'further row')} in the summary"]
 
     def _rows(self) -> list[tuple[str, ...]]:
         """Return the header and rows of the table of a tabular result; otherwise an empty list."""
@@ -301,34 +308,34 @@ class Summarised:
         return None
 
     def _repr_html_(self) -> str:
+        headline = html.escape(self._headline())
         head, *rows = self._table()
-        text = (
-            _html_table(head, rows)
-            if rows
-            else ""
-            if self._headline()
-            else f"<pre>{html.escape(str(self))}</pre>"
-        )
-        shown = self._shown()
-        try:
-            image = b"" if shown is None else draw(shown, "image")
-        except BdamperError:  # the text explains why there is nothing to draw
-            image = b""
-        source = base64.b64encode(image).decode()
-        picture = f'<img src="data:image/png;base64,{source}">' if image else ""
+        table = _html_table(head, rows) if rows else ""
         statement = self._printed_statement()
         if statement is not None:
-            first, text = statement.html, ""
-        elif self._headline():
-            first = f"<p><b>{html.escape(self._headline())}</b></p>"
+            text = statement.html
+        elif headline:
+            text = f"<p><b>{headline}</b></p>{table}"
         else:
-            first = ""
-        rest = (
-            f"<details><summary>details</summary><pre>{html.escape(self.summary())}</pre></details>"
-            if first
-            else ""
-        )
-        return f"<div>{first}{text}{picture}{rest}</div>"
+            text = table or f"<pre>{html.escape(str(self))}</pre>"
+
+        details = ""
+        if statement is not None or headline:
+            summary = html.escape(self.summary())
+            details = f"<details><summary>details</summary><pre>{summary}</pre></details>"
+        return f"<div>{text}{self._html_picture()}{details}</div>"
+
+    def _html_picture(self) -> str:
+        """Return the picture of a notebook; "" if the text says why there is nothing to draw."""
+        shown = self._shown()
+        if shown is None:
+            return ""
+        try:
+            image = draw(shown, "image")
+        except BdamperError:
+            return ""
+        source = base64.b64encode(image).decode()
+        return f'<img src="data:image/png;base64,{source}">' if image else ""
 
 
 def _reason_of(status: str) -> str:
@@ -375,35 +382,38 @@ def _facts_of(label: str, value: Any, unit: str, several: bool) -> Iterator[Fact
         yield Fact(label, str(value))
     elif is_dataclass(value) or hasattr(value, "_fields"):
         for name in getattr(value, "_fields", None) or [f.name for f in fields(value)]:
-            if isinstance(item := getattr(value, name), int | float | str):
+            item = getattr(value, name)
+            if isinstance(item, int | float | str):
                 yield Fact(f"{label} {spaced(name)}", item, UNITS.get(name, ""))
     elif several and isinstance(value, np.ndarray):
         yield Fact(label, len(value))
     elif several and isinstance(value, Mapping):
-        yield from (Fact(f"{label} {key}", item, unit) for key, item in value.items())
+        for key, item in value.items():
+            yield Fact(f"{label} {key}", item, unit)
     elif several and isinstance(value, tuple | list):
-        texts = [item._headline() if isinstance(item, Summarised) else str(item) for item in value]
-        texts = [", ".join(texts)] if all(isinstance(item, int) for item in value) else texts
-        yield from (
-            Fact(f"{label} {i}" if len(texts) > 1 else label, text)
-            for i, text in enumerate(texts, 1)
-        )
+        yield from _facts_of_items(label, value)
+
+
+def _facts_of_items(label: str, items: Sequence[Any]) -> Iterator[Fact]:
+    """Yield a numbered row for each item; whole numbers, or a single item, have one row."""
+    texts = [item._headline() if isinstance(item, Summarised) else str(item) for item in items]
+    if all(isinstance(item, int) for item in items):
+        yield Fact(label, ", ".join(texts))
+    elif len(texts) == 1:
+        yield Fact(label, texts[0])
+    else:
+        for i, text in enumerate(texts, 1):
+            yield Fact(f"{label} {i}", text)
 
 
 def _html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     def line(cells: Sequence[str], kind: str) -> str:
-        return (
-            "<tr>"
-            + "".join(f'<{kind} style="text-align:left">{html.escape(c)}</{kind}>' for c in cells)
-            + "</tr>"
-        )
+        cell = f'<{kind} style="text-align:left">{{}}</{kind}>'
+        return f"<tr>{''.join(cell.format(html.escape(text)) for text in cells)}</tr>"
 
-    return (
-        "<table>"
-        + (line(head, "th") if head else "")
-        + "".join(line(row, "td") for row in rows)
-        + "</table>"
-    )
+    lines = [line(head, "th")] if head else []
+    lines += [line(row, "td") for row in rows]
+    return f"<table>{''.join(lines)}</table>"
 
 
 class Plottable(Summarised):
@@ -491,19 +501,23 @@ class Differences(Summarised):
         return Statement([verdict], remarks=remarks, table=table)
 
     def _rows(self) -> list[tuple[str, ...]]:
-        rows = [(name, text_of(a), text_of(b), _change(a, b)) for name, a, b in self.settings]
-        rows += [
-            (a.name, a.to_digits(6), b.to_digits(6), _change(a.value, b.value))
-            for a, b in self.outcomes
-        ]
-        return [("", "first", "second", "change"), *rows] if rows else []
+        if not self:
+            return []
+        rows: list[tuple[str, ...]] = [("", "first", "second", "change")]
+        for name, first, second in self.settings:
+            rows.append((name, text_of(first), text_of(second), _change(first, second)))
+        for a, b in self.outcomes:
+            rows.append((a.name, a.to_digits(6), b.to_digits(6), _change(a.value, b.value)))
+        return rows
 
 
-def _change(a: Any, b: Any) -> str:
-    numbers = all(
-        isinstance(value, (int, float)) and not isinstance(value, bool) for value in (a, b)
-    )
-    return percent(b / a - 1.0, True) if numbers and a and np.isfinite([a, b]).all() else ""
+def _change(first: Any, second: Any) -> str:
+    """Return the relative change of a number, or "" if there is none."""
+    for value in (first, second):
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not is_number or not np.isfinite(value):
+            return ""
+    return percent(second / first - 1.0, True) if first else ""
 
 
 class Comparable(Summarised):
@@ -530,24 +544,30 @@ class Comparable(Summarised):
         """
         if not isinstance(other, Comparable):
             raise validation.invalid("other", "a study or a result", other)
-        same = type(self) is type(other)
-        mine, theirs = (one._asked() for one in (self, other))
-        # results of different types also contain the arguments of their analyses
-        names = mine.keys() | theirs.keys() if same else mine.keys() & theirs.keys()
-        first, second = (
-            _flat({k: v for k, v in one.items() if k in names}) for one in (mine, theirs)
-        )
-        settings = tuple(
-            (name, first.get(name, MISSING), second.get(name, MISSING))
-            for name in dict.fromkeys([*first, *second])
-            if first.get(name, MISSING) != second.get(name, MISSING)
-        )
-        outcomes: tuple[tuple[Fact, Fact], ...] = ()
-        if same:
-            there = {fact.name: fact for fact in other._outcomes()}
-            both = [(fact, there[fact.name]) for fact in self._outcomes() if fact.name in there]
-            outcomes = tuple((a, b) for a, b in both if a.to_digits(6) != b.to_digits(6))
-        return Differences(settings, outcomes, (type(self).__name__, type(other).__name__))
+        own = self._asked()
+        others = other._asked()
+        outcomes = []
+        if type(self) is type(other):
+            other_facts = {fact.name: fact for fact in other._outcomes()}
+            for fact in self._outcomes():
+                other_fact = other_facts.get(fact.name)
+                if other_fact is not None and fact.to_digits(6) != other_fact.to_digits(6):
+                    outcomes.append((fact, other_fact))
+        else:
+            # results of different types also contain the arguments of their analyses
+            common = own.keys() & others.keys()
+            own = {name: value for name, value in own.items() if name in common}
+            others = {name: value for name, value in others.items() if name in common}
+
+        first = _flat(own)
+        second = _flat(others)
+        settings = []
+        for name in dict.fromkeys([*first, *second]):
+            pair = (first.get(name, MISSING), second.get(name, MISSING))
+            if pair[0] != pair[1]:
+                settings.append((name, *pair))
+        kinds = (type(self).__name__, type(other).__name__)
+        return Differences(tuple(settings), tuple(outcomes), kinds)
 
     def _outcomes(self) -> tuple[Fact, ...]:
         return self._facts()
@@ -560,14 +580,13 @@ class Comparable(Summarised):
 
 def _flat(settings: Mapping[str, Any], before: str = "") -> dict[str, Any]:
     """Return nested settings as one mapping, with dots in the names."""
-    out: dict[str, Any] = {}
+    flat: dict[str, Any] = {}
     for name, value in settings.items():
-        out |= (
-            _flat(value, f"{before}{name}.")
-            if isinstance(value, Mapping)
-            else {f"{before}{name}": value}
-        )
-    return out
+        if isinstance(value, Mapping):
+            flat |= _flat(value, f"{before}{name}.")
+        else:
+            flat[f"{before}{name}"] = value
+    return flat
 
 
 class Result(WithStatus, Comparable):

@@ -63,20 +63,22 @@ class Statement:
     @property
     def text(self) -> str:
         """Lines of at most :data:`WIDTH` characters."""
-        parts = [[line for text in self.verdict for line in _wrapped(text)]]
-        parts += [_table(self.rows), _columns(self.table), _table(self.checks)]
-        parts.append([line for text in self.remarks for line in _wrapped(text)])
-        return "\n\n".join("\n".join(part) for part in parts if part)
+        parts = [
+            _paragraphs(self.verdict),
+            _table(self.rows),
+            _columns(self.table),
+            _table(self.checks),
+            _paragraphs(self.remarks),
+        ]
+        return "\n\n".join("\n".join(lines) for lines in parts if lines)
 
     @property
     def html(self) -> str:
         """The same as paragraphs and tables of a notebook."""
-        first = "<br>".join(html.escape(text) for text in self.verdict)
-        tables = "".join(
-            _html_table(table) for table in (self.rows, self.table, self.checks) if table
-        )
-        last = "".join(f"<p>{html.escape(text)}</p>" for text in self.remarks)
-        return f"<p><b>{first}</b></p>{tables}{last}"
+        verdict = "<br>".join(html.escape(text) for text in self.verdict)
+        tables = [_html_table(table) for table in (self.rows, self.table, self.checks) if table]
+        remarks = [f"<p>{html.escape(text)}</p>" for text in self.remarks]
+        return f"<p><b>{verdict}</b></p>{''.join(tables)}{''.join(remarks)}"
 
 
 # replaces the space between a number and its unit: no line breaks there
@@ -84,13 +86,20 @@ _NO_BREAK = "\0"
 
 
 def _wrapped(text: str, width: int = WIDTH, indent: str = "  ") -> list[str]:
+    """Return the lines of a text, without a break between a number and its unit."""
     words = text.split(" ")
     kept = words[0]
     for before, word in zip(words, words[1:]):
-        is_unit = before[-1:].isdigit() and (len(word.rstrip(",;:.")) <= 3 or word == "rad/s")
+        is_short = len(word.rstrip(",;:.")) <= 3 or word == "rad/s"
+        is_unit = before[-1:].isdigit() and is_short
         kept += (_NO_BREAK if is_unit else " ") + word
     lines = textwrap.wrap(kept, width, subsequent_indent=indent, break_long_words=False)
     return [line.replace(_NO_BREAK, " ") for line in lines]
+
+
+def _paragraphs(texts: Sequence[str]) -> list[str]:
+    """Return the lines of several texts."""
+    return [line for text in texts for line in _wrapped(text)]
 
 
 def _columns(table: Sequence[Sequence[str]]) -> list[str]:
@@ -98,16 +107,24 @@ def _columns(table: Sequence[Sequence[str]]) -> list[str]:
     # a column without texts below its head is empty
     columns = [column for column in zip(*table) if any(column[1:])]
     widths = [max(map(len, column)) + 2 for column in columns]
-    last = WIDTH - sum(widths[:-1])
+    width_left = WIDTH - sum(widths[:-1])
+    fits = not widths or widths[-1] - 2 <= width_left
     # in a narrow column, texts would have many lines
-    if not widths or widths[-1] - 2 <= last or last < 25:
+    if fits or width_left < 25:
         return table_lines(table, width=WIDTH)
     lines = []
     for *cells, text in zip(*columns):
         start = "".join(f"{cell:<{width}}" for cell, width in zip(cells, widths))
-        first, *further = _wrapped(text, last, indent="") or [""]
-        lines += [start + first, *(" " * len(start) + line for line in further)]
+        lines += _beside(start, _wrapped(text, width_left, indent=""))
     return lines
+
+
+def _beside(start: str, texts: Sequence[str]) -> list[str]:
+    """Return the texts as lines, the first after ``start`` and the others indented by its width."""
+    if not texts:
+        return [start]
+    first, *further = texts
+    return [start + first, *(" " * len(start) + text for text in further)]
 
 
 def _table(rows: Sequence[Row]) -> list[str]:
@@ -118,9 +135,8 @@ def _table(rows: Sequence[Row]) -> list[str]:
 def _lines(row: Row, widths: Sequence[int]) -> list[str]:
     """Return the lines of a row, with the remark wrapped in its column."""
     start = f"{row.name:<{widths[0]}}{row.value:<{widths[1]}}"
-    remark = _wrapped(row.remark, max(WIDTH - len(start), 30), indent="") or [""]
-    lines = [start + remark[0], *(" " * len(start) + line for line in remark[1:])]
-    return [line.rstrip() for line in lines]
+    remark = _wrapped(row.remark, max(WIDTH - len(start), 30), indent="")
+    return [line.rstrip() for line in _beside(start, remark)]
 
 
 def _html_table(rows: Sequence[Sequence[str]]) -> str:
