@@ -508,6 +508,7 @@ class Study(Comparable):
         periods: int | None = None,
         tolerance: float = CRITERIA.tolerance,
         steps_per_period: int | None = None,
+        seconds: float = in_time.SECONDS,
         progress: bool | None = None,
     ) -> MotionInTime:
         """Integrate in time from a point of a response curve, and decide whether the motion agrees with it.
@@ -533,6 +534,8 @@ class Study(Comparable):
         steps_per_period : int, optional
             1,024 by default, 256 with ``frequency``; four times this number if the energy
             does not balance.
+        seconds : float, s
+            Largest processor time of the integration and its equations.
         progress : bool, optional
             Show progress: a bar, or without a terminal lines after ten seconds; on by default.
 
@@ -540,7 +543,8 @@ class Study(Comparable):
         -------
         MotionInTime
             With ``frequency`` it has no verdict, and is incomplete while the mean or the stored
-            energy changes.  After Ctrl-C it contains the periods computed so far.
+            energy changes.  After Ctrl-C it contains the periods computed so far.  If the processor
+            time is spent, it contains them too and is incomplete.
 
         Raises
         ------
@@ -550,6 +554,8 @@ class Study(Comparable):
         IntegrationFailed
             If the time integration fails, or its energy does not balance to 2 % even with four
             times the steps.
+        TimeSpent
+            If the processor time is spent before there is a result.
         """
         return in_time.motion_in_time(
             self.problem,
@@ -559,6 +565,7 @@ class Study(Comparable):
             periods=periods,
             tolerance=tolerance,
             steps_per_period=steps_per_period,
+            seconds=seconds,
             progress=progress,
         )
 
@@ -572,6 +579,7 @@ class Study(Comparable):
         up: bool = True,
         rate: float | None = None,
         steps_per_period: int | None = None,
+        seconds: float = sweeps.SWEEP_SECONDS,
         progress: bool | None = None,
     ) -> TimeSweep:
         """Integrate in time while the frequency of the excitation changes slowly over an interval.
@@ -592,13 +600,16 @@ class Study(Comparable):
             its transients.
         steps_per_period : int, optional
             256 by default.
+        seconds : float, s
+            Largest processor time of the integration and its equations.
         progress : bool, optional
             Show the progress in the periods of the excitation; on by default.
 
         Returns
         -------
         TimeSweep
-            After Ctrl-C it contains the periods computed so far.
+            After Ctrl-C it contains the periods computed so far.  If the processor time is spent,
+            it contains them too and is incomplete.
 
         Raises
         ------
@@ -606,7 +617,8 @@ class Study(Comparable):
             If a number is not valid, a mode has no damping, or the settings do not describe a
             structure in time.
         BdamperError
-            If no solution is found at the first frequency, or the time integration fails.
+            If no solution is found at the first frequency, the time integration fails, or the
+            processor time is spent before the sweep begins.
         """
         return sweeps.frequency_sweep(
             self.problem,
@@ -615,6 +627,7 @@ class Study(Comparable):
             up=up,
             rate=rate,
             steps_per_period=steps_per_period,
+            seconds=seconds,
             progress=progress,
         )
 
@@ -651,8 +664,8 @@ class Study(Comparable):
             (their numbers are the seeds of the phases) and friction without traction, or at its
             limit in either direction.
         seconds : float, s
-            Largest processor time of the integrations.  After it the result contains the motions
-            that have settled, and its reason gives the missing part.
+            Largest processor time of the integrations and their equations.  After it the result
+            contains the motions that have settled, and its reason gives the missing part.
         progress : bool, optional
             Show progress: a bar, or without a terminal lines after ten seconds; on by default.
 

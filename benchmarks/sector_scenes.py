@@ -1,4 +1,4 @@
-"""Random sectors: bonded parts of faces, and stated and true errors of peaks.
+"""Random sectors: bonded parts of faces, stated and true errors of peaks, and amplitudes in time.
 
 FOLDER has a folder for each seed, with ``case.json`` of the generator of sectors and the imported
 model ``m_def_def_def.h5``.  Names of seeds may follow each command.
@@ -6,6 +6,9 @@ model ``m_def_def_def.h5``.  Names of seeds may follow each command.
 ``python -m benchmarks.sector_scenes peaks --sectors FOLDER`` computes the peaks that
 ``results/peaks.jsonl`` does not have, on sectors and on two shipped models.
 ``... bonded --sectors FOLDER`` does the linear test (``results/bonded_parts.jsonl``).
+``... in_time --sectors FOLDER --seconds 60`` integrates one peak of each sector in time
+(``results/sectors_in_time.jsonl``), with the default vectors.  The peak is the first complete one
+at 1.2, 1.7, and 2.5 times the preload of the optimum.
 ``... show`` prints the tables of docs/evidence/measured.md.
 
 A peak belongs to a study with the vectors of partial contact at a multiple of the preload of its optimum.  The
@@ -29,6 +32,7 @@ import resource
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -47,10 +51,13 @@ from bdamper.contact.partial_contact import (
     partial_contact,
 )
 from bdamper.response.peak import Peak
+from bdamper.time_domain.steady_amplitude import SteadySearch
+from bdamper.time_domain.transient import SteadyPoint, energy_error
 from bdamper.util.errors import COMPLETE, BdamperWarning
 
 RESULTS = Path(__file__).parent / "results" / "peaks.jsonl"
 BONDED = Path(__file__).parent / "results" / "bonded_parts.jsonl"
+IN_TIME = Path(__file__).parent / "results" / "sectors_in_time.jsonl"
 SEEDS = tuple(str(seed) for seed in range(62001, 62013))
 STUBBY = tuple(str(seed) for seed in range(63001, 63011))
 SLENDER = tuple(f"630{n}" for n in (13, 22, 26, 29, 31, 32, 36, 37, 39, 41))
@@ -64,6 +71,8 @@ SETTLED = 0.02
 MOST_HARMONICS = 15
 WHOLE: dict[str, Any] = {"blade_modes": 20, "contact_stiffness": bd.ResidualModes("all")}
 VECTORS = bd.ResidualModes(partial_contact=True)
+TIME_FACTORS = (1.2, 1.7, 2.5)
+"""Preloads of time integrations over that of the optimum, in the order in which they are tried."""
 LARGEST_ERROR = 0.1
 """Largest true error that a complete peak may have."""
 Known = dict[str, dict[str, Any]]
@@ -321,6 +330,77 @@ def table(known: Known) -> str:
     return "\n".join(lines)
 
 
+# ---- time integration ----
+
+
+def integrate(names: list[str], sectors: Path, seconds: float) -> None:
+    """Store amplitudes in time, with a limit of the processor time (s) for each."""
+    known = read(IN_TIME)
+    for name in names:
+        if name not in known:
+            keep(known, name, amplitude_in_time(name, sectors, seconds), IN_TIME)
+
+
+def amplitude_in_time(name: str, sectors: Path, seconds: float) -> dict[str, Any]:
+    """Return the amplitude in time at the first complete peak of a sector, its energy and cost."""
+    case, _, _ = sector(name, sectors)
+    study, preloads = study_of(name, sectors)
+    study = study.replace(contact_stiffness="residual_modes")
+    of_optimum = optimum(study, preloads)
+    out: dict[str, Any] = {"kind": case["kind"], "vectors": bd.ResidualModes().n_vectors}
+    out["free"] = 1e-5 * case["H"]
+    for factor in TIME_FACTORS:
+        peak = study.peak(factor * of_optimum, progress=False)
+        out |= {"factor": factor, "N": peak.parameter, "balance": peak.amplitude}
+        if peak.status == COMPLETE:
+            break
+    start = time.process_time()
+    try:
+        with energy_errors() as errors, bd.set_workers(1):
+            found = study.time_response(peak, seconds=seconds, progress=False)
+    except bd.BdamperError as error:
+        out["status"] = f"not found: {error}"
+    else:
+        out |= {"mean": found.mean, "low": found.lowest, "high": found.highest}
+        out |= {"status": found.status_text, "periods": found.periods}
+    return out | {"energy": max(errors), "seconds": round(time.process_time() - start, 1)}
+
+
+@contextmanager
+def energy_errors() -> Iterator[list[float]]:
+    """Collect the errors of the energy balance over the last ten periods of each motion."""
+    errors = [0.0]
+    settle = SteadySearch.settle_apart
+
+    def settle_and_collect(*given: Any, **options: Any) -> SteadyPoint:
+        point = settle(*given, **options)
+        errors.append(energy_error(point.transient))
+        return point
+
+    with mock.patch.object(SteadySearch, "settle_apart", settle_and_collect):
+        yield errors
+
+
+def in_time_table(known: Known) -> str:
+    """Return the table of amplitudes in time in Markdown."""
+    lines = [
+        "| sector | kind | times the optimum | free blade, µm | harmonic balance, µm "
+        "| in time, µm | energy error | seconds | status |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for name, found in sorted(known.items()):
+        amplitude = "none"
+        if np.isfinite(found.get("low", np.nan)):
+            low, mean, high = (1e6 * found[what] for what in ("low", "mean", "high"))
+            amplitude = f"{mean:.4g} ({low:.4g} to {high:.4g})"
+        error = f"{100.0 * found['energy']:.2g} %" if found["energy"] else "no motion settled"
+        cells = [name, found["kind"], f"{found['factor']:g}", f"{1e6 * found['free']:.4g}"]
+        cells += [f"{1e6 * found['balance']:.4g}", amplitude, error]
+        cells += [f"{found['seconds']:.0f}", found["status"]]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
 # ---- linear test ----
 
 
@@ -372,18 +452,24 @@ def bonded_table(known: Known) -> str:
 def main() -> None:
     """Compute or show."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.sector_scenes", description=__doc__)
-    parser.add_argument("what", choices=("peaks", "bonded", "show"), nargs="?", default="show")
+    parser.add_argument(
+        "what", choices=("peaks", "bonded", "in_time", "show"), nargs="?", default="show"
+    )
     parser.add_argument("names", nargs="*", help="models; all by default")
     parser.add_argument("--sectors", type=Path, default=Path("sectors"))
+    parser.add_argument("--seconds", type=float, default=150.0, help="limit of in_time")
     given = parser.parse_args()
     warnings.simplefilter("ignore", BdamperWarning)
     if given.what == "peaks":
         compute(given.names or [*SHIPPED, *SEEDS], given.sectors)
     elif given.what == "bonded":
         bonded(given.names or [*STUBBY, *SLENDER], given.sectors)
+    elif given.what == "in_time":
+        integrate(given.names or [*SEEDS], given.sectors, given.seconds)
     else:
         print(table(read(RESULTS)))
         print(bonded_table(read(BONDED)))
+        print(in_time_table(read(IN_TIME)))
 
 
 if __name__ == "__main__":

@@ -34,6 +34,18 @@ def interrupted_at(monkeypatch, call):
     monkeypatch.setattr(Ring, "integrate", stopped)
 
 
+def spent_at(monkeypatch, call):
+    """Let the processor time be spent before one integration of a ring, counted from 0."""
+    own, done = Ring.integrate, itertools.count()
+
+    def limited(ring, *given, **asked):
+        if next(done) == call:
+            ring.limit.take(ring.limit.seconds)
+        return own(ring, *given, **asked)
+
+    monkeypatch.setattr(Ring, "integrate", limited)
+
+
 class Compared(NamedTuple):
     """Verdict on a solution, the integration, and the relative distance of the last period from the solution."""
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.continuation import TWO_PI
 from bdamper.response.response_curve import Jump, frequency_response
-from bdamper.time_domain.integration import ring_of
+from bdamper.time_domain.integration import TimeLimit, TimeSpent, ring_of
 from bdamper.time_domain.transient import CRITERIA, Transient, energy_error
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable, Result
@@ -49,6 +49,10 @@ changes by RATE/2.
 """
 AFTER_JUMP = 4.0
 """Decay times after a jump until its transient has decayed."""
+SWEEP_SECONDS = 3600.0
+"""Processor time of a sweep, whose length is known before it begins; a sweep at the default rate
+over a wide interval takes long.
+"""
 NEAR = 1e-4
 """Half the relative width of the interval of the first solution."""
 
@@ -84,7 +88,8 @@ class TimeSweep(
         Decay time to 1/e of a transient of the least damped mode.
     steps_per_period, sectors : int
     status : {"complete", "incomplete", "interrupted"}
-        "incomplete" if the time steps are too long for the energy to balance.
+        "incomplete" if the time steps are too long for the energy to balance, or the processor time
+        is spent.
     reason : str
     cost : Cost
     settings : mapping
@@ -192,6 +197,7 @@ def frequency_sweep(
     up: bool = True,
     rate: float | None = None,
     steps_per_period: int | None = None,
+    seconds: float = SWEEP_SECONDS,
     progress: bool | None = None,
 ) -> TimeSweep:
     """See :meth:`bdamper.Study.frequency_sweep`."""
@@ -201,10 +207,11 @@ def frequency_sweep(
     validation.flag("up", up)
     if rate is not None:
         rate = validation.number("rate", rate, above=0.0, unit="Hz/s")
+    limit = TimeLimit(validation.number("seconds", seconds, above=0.0, unit="s"))
     watch = CostMeter()
     first, last = (low, high) if up else (high, low)
     solution, solution_frequency = _start(problem, preload, first)
-    ring = ring_of(problem, preload)
+    ring = ring_of(problem, preload, limit=limit)
     transient = Transient(ring, TWO_PI * solution_frequency, solution, steps_per_period)
 
     # twice the decay rate, 1/s, of the least damped mode
@@ -219,14 +226,17 @@ def frequency_sweep(
     mean_frequency = 0.5 * (low + high)
     turns = max(1, round(mean_frequency * (high - low) / rate))
     settling = max(1, round(SETTLING * memory * first))
-    sweep = _integrated(transient, (first, last), settling, turns, progress)
+    sweep, spent = _integrated(transient, (first, last), settling, turns, progress)
     done = len(sweep.harmonics)
+    if spent and not done:
+        raise TimeSpent(f"{spent} before the sweep began; {limit.remedy}")
     # without a single period there is no result to keep
     if not done:
         raise KeyboardInterrupt
 
     highest_blade = [x[np.abs(x[:, 1]).argmax()] for x in sweep.harmonics]
-    status, reason = _status(sweep, turns)
+    missing = f"{spent} after {done} of {turns} turns; {limit.remedy}" if spent else ""
+    status, reason = _status(sweep, turns, missing)
     # the square of the frequency is linear in the number of periods; in the middle of each period
     along = (np.arange(done) + 0.5) / turns
     squared_frequency = first**2 + (last**2 - first**2) * along
@@ -246,17 +256,21 @@ def frequency_sweep(
     )
 
 
-def _status(sweep: Transient, turns: int) -> tuple[str, str]:
-    """Return the status of a sweep that was to have a number of periods, and its reason."""
+def _status(sweep: Transient, turns: int, missing: str) -> tuple[str, str]:
+    """Return the status of a sweep that was to have a number of periods, and its reason.
+
+    ``missing`` gives the turns that the limit of the processor time has left out, or is empty.
+    """
     done = len(sweep.harmonics)
-    if done < turns:
+    if done < turns and not missing:
         return INTERRUPTED, f"by the user after {done} of {turns} turns"
     error = energy_error(sweep, done)
     # an error that is no number does not pass either
     if not error <= CRITERIA.energy:
         remedy = f"use steps_per_period={4 * sweep.steps}"
-        return INCOMPLETE, f"the time steps change its energy by {percent(error)}; {remedy}"
-    return COMPLETE, ""
+        wrong_energy = f"the time steps change its energy by {percent(error)}; {remedy}"
+        return INCOMPLETE, "; ".join(filter(None, [missing, wrong_energy]))
+    return (INCOMPLETE, missing) if missing else (COMPLETE, "")
 
 
 def _start(problem: Problem, preload: float, first: float) -> tuple[NDArray, float]:
@@ -274,8 +288,15 @@ def _start(problem: Problem, preload: float, first: float) -> tuple[NDArray, flo
 
 def _integrated(
     transient: Transient, ends: tuple[float, float], settling: int, turns: int, progress: bool
-) -> Transient:
-    """Let the motion settle at the first frequency, then sweep; return the sweep."""
+) -> tuple[Transient, str]:
+    """Let the motion settle at the first frequency, then sweep.
+
+    Returns
+    -------
+    sweep : Transient
+    spent : str
+        That the processor time is spent, or "".
+    """
     first = TWO_PI * ends[0]
     last = TWO_PI * ends[1]
     periods = settling + turns
@@ -286,7 +307,10 @@ def _integrated(
         progress_counter(progress, periods, 0, "time integration", "period") as count,
     ):
         transient.omega = first
-        transient.sweep(first, settling, count)
-        sweep = Transient(transient.ring, first, transient.motion, transient.steps)
-        sweep.sweep(last, turns, count)
-    return sweep
+        try:
+            transient.sweep(first, settling, count)
+            sweep = Transient(transient.ring, first, transient.motion, transient.steps)
+            sweep.sweep(last, turns, count)
+        except TimeSpent as spent:
+            return sweep, str(spent)
+    return sweep, ""

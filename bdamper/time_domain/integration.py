@@ -26,6 +26,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from math import gcd
 from threading import Lock
@@ -102,7 +103,7 @@ TIME_SPENT = 8
 
 
 class TimeLimit:
-    """Processor time (s) of the integrations of one result, on all threads.
+    """Processor time (s) of the integrations of one result and of their equations, on all threads.
 
     Parameters
     ----------
@@ -131,6 +132,20 @@ class TimeLimit:
         """Subtract seconds that were spent."""
         with self._counting:
             self._left -= seconds
+
+    @contextmanager
+    def counted(self) -> Iterator[None]:
+        """Subtract the processor time of the work inside, on this thread."""
+        started = time.thread_time()
+        try:
+            yield
+        finally:
+            self.take(time.thread_time() - started)
+
+    @property
+    def remedy(self) -> str:
+        """Advice to a user if the time is spent."""
+        return f"raise seconds, {self.seconds:g} now"
 
 
 class Motion(NamedTuple):
@@ -908,7 +923,9 @@ def _sampling(problem: Problem, highest: int) -> str | AFT:
     return AFT(8 * highest + 128)
 
 
-def ring_of(problem: Problem, preload: float, blades: int | None = None) -> Ring:
+def ring_of(
+    problem: Problem, preload: float, blades: int | None = None, limit: TimeLimit | None = None
+) -> Ring:
     """Return the equations of motion of all sectors at a preload (N).
 
     They have every nodal diameter of the model.
@@ -920,6 +937,8 @@ def ring_of(problem: Problem, preload: float, blades: int | None = None) -> Ring
     blades : int, optional
         Number of blades of the ring; by default the smallest number after which the excitation
         repeats.
+    limit : TimeLimit, optional
+        Processor time of the ring and its integrations.
 
     Raises
     ------
@@ -928,6 +947,15 @@ def ring_of(problem: Problem, preload: float, blades: int | None = None) -> Ring
         multiple of the period of the excitation, if the model lacks nodal diameters of the ring, or
         if the response is absolute.
     """
+    if limit is None:
+        return _unlimited_ring(problem, preload, blades)
+    with limit.counted():
+        ring = _unlimited_ring(problem, preload, blades)
+    ring.limit = limit
+    return ring
+
+
+def _unlimited_ring(problem: Problem, preload: float, blades: int | None) -> Ring:
     is_relative = not problem.settings.response_location.absolute
     expected = "a response relative to the base"
     found = "an absolute one; integrate study.replace(response=bd.Response(location, direction))"

@@ -96,7 +96,7 @@ RIGID_BEYOND = 3.0
 is rigid in time.
 """
 SECONDS = 300.0
-"""Processor time of the integrations of one response, about three times that of the longest of the
+"""Processor time of one result in time, about three times that of the longest response of the
 shipped studies.
 """
 VECTORS = 24
@@ -265,7 +265,8 @@ def time_response(
     watch = CostMeter()
     balance = BalanceCurve(result)
     preload = result.preload
-    structure, text = structure_in_time(problem, result.peak.frequency)
+    with limit.counted():
+        structure, text = structure_in_time(problem, result.peak.frequency)
     without_amplitude = TimeResponse(
         mean=np.nan,
         lowest=np.nan,
@@ -280,9 +281,8 @@ def time_response(
         why = "next to the tip there are several solutions at all frequencies; widen the interval"
         return replace(without_amplitude, status=NOT_FOUND, reason=why)
 
-    source = ring_of(problem, preload, blades)
-    ring = source if structure is problem else ring_of(structure, preload, blades)
-    ring.limit = limit
+    source = ring_of(problem, preload, blades, limit)
+    ring = source if structure is problem else ring_of(structure, preload, blades, limit)
     progress = shows_progress(progress)
     search = SteadySearch(ring, source, balance, steps)
     integrations = _integrate(search, structure, preload, blades, starts, progress)
@@ -373,8 +373,8 @@ def _integrate(
                 structure_and_name = richer_structure(structure)
                 if structure_and_name is not None:
                     richer_problem, name = structure_and_name
-                    richer = _RicherRing(name, ring_of(richer_problem, preload, blades))
-                    richer.ring.limit = search.ring.limit
+                    of_richer = ring_of(richer_problem, preload, blades, search.ring.limit)
+                    richer = _RicherRing(name, of_richer)
                 _add_refinements(search, best, richer, starts, runs, others)
         except TimeSpent as spent:
             time_spent = str(spent)
@@ -605,8 +605,7 @@ def _after_limit(integrations: _Integrations) -> str:
         missing = "before the search for the highest motion ended"
     else:
         missing = "before all refinements ended"
-    remedy = f"raise seconds, {limit.seconds:g} now"
-    return f"{integrations.time_spent} {missing}; {remedy}"
+    return f"{integrations.time_spent} {missing}; {limit.remedy}"
 
 
 def _ending(status: str, reason: str, interrupted: bool) -> Ending:
@@ -771,16 +770,20 @@ def compare_with_solution(
     IntegrationFailed
         If the time integration fails.
     """
-    expected_amplitude = float(abs(expected[1]))
 
-    def verdict_so_far() -> Verdict:
-        return judged(transient.amplitude, expected_amplitude, tolerance, transient.memory)
+    def is_decided() -> bool:
+        return _verdict_so_far(transient, expected, tolerance).verdict != UNDECIDED
 
-    interrupted = transient.run(periods, progress, lambda: verdict_so_far().verdict != UNDECIDED)
+    interrupted = transient.run(periods, progress, is_decided)
     # without a single period there is no result to keep
     if not transient.harmonics:
         raise KeyboardInterrupt
-    return verdict_so_far(), interrupted
+    return _verdict_so_far(transient, expected, tolerance), interrupted
+
+
+def _verdict_so_far(transient: Transient, expected: NDArray, tolerance: float) -> Verdict:
+    """Return the verdict on the periods that are known."""
+    return judged(transient.amplitude, float(abs(expected[1])), tolerance, transient.memory)
 
 
 @dataclass(frozen=True)
@@ -795,12 +798,20 @@ class _MotionRun:
         Fields of the result on the decision, empty without one.
     amplitude : (n,) float, m
         Amplitudes that the result states.
+    time_spent : bool
+        Whether the limit of the processor time ended it.
     """
 
     transient: Transient
     end: Ending
     decision: dict[str, Any]
     amplitude: NDArray
+    time_spent: bool = False
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the user or the limit of the processor time ended it."""
+        return self.end.status == INTERRUPTED or self.time_spent
 
 
 @one_thread
@@ -813,6 +824,7 @@ def motion_in_time(
     periods: int | None = None,
     tolerance: float = CRITERIA.tolerance,
     steps_per_period: int | None = None,
+    seconds: float = SECONDS,
     progress: bool | None = None,
 ) -> MotionInTime:
     """See :meth:`bdamper.Study.motion_in_time`."""
@@ -821,6 +833,7 @@ def motion_in_time(
         len(curve), "curve", "a curve with points", f"no points ({curve.status_text})"
     )
     tolerance = validation.number("tolerance", tolerance, above=0.0, most=1.0)
+    limit = TimeLimit(validation.number("seconds", seconds, above=0.0, unit="s"))
     progress = shows_progress(progress)
     # at a frequency of the user the motion is not compared with a solution
     free = frequency is not None
@@ -848,7 +861,7 @@ def motion_in_time(
         steps = steps_per_period
 
     watch = CostMeter()
-    ring = ring_of(problem, curve.preload)
+    ring = ring_of(problem, curve.preload, limit=limit)
     solution = curve.unknowns[point]
     expected = problem.system(curve.preload).response(solution)
     omega = TWO_PI * frequency
@@ -866,15 +879,17 @@ def motion_in_time(
     except IntegrationFailed as failed:
         error = str(failed)
     # shorter steps resolve the contacts better, so the motion begins again
-    if run is None or (error and run.end.status != INTERRUPTED):
+    if run is None or (error and not run.stopped):
         run = with_steps(4 * steps)
         error = step_error(run.transient)
-        if error and run.end.status != INTERRUPTED:
+        if error and not run.stopped:
             raise EnergyGained(f"time integration at {frequency:.6g} Hz: {error}")
     amplitude = run.amplitude
     response = run.transient.response
     fields_of_blades = of_blades(run.transient, len(amplitude))
     end = _with_energy(run, fields_of_blades["energy"])
+    if error and run.time_spent:
+        end = Ending(INCOMPLETE, f"{end.reason}; {error}")
     return MotionInTime(
         mean=float(amplitude.mean()),
         lowest=float(amplitude.min()),
@@ -924,27 +939,59 @@ def _with_energy(run: _MotionRun, energy: tuple[float, ...]) -> Ending:
 
 def _without_decision(transient: Transient, periods: int, progress: bool) -> _MotionRun:
     """Integrate a number of periods; the result is incomplete while the mean changes."""
-    interrupted = transient.run(periods, progress)
+    interrupted = False
+    time_spent = ""
+    try:
+        interrupted = transient.run(periods, progress)
+    except TimeSpent as spent:
+        time_spent = _spent_after(transient, spent, CRITERIA.look)
     # fewer periods do not show whether the mean changes
     if interrupted and len(transient.harmonics) < CRITERIA.look:
         raise KeyboardInterrupt
     change = to_come(transient.amplitude, transient.memory)
     if interrupted:
         end = Ending(INTERRUPTED)
+    elif time_spent:
+        end = Ending(INCOMPLETE, time_spent)
     elif abs(change) > CRITERIA.drift:
         percentage = f"{100.0 * change:+.2g} %"
         reason = f"the mean changes by another {percentage} by estimate; use more periods"
         end = Ending(INCOMPLETE, reason)
     else:
         end = Ending()
-    return _MotionRun(transient, end, {}, second_half(transient.amplitude))
+    stated = second_half(transient.amplitude)
+    return _MotionRun(transient, end, {}, stated, time_spent=bool(time_spent))
+
+
+def _spent_after(transient: Transient, spent: TimeSpent, fewest: int) -> str:
+    """Return after how many periods the processor time was spent, with a remedy.
+
+    Raises
+    ------
+    TimeSpent
+        If fewer than ``fewest`` periods are known, which are no result.
+    """
+    n = len(transient.harmonics)
+    limit = transient.ring.limit
+    remedy = "" if limit is None else limit.remedy
+    if n < fewest:
+        raise TimeSpent(f"{spent} before {counted(fewest, 'period')} ended; {remedy}")
+    return f"{spent} after {counted(n, 'period')}; {remedy}"
 
 
 def _with_decision(
     transient: Transient, expected: NDArray, tolerance: float, periods: int, progress: bool
 ) -> _MotionRun:
     """Integrate until it is decided whether the response remains ``expected``."""
-    verdict, interrupted = compare_with_solution(transient, expected, tolerance, periods, progress)
+    interrupted = False
+    time_spent = ""
+    try:
+        verdict, interrupted = compare_with_solution(
+            transient, expected, tolerance, periods, progress
+        )
+    except TimeSpent as spent:
+        time_spent = _spent_after(transient, spent, 1)
+        verdict = _verdict_so_far(transient, expected, tolerance)
     # without the mean, which does not vibrate
     difference = (transient.response[-1] - expected)[1:]
     apart = float(np.linalg.norm(difference))
@@ -960,6 +1007,9 @@ def _with_decision(
         "distance": apart / max(size, 1e-300),
         "verdict": verdict.verdict,
     }
-    return _MotionRun(
-        transient, Ending(status, verdict.reason), decision, transient.amplitude[-verdict.periods :]
-    )
+    reason = verdict.reason
+    if time_spent and status == INCOMPLETE:
+        reason = f"{reason}; {time_spent}"
+    stated = transient.amplitude[-verdict.periods :]
+    end = Ending(status, reason)
+    return _MotionRun(transient, end, decision, stated, time_spent=bool(time_spent))

@@ -7,9 +7,9 @@ import pytest
 
 import bdamper as bd
 from bdamper.time_domain import frequency_sweep
-from bdamper.time_domain.integration import IntegrationFailed
+from bdamper.time_domain.integration import IntegrationFailed, TimeSpent
 from bdamper.time_domain.transient import CRITERIA
-from tests.integrations import fails_after, interrupted_at
+from tests.integrations import fails_after, interrupted_at, spent_at
 
 F0, ZETA = 10.0, 0.01
 W0 = 2.0 * np.pi * F0
@@ -111,6 +111,23 @@ def test_periods_before_an_interruption_are_the_result(linear, monkeypatch):
     interrupted_at(monkeypatch, 1)
     with pytest.raises(KeyboardInterrupt):
         linear.frequency_sweep(0.0, BAND)
+
+
+def test_periods_before_the_processor_time_is_spent_are_the_result(linear, monkeypatch):
+    whole = linear.frequency_sweep(0.0, BAND)
+    settling = -(-round(frequency_sweep.SETTLING * whole.memory * BAND[0]) // CRITERIA.look)
+    spent_at(monkeypatch, settling + 3)
+    found = linear.frequency_sweep(0.0, BAND, seconds=1000.0)
+    monkeypatch.undo()
+    assert (found.status, len(found)) == ("incomplete", 3 * CRITERIA.look)
+    turns = f"after {len(found)} of {len(whole)} turns"
+    spent = "the 1000 s of processor time are spent"
+    assert found.reason == f"{spent} {turns}; raise seconds, 1000 now"
+    np.testing.assert_array_equal(found.harmonics, whole.harmonics[: len(found)])
+
+    spent_at(monkeypatch, 1)
+    with pytest.raises(TimeSpent, match=f"{spent} before the sweep began; raise seconds, 1000 now"):
+        linear.frequency_sweep(0.0, BAND, seconds=1000.0)
 
 
 def test_an_integration_that_fails_is_no_sweep(linear, monkeypatch):

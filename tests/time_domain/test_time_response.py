@@ -11,7 +11,14 @@ import bdamper as bd
 from bdamper.contact.residual_flexibility import RESIDUAL
 from bdamper.response.events import ContinuationOptions
 from bdamper.time_domain import time_response
-from bdamper.time_domain.integration import Ring, TimeLimit, every_diameter, ring_of, transfer
+from bdamper.time_domain.integration import (
+    Ring,
+    TimeLimit,
+    TimeSpent,
+    every_diameter,
+    ring_of,
+    transfer,
+)
 from bdamper.time_domain.steady_amplitude import BalanceCurve, SteadySearch
 from bdamper.time_domain.time_response import (
     VECTORS,
@@ -22,7 +29,7 @@ from bdamper.time_domain.time_response import (
 from bdamper.time_domain.transient import SteadyPoint
 from bdamper.util.formatting import amount
 from tests.each import each
-from tests.integrations import fails_after, interrupted_at
+from tests.integrations import fails_after, interrupted_at, spent_at
 from tests.printed import said
 from tests.time_domain import plain_transient
 from tests.time_domain.test_frequency_sweep import F0, W0, one_mass
@@ -397,11 +404,15 @@ def test_an_interruption_leaves_the_highest_motion_so_far(bent, monkeypatch):
 
 @each(("call", "status", "missing"), [
     (2, "not found", "before a motion settled"),
-    (50, "incomplete", "before the search for the highest motion ended"),
-    (107, "incomplete", "before all refinements ended"),
+    (4, "not found", "before a motion settled"),
+    (52, "incomplete", "before the search for the highest motion ended"),
+    (109, "incomplete", "before all refinements ended"),
 ])  # fmt: skip
 def test_a_spent_processor_time_leaves_what_was_computed(bent, monkeypatch, call, status, missing):
-    """It is spent with one integration of a ring, and no other follows, not even in the richer structure."""
+    """It is spent with the equations or with one integration, and no integration follows, not even in the richer structure.
+
+    The first two calls are those for the modes and for the equations.
+    """
     study, curve = bent
     own, done = TimeLimit.take, itertools.count(1)
 
@@ -416,6 +427,37 @@ def test_a_spent_processor_time_leaves_what_was_computed(bent, monkeypatch, call
     assert f"the 1000 s of processor time are spent {missing}; {remedy}" in found.reason
     known = status == "incomplete"
     assert np.isfinite([found.mean, found.lowest, found.highest]).all() == known
+
+
+def test_a_motion_after_the_processor_time_has_the_periods_until_then(bent, monkeypatch):
+    study, curve = bent
+    whole = study.motion_in_time(curve)
+    assert whole.status == "complete" and len(whole.harmonics) > 60
+    spent = "the 1000 s of processor time are spent after 60 periods; raise seconds, 1000 now"
+    spent_at(monkeypatch, 60)
+    found = study.motion_in_time(curve, seconds=1000.0)
+    monkeypatch.undo()
+    assert (found.status, found.verdict, len(found.harmonics)) == ("incomplete", "undecided", 60)
+    assert found.reason.endswith(spent)
+    np.testing.assert_array_equal(found.harmonics, whole.harmonics[:60])
+
+    spent_at(monkeypatch, 60)
+    free = study.motion_in_time(curve, frequency=float(curve.peak.frequency), seconds=1000.0)
+    monkeypatch.undo()
+    assert (free.status, free.reason, len(free.harmonics)) == ("incomplete", spent, 60)
+
+    for call, asked in ((0, {}), (15, {"frequency": float(curve.peak.frequency)})):
+        spent_at(monkeypatch, call)
+        with pytest.raises(TimeSpent, match=r"spent before \d+ periods? ended; raise seconds"):
+            study.motion_in_time(curve, seconds=1000.0, **asked)
+        monkeypatch.undo()
+
+
+def test_the_equations_of_all_sectors_count(bent):
+    study, _ = bent
+    limit = TimeLimit(100.0)
+    ring = ring_of(study.problem, 0.0, limit=limit)
+    assert ring.limit is limit and limit.left() < 100.0
 
 
 def test_a_part_of_a_curve_gives_a_lower_bound(bent):
