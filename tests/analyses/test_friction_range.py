@@ -141,7 +141,8 @@ def test_the_remedy_is_the_nearest_tolerant_preload(monkeypatch):
     class Law(robust_optimum.SteadyPeak):
         def __call__(self, problem, preload):
             size = 1.0 if problem.settings.friction_coefficient / MU * preload >= limit else 9.0
-            return {"amplitude": size, "known": True, "search": "complete", "cost": curve.cost}
+            ending = {"search_status": "complete", "search_reason": ""}
+            return {"amplitude": size, "known": True, "cost": curve.cost, **ending}
 
     monkeypatch.setattr(robust_optimum, "SteadyPeak", Law)
     flat = replace(

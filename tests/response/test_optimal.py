@@ -487,7 +487,7 @@ def test_a_robust_optimum_follows_peaks_to_its_lowest_preload(study):
     single = study.peak(25.0, INTERVAL)
     assert "followed from" in single.reason
     lowest = SteadyPeak(frequency=INTERVAL, lowest=25.0)(study, 25.0)
-    assert not lowest["known"] and lowest["search"] == single.status_text
+    assert not lowest["known"] and lowest["search_status"] == single.status
     assert lowest["amplitude"] == pytest.approx(single.lower_bound, rel=1e-8)
     within = SteadyPeak(frequency=INTERVAL, lowest=20.0)(study, 25.0)
     assert within["known"] and within["amplitude"] < 0.5 * lowest["amplitude"]
