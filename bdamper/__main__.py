@@ -19,6 +19,10 @@ import bdamper as bd
 from bdamper.fatigue.criteria import Material
 from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimum_checks import known_in_time
+from bdamper.util.display import ALL_VALUES
+
+OPTION_FOR_ALL_VALUES = "All values: --details"
+"""The same remark for the command line."""
 
 
 def import_decks(given: argparse.Namespace) -> None:
@@ -140,7 +144,7 @@ def margin(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
         try:
             response = study.time_response(peak, progress=not given.quiet)
         except bd.BdamperError as error:
-            print(f"bdamper: no amplitude in time: {error}", file=sys.stderr)
+            print(f"bdamper: no amplitude by time integration: {error}", file=sys.stderr)
     print(response or peak)
     if response is not None and not known_in_time(response):
         response = None
@@ -289,7 +293,7 @@ def _add_question_options(questions: Mapping[str, argparse.ArgumentParser]) -> N
             **TWO_NUMBERS,
         )
     for name in ("margin", "optimum"):
-        text = "check in time (an optimum: and more), at several times the cost; the default"
+        text = "check by time integration (an optimum: and more), at several times the cost; the default"
         questions[name].add_argument(
             "--check", action=argparse.BooleanOptionalAction, default=True, help=text
         )
@@ -442,7 +446,7 @@ def answer(given: argparse.Namespace) -> int:
         return 0
     model = bd.reference_model("turbine_blade") if given.demo else bd.load_model(given.model)
     if given.command == "info":
-        print(str(model).replace("summary() has", "--details has"))
+        print(str(model).replace(ALL_VALUES, OPTION_FOR_ALL_VALUES))
         _write_picture(model, given.png)
         return 0
 
@@ -454,7 +458,7 @@ def answer(given: argparse.Namespace) -> int:
     if given.details:
         print(result.summary())
     else:
-        print(str(result).replace("summary() has", "--details has"))
+        print(str(result).replace(ALL_VALUES, OPTION_FOR_ALL_VALUES))
     # files are written last, because the disk can be full
     if given.csv:
         result.to_csv(given.csv)

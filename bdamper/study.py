@@ -218,10 +218,8 @@ class Study(Comparable):
 
     @property
     def stiffness_report(self) -> str:
-        """Range of the contact stiffness, and use of fallback rules, for each interface."""
-        lines = [report(name, contact) for name, contact in self.problem.stiffness.items()]
-        lines.append(self.problem.contact.note)
-        return "\n".join(line for line in lines if line)
+        """Table of the contact stiffness of each interface, with the number of fallback values."""
+        return report(self.problem.stiffness, self.problem.contact.note).text
 
     def replace(self, /, **settings: Any) -> Study:
         """Return a copy of the study with some settings changed, given by name.
@@ -335,9 +333,9 @@ class Study(Comparable):
             Fact("beside it", "; ".join(self._force_text(force) for force in excitation.beside)),
             Fact("engine order", int(settings.engine_order)),
             Fact("response", settings.response_location.shown),
-            Fact("harmonics", " ".join(str(number) for number in settings.harmonic_numbers)),
+            Fact("harmonics", ", ".join(str(number) for number in settings.harmonic_numbers)),
             Fact("friction coefficient", friction or "none"),
-            Fact("contact stiffness", text_of(self.problem.stiffness_method)),
+            Fact("contact stiffness", self._stiffness_text()),
             Fact("contact points", coupling.n_points),
             Fact("modes", n_modes, f"({', '.join(self._retained_modes())})"),
             Fact("modal damping ratio", self.problem.damping_text),
@@ -346,6 +344,11 @@ class Study(Comparable):
             *self._changed_settings(),
             Fact("neglected", neglected),
         )
+
+    def _stiffness_text(self) -> str:
+        """Return the method of the contact stiffness; values of the user are not printed."""
+        method = self.problem.stiffness_method
+        return "given by the user" if isinstance(method, Mapping) else text_of(method)
 
     def _model_text(self) -> str:
         model = self.settings.model
@@ -1530,7 +1533,7 @@ class Study(Comparable):
         """Preload (N) of a study at a rotor speed (:meth:`at_speed`): mass times radius times speed squared."""
         if self.settings.speed is None:
             raise SettingError(
-                "preload: expected a study at a rotor speed, study.at_speed(omega), found none"
+                "preload: this study has no rotor speed; use study.at_speed(omega).preload"
             )
         return rotor_speed.preload_at(self.problem, self.settings.speed)
 
@@ -1717,7 +1720,7 @@ def load_study(path: FilePath, model: Model | None = None) -> Study:
     if model is None:
         model = stored_model
     if model is None:
-        raise BdamperError(f"{path}: expected the model with hash {digest}, found none")
+        raise BdamperError(f"{path}: the file contains no model; give the one with hash {digest}")
     # the hash belongs to the model at the speed of the study
     if model.hash != digest and settings.get("speed"):
         model = model.at_speed(settings["speed"])

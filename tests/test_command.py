@@ -101,8 +101,9 @@ def test_a_margin_without_an_amplitude_in_time(capsys, monkeypatch):
     monkeypatch.setattr(bd.Study, "time_response", lost)
     assert main(["margin", "--demo", "--harmonics=1", "--quiet", *QUICK["margin"]]) == 0
     out, err = capsys.readouterr()
-    assert "bdamper: no amplitude in time: why\n" in err and "harmonic balance alone" in " ".join(
-        out.split()
+    assert (
+        "bdamper: no amplitude by time integration: why\n" in err
+        and "harmonic balance alone" in " ".join(out.split())
     )
 
 
@@ -196,10 +197,10 @@ def test_doubts_and_details(capsys, tmp_path):
     ]
     assert main(["response", "--demo", *asked]) == 0
     out, err = capsys.readouterr()
-    assert "--details has all values" in out and "summary()" not in out
+    assert "All values: --details" in out and "summary()" not in out
     assert (
         err.startswith("bdamper: frequency: plausible an interval in Hz")
-        and "radians per second suspected\n" in err
+        and "possibly given in radians per second\n" in err
     )
     assert main(["response", "--demo", *asked, "--details"]) == 0
     (residual,) = (

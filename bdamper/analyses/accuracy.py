@@ -421,7 +421,7 @@ Solver = Callable[[Any, float, tuple[float, float]], ResponseCurve | Peak | tupl
 It returns a response curve, a peak, or amplitude (m) and frequency (Hz), not finite if no peak was
 found. It may raise a BdamperError.
 """
-RICHEST = "richest"
+RICHEST = "most detailed"
 """Name of the most detailed run."""
 COMBINED = "combination"
 """Name of runs in which several settings differ from the most detailed run.
@@ -460,7 +460,7 @@ class Run:
     Parameters
     ----------
     part : str
-        "richest", "combination", or the name of the only setting that differs from the most
+        "most detailed", "combination", or the name of the only setting that differs from the most
         detailed run.
     values : tuple of str
         Values of the varied settings.
@@ -643,16 +643,15 @@ class AccuracyCost(Result, Plottable, Tabular, Storable, kind="bdamper-accuracy"
         best = self.recommended
         tolerance = percent(self.tolerance)
         if not np.isfinite(self.uncertainty):
-            return f"It is not known which settings meet {tolerance}."
+            return f"Not known which settings have an error within {tolerance}."
         if not self.reached:
-            return f"Not reached: {tolerance}."
+            return f"Not reached: an error within {tolerance}."
         if best is self.richest:
-            return f"Only the most detailed settings meet {tolerance}."
+            return f"Only the most detailed settings have an error within {tolerance}."
         ratio = best.seconds / self.richest.seconds
-        return (
-            f"For {tolerance}: {_text(self.varied, best.values)}, error "
-            f"{percent(self.error(best))} in {ratio:.2g} of the time of the most detailed settings."
-        )
+        settings = f"Cheapest settings within {tolerance}: {_text(self.varied, best.values)}"
+        error = f"error {percent(self.error(best))}"
+        return f"{settings}; {error}, {ratio:.2g} times the time of the most detailed settings."
 
     def _reference_text(self) -> str:
         """Return a sentence on the error of the most detailed settings, with its sources."""

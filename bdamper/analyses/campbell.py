@@ -336,7 +336,7 @@ def run_up(
         reason = family.limits_text(low, high, mode)
         if line is not None:
             reason += f"; {line[1]._headline()}"
-        raise BdamperError(f"run-up: expected a maximum of mode {mode}, found none: {reason}")
+        raise BdamperError(f"run-up: mode {mode} has no maximum: {reason}")
     equations, curve, _ = line
     near, _, top, error, last_error = refined(family, equations, highest.peak, meter)
     if error > CLOSE:

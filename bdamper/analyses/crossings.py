@@ -224,23 +224,30 @@ class Crossings(SweepResult, kind="bdamper-crossings"):
             return Statement([f"No crossing: {'; '.join(dict.fromkeys(reasons))}"])
         highest = self._highest_by_mass()
         best = "Highest crossing"
+        at_end = False
         among = np.full(len(self), True)
         rows = []
         if len(highest) > 1:
             mass = min(highest, key=lambda mass: highest[mass])
             among = self.points[MASS] == mass
-            best = f"Best damper mass factor {mass:g}: highest crossing"
+            masses = np.unique(self.points[MASS])
+            at_end = mass in (masses[0], masses[-1])
+            best = f"Lowest crossing peak with {mass:g} times the damper mass"
+            best += ", an end of the range:" if at_end else ":"
             others = [value for other, value in highest.items() if other != mass]
             reached = extent(min(others), max(others), "m")
-            rows.append(Row("Other masses", reached, "highest crossings"))
+            rows.append(Row("Other masses", reached, "highest crossing peak of each"))
         i = int(np.nanargmax(np.where(among, amplitude, np.nan)))
         top = row_of(self.values, i)
         peak = peak_text(top["amplitude"], top["frequency"])
-        verdict = f"{best} {peak}, {as_words(row_of(self.points, i))}"
+        point = dict(row_of(self.points, i))
+        if len(highest) > 1:
+            del point[MASS]
+        verdict = f"{best} {peak}, {as_words(point)}"
         speed = Row("Speed", f"{top['speed'] * RPM:.0f} rpm", f"{top['speed']:.5g} rad/s")
         rows = [speed, Row("Preload", amount(top["preload"], "N")), *rows]
         rows += self._margin_rows(among)
-        remarks = []
+        remarks = [f"Remedy: include {MASS} outside the range"] if at_end else []
         if top["warning"]:
             doubt = "Note" if top["kind"] == COMPLETE else "There may be a higher point"
             remarks.append(f"{doubt}: {top['warning']}")
@@ -299,7 +306,7 @@ class Crossings(SweepResult, kind="bdamper-crossings"):
             return []
         i = int(np.nanargmin(margins))
         place = as_words(row_of(self.points, i))
-        return [Row("Margin", f"{margins[i]:.3g}", f"least against fatigue, {place}")]
+        return [Row("Margin", f"{margins[i]:.3g}", f"smallest against fatigue, {place}")]
 
 
 def resonance_crossings(
@@ -322,7 +329,7 @@ def resonance_crossings(
     orders = validation.integers("engine_orders", engine_orders, least=1)
     factors = validation.numbers(MASS, damper_mass_factor, above=0.0)
     mode = validation.integer("mode", mode, least=1)
-    validation.check(orders, "engine_orders", "at least one", "none")
+    validation.check_sentence(orders, "engine_orders", "give at least one engine order")
     preload = preload_at(problem, float(values[-1]))
     if not problem.carries_load:
         raise SettingError(

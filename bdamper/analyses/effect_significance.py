@@ -158,8 +158,9 @@ class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-eff
         n_significant = n - len(self.negligible)
         left_out = ", ".join(self.negligible) or "none"
         rows = [
-            Row("Peak", percent(self.amplitude_change, True), f"without the others: {left_out}"),
-            Row("Work", f"{self.work:.2g} times", "that of all effects"),
+            Row("Significant effects only", percent(self.amplitude_change, True), "change in peak"),
+            Row("", f"{self.work:.2g}", "operations relative to all effects"),
+            Row("Negligible effects", left_out),
         ]
         verdict = f"{n_significant} of {n} effects are significant"
         subject = f"preload {amount(self.preload, 'N')}, tolerance {percent(self.tolerance)}"
@@ -169,7 +170,15 @@ class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-eff
     def _rows(self) -> list[tuple[str, ...]]:
         rows: list[tuple[str, ...]] = []
         rows.append(
-            ("without", "amplitude", "frequency", "may miss", "source", "work", "in the study")
+            (
+                "Without effect",
+                "Amplitude",
+                "Frequency",
+                "Error up to",
+                "Method",
+                "Work",
+                "In the study",
+            )
         )
         for effect in self.effects:
             state = f"{'on' if effect.on else 'off'}: {effect.verdict}"
@@ -187,7 +196,9 @@ class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-eff
             rows.append(row)
         amplitude = percent(self.amplitude_change, True)
         frequency = percent(self.frequency_change, True)
-        rows.append(("all left out", amplitude, frequency, "", "computed", f"{self.work:.2f}", ""))
+        rows.append(
+            ("all negligible", amplitude, frequency, "", "computed", f"{self.work:.2f}", "")
+        )
         return rows
 
 

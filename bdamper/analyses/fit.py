@@ -393,7 +393,8 @@ def fit(
     ranges, checked_priors = _checked(model, vary, priors or {})
     unloaded = None
     none_or_study = free is None or not callable(model)
-    validation.check(none_or_study, "free", "none for a function of all parameters", "one")
+    cannot = "it cannot be combined with a function of all parameters"
+    validation.check_sentence(none_or_study, "free", cannot)
     if free is not None:
         test = free if isinstance(free, MeasuredResponse) else MeasuredResponse(free, 0.0)
         free_ranges = {name: ranges.pop(name, ends) for name, ends in UNLOADED.items()}
@@ -422,8 +423,8 @@ def _check_stiffness(
     if any(isinstance(test, MeasuredResponse) and test.preload == 0.0 for test in tests):
         return
     raise SettingError(
-        f"vary: frequency_factor and {contact[0]} need a test without load (free=), found none: a "
-        "stiffer contact and a stiffer structure have the same resonances"
+        f"vary: frequency_factor and {contact[0]} need a test without load (free=), because "
+        "a stiffer contact and a stiffer structure have the same resonances"
     )
 
 

@@ -206,19 +206,19 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
             self,
             low=np.minimum(self.low / ratio, richer.low),
             high=np.maximum(self.high * ratio, richer.high),
-            notes=(*self.notes, f"intervals reach a fit with {richer._settings_text()}"),
+            notes=(*self.notes, f"intervals include a fit with {richer._settings_text()}"),
         )
 
     def _settings_text(self) -> str:
         """Return the settings of the fit that determine its parameters."""
         harmonics = " ".join(map(str, self.settings["harmonics"]))
-        points = self.settings["contact_points"] or "all of the model"
+        points = self.settings["contact_points"] or "all"
         stiffness = self.settings["contact_stiffness"]
         if not isinstance(stiffness, str):
             stiffness = "given"
         return (
-            f"harmonics {harmonics}, blade modes {self.settings['blade_modes']}, contact points "
-            f"{points}, contact stiffness {stiffness}"
+            f"harmonics {harmonics}, {self.settings['blade_modes']} blade modes, {points} contact "
+            f"points, contact stiffness {spaced(stiffness)}"
         )
 
     def columns(self) -> dict[str, Column]:
@@ -262,22 +262,22 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
         worst = int(np.argmax(misfits))
         size = f"{self.misfit:.2g} times the noise"
         if self.wrong:
-            verdict = sentence(self.wrong)
+            verdict = f"Not for design: {self.wrong}"
         elif model_is_wrong:
-            verdict = f"Misfit {size}: the model is wrong by more than the noise"
+            verdict = f"Not for design: the model misses the tests by {size}"
         else:
             verdict = f"Fitted to {size}"
-        finding = f"{size}, most in {self.tests[worst]} ({misfits[worst]:.2g})"
+        finding = f"{size}, largest for '{self.tests[worst]}' ({misfits[worst]:.2g})"
         checks = [Row("Misfit", "FAIL" if model_is_wrong else "pass", finding)]
         if np.isfinite(self.predictions).any():
             checks.append(Row("Prediction", "run", self._prediction_text()))
         remarks = [sentence(note) for note in self.notes if note.startswith("correlated")]
         if model_is_wrong:
             remarks.append(
-                "True constants may lie outside of the intervals: compare a fit with richer "
-                "settings (widen)"
+                "Remedy: fit again with more harmonics, modes and contact points (widen); the true "
+                "constants may lie outside the intervals"
             )
-        remarks.append(f"The constants belong to {self._settings_text()}, and to no other settings")
+        remarks.append(f"Valid only for {self._settings_text()}")
         if self.doubts:
             remarks.append(f"The fit is incomplete: {self.doubts}")
         return Statement([verdict], self._estimate_rows(), checks, remarks)

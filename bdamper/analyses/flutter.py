@@ -272,7 +272,11 @@ def _cycles(problem: Problem, mode: NonlinearMode, damping_ratio: float) -> list
         if solution.status == OK:
             y = solution.y
         else:
-            ending = Ending(INCOMPLETE, "between two points of the mode")
+            interpolated = (
+                "the limit cycle is interpolated between two points of the nonlinear mode, because "
+                "its equations did not converge"
+            )
+            ending = Ending(INCOMPLETE, interpolated)
         # damping that rises with the amplitude is stable
         stable = bool((total[i + 1] - total[i]) * (after[-1] - before[-1]) > 0.0)
         amplitude = float(system.structure.reference * np.exp(y[-1]))

@@ -52,7 +52,7 @@ from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable, Result, draw
 from bdamper.util.errors import COMPLETE, FAILED, ModelError, SettingError
-from bdamper.util.formatting import amount, peak_text, percent, short_repr
+from bdamper.util.formatting import amount, peak_text, percent, short_repr, without_rounding
 from bdamper.util.progress import one_thread
 from bdamper.util.records import named_fields
 from bdamper.util.statement import Row, Statement
@@ -289,12 +289,12 @@ class Hysteresis(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-h
         share = self.lost / self.excitation if self.excitation else float("nan")
         subject = peak_text(self.amplitude, self.frequency)
         rows = [
-            Row("Work of the excitation", amount(self.excitation, "J"), "in a period"),
-            Row("Modal damping", amount(self.damping, "J")),
-            Row("Contacts", amount(self.lost, "J"), f"{percent(share)} of the work"),
+            Row("Work of the excitation", self._energy_text(self.excitation), "per period"),
+            Row("Modal damping", self._energy_text(self.damping)),
+            Row("Contacts", self._energy_text(self.lost), f"{percent(share)} of the work"),
             *self._interface_rows(),
-            Row("Damping ratio", percent(self.damping_ratio), "equivalent, of the contacts"),
-            Row("Stiffness", amount(self.stiffness, "N/m"), "equivalent, of the contacts"),
+            Row("Equivalent damping ratio", percent(self.damping_ratio), "contacts only"),
+            Row("Equivalent stiffness", amount(self.stiffness, "N/m"), "contacts only"),
         ]
         verdict = f"The contacts dissipate {percent(share)} of the work of the excitation"
         return Statement([f"{verdict}: {subject}, preload {amount(self.preload, 'N')}"], rows)
@@ -303,7 +303,13 @@ class Hysteresis(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-h
         """Return the energy that each of several interfaces dissipates."""
         if len(self.by_interface) < 2:
             return []
-        return [Row(f"  {name}", amount(lost, "J")) for name, lost in self.by_interface.items()]
+        return [
+            Row(f"  {name}", self._energy_text(lost)) for name, lost in self.by_interface.items()
+        ]
+
+    def _energy_text(self, energy: float) -> str:
+        """Return an energy (J); one that is rounding error of the work is zero."""
+        return amount(without_rounding(energy, self.excitation), "J")
 
 
 def _solutions(problem: Problem, result: Solved) -> tuple[Solutions, NDArray]:
@@ -322,7 +328,8 @@ def _solutions(problem: Problem, result: Solved) -> tuple[Solutions, NDArray]:
     else:
         branch = np.zeros(1, int)
     solved = np.isfinite(solutions.frequency)
-    validation.check(solved.any(), "result", "solutions", f"none ({type(result).__name__})")
+    empty = f"this {type(result).__name__} has no converged solution"
+    validation.check_sentence(solved.any(), "result", empty)
     return Solutions(*(column[solved] for column in solutions)), branch[solved]
 
 

@@ -129,17 +129,22 @@ class FittedLoop(Result, Plottable):
     def _statement(self) -> Statement:
         kt, mu, spread, clearance = self.deviation
         rows = [
-            Row("Friction coefficient", f"{self.mu:.3g}", f"deviation {mu:.2g}"),
-            Row("Tangential stiffness", amount(self.kt, "N/m"), f"deviation {amount(kt, 'N/m')}"),
-            Row("Spread of the limits", f"{self.spread:.2g}", f"deviation {spread:.2g}"),
+            Row("Friction coefficient", f"{self.mu:.3g}", f"standard error {mu:.2g}"),
+            Row(
+                "Tangential stiffness",
+                amount(self.kt, "N/m"),
+                f"standard error {amount(kt, 'N/m')}",
+            ),
+            Row("Spread of the limits", f"{self.spread:.2g}", f"standard error {spread:.2g}"),
         ]
         if self.backlash:
-            deviation = f"deviation {amount(clearance, 'm')}"
+            deviation = f"standard error {amount(clearance, 'm')}"
             rows.append(Row("Backlash", amount(self.backlash, "m"), deviation))
-        rows.append(Row("Misfit", percent(self.misfit), "beyond the noise"))
-        verdict = "Contact law fitted to the measured loop"
+        rows.append(Row("Misfit", percent(self.misfit), "above the noise"))
+        found = f"friction coefficient {self.mu:.3g}, stiffness {amount(self.kt, 'N/m')}"
+        verdict = f"Fitted to {percent(self.misfit)} above the noise: {found}"
         if self.reason:
-            verdict = sentence(self.reason)
+            verdict = f"Not fitted: {self.reason}"
         return Statement([verdict], rows, remarks=[sentence(note) for note in self.notes])
 
 
@@ -215,9 +220,7 @@ def fit_loop(
     misfit = _misfit(fitted.residual, x, y, noise)
     reason = ""
     if misfit > POOR:
-        reason = (
-            f"the model does not describe this loop (misfit {percent(misfit)} beyond the noise)"
-        )
+        reason = f"the model does not describe this loop (misfit {percent(misfit)} above the noise)"
     return FittedLoop(
         kt=float(np.exp(p[0])),
         mu=float(np.exp(p[1])),

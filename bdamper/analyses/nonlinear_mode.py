@@ -745,7 +745,7 @@ def _ending(branch: _Branch, y: NDArray, correlation: NDArray, mode: int) -> tup
     if other_mode.any():
         first = y[int(np.argmax(other_mode))]
         reason += (
-            f"; beyond {place(first[-1])} the motion is no longer that of mode {mode}: it "
+            f"; above {place(first[-1])} the motion is no longer that of mode {mode}: it "
             "interacts with another mode"
         )
     # damping ratio above which the periodic motion does not represent a decaying one

@@ -170,8 +170,7 @@ class Refinement(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-r
     def _statement(self) -> Statement:
         peak = peak_text(self.peak.amplitude, self.peak.frequency)
         subject = f"peak {peak}, {preload_text(self.preload, self.settings)}"
-        sizes = f"estimated error {percent(self.error)}, tolerance {percent(self.tolerance)}"
-        reached = "Reached" if self.reached else "Not reached"
+        reached = "reached" if self.reached else "not reached"
         remarks = []
         if not self.reached:
             remarks.append(sentence(self.reason or self.status))
@@ -180,18 +179,19 @@ class Refinement(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-r
             if np.isfinite(self.needed_seconds):
                 seconds = f", in about {amount(self.needed_seconds, 's', 2)}"
             remarks.append(f"Needed: {self.needed}{seconds}")
-        remarks.append("Not covered: motion in time")
+        remarks.append("Not covered: time integration")
         unknown = [
             Row(item.source, "not estimated", item.against)
             for item in self.sources
             if not item.known
         ]
-        verdict = f"{reached}: {sizes}: {subject}"
+        tolerance = f"Tolerance of {percent(self.tolerance)} {reached}"
+        verdict = f"{tolerance}: estimated error {percent(self.error)}, {subject}"
         return Statement([verdict], [], unknown, remarks, self._step_table())
 
     def _step_table(self) -> list[tuple[str, ...]]:
         table: list[tuple[str, ...]] = [
-            ("Peak", "Frequency", "Error", "Largest", "Evaluations", "Time", "Study")
+            ("Peak", "Frequency", "Error", "Largest source", "Evaluations", "Time", "Settings")
         ]
         for step in self.steps:
             table.append(
@@ -202,7 +202,7 @@ class Refinement(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-r
                     step.largest,
                     str(step.evaluations),
                     amount(step.seconds, "s", 2),
-                    step.change or "as given",
+                    step.change or "initial",
                 )
             )
         return table

@@ -132,12 +132,13 @@ class MeasuredResponse(Summarised, validation.Checked):
         _ = self.data.displacement  # raises for an unknown unit
         if self.control != "phase":
             several = len(np.unique(self.data.frequency)) > 2
-            validation.check(several, name, "three frequencies or more", "fewer")
+            n = len(np.unique(self.data.frequency))
+            validation.check(several, name, "at least three frequencies", n)
         if self.control != "force":
             expected = f"a measured force at each point under {self.control} control"
-            validation.check(self._excitation_is_measured, name, expected, "none")
+            validation.check(self._excitation_is_measured, name, expected, "no measured force")
         one = self.force is None or self.base_acceleration is None
-        validation.check(one, name, "force or base_acceleration", "both")
+        validation.check_sentence(one, name, "give either force or base_acceleration, not both")
         # a nominal amplitude replaces the measured ones of one kind only
         kinds = {
             "force": (self.force, self.data.base_acceleration),
@@ -145,7 +146,8 @@ class MeasuredResponse(Summarised, validation.Checked):
         }
         for kind, (nominal, other_data) in kinds.items():
             fits = nominal is None or other_data is None
-            validation.check(fits, name, f"data without the other excitation for {kind}", "both")
+            conflict = f"{kind} cannot replace the other excitation, which the data contain"
+            validation.check_sentence(fits, name, conflict)
         least = min(self.data.frequency.min(), self.data.amplitude.min())
         validation.check(least > 0.0, name, "frequencies and amplitudes above 0", f"{least:g}")
 
@@ -997,7 +999,7 @@ def of_resonances(varied: Variations, data: Measured, noise: float) -> Separatio
     least = float(data.load[unloaded])
     source = data.source or "resonances"
     validation.check(
-        least == 0.0, source, "a row of load 0, the reference", f"{least:g} N as the least load"
+        least == 0.0, source, "a row of load 0 as reference", f"{least:g} N as the smallest load"
     )
     order = np.argsort(data.load)[-n:]
     # amplitude and frequency, relative to those without load

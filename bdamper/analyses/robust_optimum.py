@@ -159,14 +159,14 @@ def _draws_text(percentile: float, n: int) -> str:
     needed = _draws_needed(percentile)
     if np.isfinite(needed) and n >= needed:
         return f"{percentile:g} % of {draws}"
-    return f"all {draws}"
+    return "both draws" if n == 2 else f"all {draws}"
 
 
 def _too_few_text(percentile: float, n: int) -> str:
     """Return a remark if there are too few draws for a percentile, or ""."""
     needed = _draws_needed(percentile)
     if np.isfinite(needed) and n < needed:
-        return f" ({percentile:g} % needs {needed:g} draws)"
+        return f" (a {percentile:g} % statement needs {needed:g} draws)"
     return ""
 
 
@@ -223,6 +223,10 @@ def _invalid_draws(
     return reasons
 
 
+END_REMEDY = "Remedy: include preloads outside the range"
+"""Remark on a best preload at an end of the range."""
+
+
 @short_repr
 @dataclass(frozen=True)
 class RobustOptimum(Result):
@@ -264,17 +268,21 @@ class RobustOptimum(Result):
     failed: Mapping[int, str] = field(default_factory=dict)
 
     def _statement(self) -> Statement:
-        edge = ", an end of the range" if self.kind == "end" else ""
+        at_end = self.kind == "end"
+        edge = ", an end of the range" if at_end else ""
         draws = _draws_text(self.percentile, self.draws)
         too_few = _too_few_text(self.percentile, self.draws)
         at_most = f"{draws} reach at most {amount(self.amplitude, 'm')}{too_few}"
         verdict = f"Best preload {amount(self.preload, 'N')}{edge}: {at_most}"
-        rows = [Row("Preload known to", percent(self.uncertainty), "least of all preloads")]
+        half_width = "half-width of the last search interval"
+        rows = [Row("Uncertainty of the preload", f"± {percent(self.uncertainty)}", half_width)]
         remarks = [_failed_text(self.failed, self.draws + len(self.failed))]
         if not self.ok:
             remarks.append(f"The search is {self.status_text}")
         if self.warnings:
             remarks.append(f"{self.warnings} of the last peaks are lower bounds")
+        if at_end:
+            remarks.append(END_REMEDY)
         return Statement([verdict], rows, remarks=[text for text in remarks if text])
 
 
@@ -394,9 +402,11 @@ class OptimalCurveUncertainty(
         n_without_peak = int((~self._has_peak).any(axis=1).sum())
         if n_without_peak:
             draws_without = f"{n_without_peak} of {counted(n_counted, 'draw')}"
-            remarks.append(f"Infinite where they have no peak: {draws_without}")
+            remarks.append(
+                f"{draws_without} have no peak at some preloads; these count as infinite"
+            )
         median, high = self.percentile([50.0, 95.0])
-        table: list[tuple[str, ...]] = [("Preload", "Half at most", "95 % at most")]
+        table: list[tuple[str, ...]] = [("Preload", "Median", "95th percentile")]
         for values in zip(self.preload, median, high):
             table.append(tuple(amount(x, unit) for x, unit in zip(values, ("N", "m", "m"))))
         if not np.isfinite(high).any():
@@ -404,7 +414,11 @@ class OptimalCurveUncertainty(
             return Statement([verdict], remarks=remarks, table=table)
         best = int(np.argmin(high))
         at_most = f"{draws} reach at most {amount(high[best], 'm')}"
-        verdict = f"Best preload {amount(self.preload[best], 'N')}: {at_most}"
+        at_end = best in (0, len(self.preload) - 1)
+        edge = ", an end of the range" if at_end else ""
+        verdict = f"Best preload {amount(self.preload[best], 'N')}{edge}: {at_most}"
+        if at_end:
+            remarks.append(END_REMEDY)
         too_few = _too_few_text(95.0, n_counted)
         rows = [
             Row("Draws", str(n_counted), f"of {settings}{too_few}"),
@@ -871,7 +885,7 @@ def robust_optimum(
         reason = ""
         if n_lower:
             preloads_text = counted(n_lower, "preload")
-            reason = f"{preloads_text} without a peak in every draw could be lower"
+            reason = f"{preloads_text} whose peak was not found in every draw could be lower"
         optimum = RobustOptimum(
             preload=best,
             amplitude=amplitude,
@@ -899,8 +913,8 @@ AGREES = 0.02
 highest peak.
 """
 WHERE = {
-    "end": "at the end of the preloads with a value",
-    "unknown": "next to preloads without a value",
+    "end": "at the end of the preloads with an amplitude",
+    "unknown": "next to preloads without an amplitude",
 }
 """Status of the largest margin if it was not refined."""
 

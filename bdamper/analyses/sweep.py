@@ -244,9 +244,8 @@ class SweepResult(WithRowStatus, Plottable, Tabular, Recorded, Storable, kind="b
             len(cost),
         ]
         if len(set(counts)) > 1:
-            raise ValueError(
-                f"grid, points, values, status, reason, seconds and cost of {counts} points"
-            )
+            names = "grid, points, values, status, reason, seconds and cost"
+            raise ValueError(f"{names} differ in length: {', '.join(map(str, counts))}")
 
     @property
     def complete(self) -> bool:
@@ -341,9 +340,8 @@ class SweepResult(WithRowStatus, Plottable, Tabular, Recorded, Storable, kind="b
             different = list(dict.fromkeys(column))
             if len(different) != n:
                 raise SettingError(
-                    f"to_xarray of a sweep: expected each value of '{name}' once, "
-                    f"as coordinates are, found {n} values of which {len(different)} differ; "
-                    "to_pandas takes them all"
+                    f"to_xarray: the values of '{name}' must be distinct, because they become "
+                    f"coordinates; found {len(different)} distinct values among {n}; use to_pandas"
                 )
             grid[name] = different
         return grid
@@ -424,7 +422,22 @@ class SweepResult(WithRowStatus, Plottable, Tabular, Recorded, Storable, kind="b
         if highest != lowest:
             place = as_words(row_of(self.points, highest))
             rows.insert(0, Row("Highest", value_text(highest), place))
-        return Statement([verdict], rows, remarks=further, table=table)
+        return Statement([verdict], rows, remarks=[*further, *self._at_ends(lowest)], table=table)
+
+    def _at_ends(self, i: int) -> list[str]:
+        """Return a remark for each setting whose value at a point is an end of its range."""
+        remarks = []
+        for name in self.names:
+            values = self.points[name].tolist()
+            numbers = {value for value in values if isinstance(value, float | int)}
+            if len(numbers) < 2 or len(numbers) < len(set(map(repr, values))):
+                continue
+            if values[i] in (min(numbers), max(numbers)):
+                end = "lower" if values[i] == min(numbers) else "upper"
+                remarks.append(
+                    f"The lowest value is at the {end} end of the range of {spaced(name)}"
+                )
+        return remarks
 
 
 def as_words(point: Mapping[str, Any]) -> str:

@@ -290,8 +290,8 @@ class ContactLaw:
         validation.check_value(springs, "stick", expected, self.stick)
 
         unreserved = self.name not in SHIPPED or pointer.function is SHIPPED[self.name]
-        expected = f"none of {tuple(SHIPPED)}, the names of built-in laws"
-        validation.check_value(unreserved, "name", expected, self.name)
+        reserved = f"'{self.name}' is the name of a built-in law ({', '.join(SHIPPED)})"
+        validation.check_sentence(unreserved, "name", reserved)
 
         # the core knows which parameters its own laws accept
         no_memory = np.zeros(3 + self.n_state)

@@ -46,7 +46,7 @@ from bdamper.model.kinematics import Coupling
 from bdamper.util import validation
 from bdamper.util.display import Summarised
 from bdamper.util.errors import ModelError, SettingError, check
-from bdamper.util.formatting import amount, short_repr
+from bdamper.util.formatting import amount, extent, short_repr
 from bdamper.util.statement import Row, Statement
 
 TOLERANCE = 1e-12
@@ -460,19 +460,20 @@ class WedgeFriction(Summarised):
         subject = f"normal forces under {amount(self.load, 'N')}"
         remarks = ["Not covered: elasticity of the faces (study.static)"]
         if self.self_locking:
-            verdict = f"The wedge is self-locking, friction alone can hold it: {subject}"
+            verdict = f"Self-locking; friction alone can hold the wedge: {subject}"
             remarks.insert(
                 0,
                 "With tan(alpha) <= mu the normal force is not unique and may remain without load",
             )
         else:
-            verdict = f"The wedge slides out without load: {subject}"
+            verdict = f"Not self-locking; without load the wedge slides out: {subject}"
+            remarks.insert(0, "Within these limits, the normal force depends on the load history")
         rows = []
         for name, low, high, angle, mu in zip(
             self.interfaces, self.lowest, self.highest, self.angle, self.friction
         ):
-            force = f"{low:.6g} N or more" if np.isinf(high) else f"{low:.6g} to {high:.6g} N"
-            face = f"normal force; face at {np.degrees(angle):.4g} deg, friction {mu:g}"
+            force = f"{amount(low, 'N')} or more" if np.isinf(high) else extent(low, high, "N")
+            face = f"face at {np.degrees(angle):.4g} deg to the load, friction coefficient {mu:g}"
             rows.append(Row(name, force, face))
         return Statement([verdict], rows, remarks=remarks)
 
@@ -561,8 +562,8 @@ def wedge_friction(
             optimum = forces_in_balance(sign * normal_force, mu, G, force[rigid])
             if optimum.status == NO_EQUILIBRIUM:
                 raise SettingError(
-                    "wedge friction: expected contact forces in equilibrium with the load, "
-                    f"found none at '{name}' and the other faces"
+                    f"wedge friction: no contact forces at '{name}' and the other faces are in "
+                    "equilibrium with the load"
                 )
             bounded = optimum.status not in NO_BOUND
             bound[i] = sign * optimum.fun * load if bounded else np.inf

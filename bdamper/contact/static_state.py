@@ -830,7 +830,7 @@ class _LoadPath:
                 break
         if not end.ok:
             note = (
-                "static contact found no equilibrium beyond a load of "
+                "static contact has no equilibrium above a load of "
                 f"{self.state.load:.6g} N (residual {end.residual:.2g})"
             )
             self.state = replace(self.state, ok=False, reason=note)

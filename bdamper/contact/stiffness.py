@@ -45,7 +45,8 @@ from bdamper.model.kinematics import Coupling
 from bdamper.model.structure import ContactStiffness, Interface
 from bdamper.util import validation
 from bdamper.util.errors import SettingError, check
-from bdamper.util.formatting import short_repr
+from bdamper.util.formatting import counted, short_repr
+from bdamper.util.statement import Statement
 
 DIRECTIONS = ("t1", "t2", "n")
 """Names of the local directions of a contact point."""
@@ -107,20 +108,40 @@ class ContactModel:
     note: str = ""
 
 
-def report(interface: str, contact: ContactStiffness) -> str:
-    """Return the stiffness of an interface as text.
+def report(contacts: Mapping[str, ContactStiffness], note: str) -> Statement:
+    """Return the stiffness of the interfaces: median and range in each direction, in MN/m.
 
-    It has the range in each direction, and the number of points with a fallback value.
+    A fallback value replaces a point without a positive displacement.
     """
-    n_points = len(contact.stiffness)
-    n_fallback = np.zeros(3, int)
-    if contact.fallback is not None:
-        n_fallback = contact.fallback.sum(axis=0)
-    parts = []
-    for direction, k, n in zip(("t1", "t2", "n"), contact.stiffness.T, n_fallback):
-        span = f"{k.min():.3g}..{k.max():.3g}"
-        parts.append(f"{direction}: {np.median(k):.3g} ({span}), {n} of {n_points} fell back")
-    return f"{interface}, {contact.source}, N/m: " + "; ".join(parts)
+    table: list[tuple[str, ...]] = [
+        ("Interface", "Points", *DIRECTIONS, "Fallback values", "Method")
+    ]
+    n_fallback = 0
+    for name, contact in contacts.items():
+        fallback = np.zeros(contact.stiffness.shape, bool)
+        if contact.fallback is not None:
+            fallback = contact.fallback
+        n_fallback += int(fallback.sum())
+        values = [_median_and_range(k) for k in contact.stiffness.T]
+        by_direction = ", ".join(
+            f"{n} along {axis}" for n, axis in zip(fallback.sum(axis=0), DIRECTIONS) if n
+        )
+        n_points = str(len(contact.stiffness))
+        table.append((name, n_points, *values, by_direction, contact.source.replace("_", " ")))
+    if not n_fallback:
+        fallbacks = "no fallback values"
+    else:
+        fallbacks = counted(n_fallback, "fallback value")
+    verdict = f"Contact stiffness (MN/m), median and range: {fallbacks}"
+    return Statement([verdict], remarks=[note] if note else [], table=table)
+
+
+def _median_and_range(stiffness: NDArray) -> str:
+    """Return stiffnesses (N/m) in MN/m, for example "970 (708 to 1130)"."""
+    values = 1e-6 * stiffness
+    if np.ptp(values) <= 1e-6 * values.max():
+        return f"{values.max():.3g}"
+    return f"{np.median(values):.3g} ({values.min():.3g} to {values.max():.3g})"
 
 
 def contact_stiffness(

@@ -231,11 +231,11 @@ class HaighTable(validation.Checked):
             np.allclose(mean_0, mean_1, rtol=0.01)
             or np.allclose(mean_0 / amplitude_0, mean_1 / amplitude_1, rtol=0.01)
         )
-        expected = (
-            f"rows at the same mean stresses or stress ratios with the survival probabilities "
-            f"{known[upper - 1]:g} and {known[upper]:g} at {temperature:g} °C"
+        differ = (
+            f"the rows at {temperature:g} °C with the survival probabilities {known[upper - 1]:g} and "
+            f"{known[upper]:g} need the same mean stresses or stress ratios"
         )
-        validation.check(match, "Haigh table", expected, "others")
+        validation.check_sentence(match, "Haigh table", differ)
         quantiles = ndtri(known[upper - 1 : upper + 1])
         share = float((ndtri(probability) - quantiles[0]) / (quantiles[1] - quantiles[0]))
         means = (1.0 - share) * mean_0 + share * mean_1
@@ -273,8 +273,8 @@ class HaighTable(validation.Checked):
         known = self.temperatures
         span = f"{known[0]:g} to {known[-1]:g} °C"
         if temperature is None:
-            expected = f"that of the points, {span}"
-            validation.check(len(known) == 1, "temperature", expected, "none")
+            missing = f"give the temperature of the points, {span}"
+            validation.check_sentence(len(known) == 1, "temperature", missing)
             temperature = known[0]
         shape, of_points = np.shape(temperature), np.shape(mean)
         one_for_each = shape in ((), of_points) or of_points == ()
@@ -331,8 +331,8 @@ def at_points(
             # a name consists of the set, "node" or "point", and a number
             of_set = temperature.get(name.rsplit(" ", 2)[0])
             value = temperature.get(name, of_set)
-            expected = "a value for every point or its stress set"
-            validation.check(value is not None, "temperature", expected, f"none for '{name}'")
+            missing = f"the value for '{name}' or its stress set is missing"
+            validation.check_sentence(value is not None, "temperature", missing)
             values.append(value)
         return validation.numbers("temperature", values, len(names))
     if np.ndim(temperature) == 0:

@@ -212,16 +212,36 @@ class Margins(
             Row("Stress amplitude", amount(self.amplitude[i], "Pa"), str(self.rule)),
             Row("Mean stress", amount(self.mean[i], "Pa"), self.material.name),
         ]
-        alone = "the vibration is that of the harmonic balance alone"
-        checks = [
-            Row("Fatigue limit", "pass" if self.least >= 1.0 else "FAIL", "margin of 1 or more"),
-            Row("No yield", "FAIL" if self.yields else "pass", "in the first cycle"),
-            Row("Time integration", "run" if in_time else "not run", "" if in_time else alone),
-        ]
+        checks = [_fatigue_check(self.least), self._yield_check(), _time_check(in_time)]
         subject = about(self.settings, self.preload, amount(self.frequency, "Hz"))
         table, further = self._few_rows()
         remarks = [*further, *over_cycle.doubts(self.notes)]
+        if self.least < 1.0 or self.yields:
+            remarks.append(REMEDY)
         return Statement([f"{verdict}{subject}"], rows, checks, remarks, table)
+
+    def _yield_check(self) -> Row:
+        """Return the check of the largest stress of the first cycle."""
+        factor = float(np.where(self.counted, self.yield_factor, np.inf).min())
+        outcome = "FAIL" if self.yields else "pass"
+        return Row("Yield", outcome, f"factor {factor:.3g} in the first cycle, at least 1 required")
+
+
+def _fatigue_check(margin: float) -> Row:
+    """Return the check of the smallest margin."""
+    outcome = "pass" if margin >= 1.0 else "FAIL"
+    return Row("Fatigue", outcome, f"margin {margin:.3g}, at least 1 required")
+
+
+def _time_check(in_time: bool) -> Row:
+    """Return whether the vibration was confirmed by time integration."""
+    if in_time:
+        return Row("Time integration", "run", "")
+    return Row("Time integration", "not run", "the vibration is computed by harmonic balance")
+
+
+REMEDY = "Remedy: reduce the excitation or the stress, or choose a stronger material"
+"""Remark on a failed margin."""
 
 
 @short_repr
@@ -357,26 +377,31 @@ class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-
         if is_chosen:
             value, margin = best_value, best_margin
         point = self.names[self.critical[least]]
-        name = "largest" if is_chosen else "least"
+        name = "largest" if is_chosen else "smallest"
         text = f"{name} margin against fatigue {margin:.3g} at {amount(value, self.unit)}"
         if not is_chosen:
             text += f", {point}"
         failed = margin < 1.0 or any(margins.least < 1.0 for margins in self.in_time)
-        how = "by time integration, below" if self.in_time else "by harmonic balance alone"
         if is_chosen:
             place = f"at {amount(self.values[least], self.unit)}, {point}"
-            other = Row("Least margin", f"{self.margin[least]:.3g}", place)
+            other = Row("Smallest margin", f"{self.margin[least]:.3g}", place)
         else:
             other = Row("Largest margin", f"{best_margin:.3g}", amount(best_value, self.unit))
         rows = [other, *self._rows_in_time()]
         lowest = min([self.margin[least], *(margins.least for margins in self.in_time)])
-        checks = [
-            Row("Fatigue limit", "pass" if lowest >= 1.0 else "FAIL", "margin of 1 or more"),
-            Row("Time integration", "run" if self.in_time else "not run", how),
-        ]
+        checks = [_fatigue_check(lowest), _time_check(bool(self.in_time))]
         verdict = f"Not for design: {text}" if failed else sentence(text)
-        remarks = [*over_cycle.doubts(self.notes), f"{self.rule}; {self.material.name}"]
+        rows += [Row("Criterion", "", str(self.rule)), Row("Material", "", self.material.name)]
+        remarks = over_cycle.doubts(self.notes)
+        if lowest < 1.0:
+            remarks = [*remarks, self._remedy(failed)]
         return Statement([f"{verdict}{about(self.settings)}"], rows, checks, remarks)
+
+    def _remedy(self, failed: bool) -> str:
+        """Return the remedy if a margin is below 1; some values may be sufficient."""
+        if failed or self.over in ("frequency", "speed"):
+            return REMEDY
+        return f"Remedy: choose a {self.over} whose margin is at least 1"
 
     def _rows_in_time(self) -> list[Row]:
         """Return the margin of each time integration, with the notes that the curve lacks."""
@@ -428,7 +453,7 @@ def _scaled_to_time(cycle: StressCycle, time_response: SteadyAmplitude | None) -
     notes = [
         *cycle.notes,
         f"{over_cycle.SCALED}{time_response.factor:.3g}: "
-        f"the highest blade reaches {highest} in time",
+        f"the largest amplitude by time integration is {highest}",
     ]
     if not time_response.ok:
         notes.append(f"{over_cycle.UNSETTLED}{time_response.status_text}")
@@ -563,7 +588,7 @@ class LeastMargin(Rule):
         chosen = over_cycle.chosen_sets(problem, self.sets)
         solutions = solutions_of(problem, curve)
         has_solution = np.isfinite(solutions.unknowns).all(axis=1)
-        validation.check(has_solution.any(), "margin", "a curve with solutions", "none")
+        validation.check_sentence(has_solution.any(), "margin", "the curve has no solutions")
         solved = over_cycle.selected(solutions, has_solution)
         first_solution = over_cycle.selected(solved, [0])
         first = over_cycle.of_solution(problem, first_solution, chosen, self.speed)

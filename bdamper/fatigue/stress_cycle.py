@@ -131,7 +131,10 @@ class StressCycle(
         table, further = self._few_rows()
         return Statement(
             [f"Largest stress amplitude {largest}{subject}"],
-            [Row("Mean stress", amount(cycle.mean[i], "Pa"), MEASURES)],
+            [
+                Row("Amplitude", amount(cycle.amplitude[i], "Pa"), "von Mises"),
+                Row("Mean stress", amount(cycle.mean[i], "Pa"), "trace of the mean stress tensor"),
+            ],
             remarks=[*further, *doubts(self.notes)],
             table=table,
         )
@@ -200,7 +203,7 @@ def _highest(result: Any, solutions: Solutions) -> int:
 DOUBTED_LOAD = "the centrifugal stress belongs to a preload of "
 MEASURES = "trace of the mean tensor; the amplitude is by von Mises"
 SCALED = "vibration scaled by "
-UNSETTLED = "the amplitude in time is "
+UNSETTLED = "the amplitude by time integration is "
 APART = "elements at "
 SMALLER = " of them with a smaller factor"
 
@@ -262,7 +265,7 @@ def check_ends(result: SomeResult) -> None:
         found = f"the highest response at its end, {peak}"
         warn_implausible("result", "a response curve with its peak inside the interval", found)
     elif getattr(getattr(result, "optimum", None), "kind", "") == "end":
-        found = f"the least amplitude at its end, {amount(curve.optimum.preload, 'N')}"
+        found = f"the lowest amplitude at its end, {amount(curve.optimum.preload, 'N')}"
         warn_implausible("result", "an optimal curve with its optimum inside the range", found)
 
 

@@ -153,9 +153,8 @@ class Geometry(validation.Checked):
         validation.check(
             self.ridge_width >= clearance,
             "ridge_width",
-            f"at least the platform_clearance, {clearance} m: "
-            "the contact face lies under the platform",
-            f"{self.ridge_width} m",
+            f"at least the platform_clearance ({clearance} m)",
+            f"{self.ridge_width} m; otherwise the contact face does not reach under the platform",
         )
         validation.check(
             self.bore_radius < self.rim_radius < self.ridge_radius,

@@ -23,7 +23,7 @@ from bdamper.harmonic_balance.settings import FRICTION
 from bdamper.harmonic_balance.study_boundary import A, P, R, problem_of
 from bdamper.model.loads import Response
 from bdamper.util import plausible_ranges, validation
-from bdamper.util.errors import SettingError, warn, warn_implausible
+from bdamper.util.errors import PlausibilityWarning, SettingError, warn, warn_implausible
 from bdamper.util.progress import one_thread
 
 ALONG = 0.12
@@ -110,7 +110,8 @@ def check_solution(
     )
     error = problem.system(preload).error(y)
     found = (
-        f"a free or stuck limit, or a result with other settings (residual {error:.2g} at its peak)"
+        "a free or stuck response, or a result computed with different settings "
+        f"(residual {error:.2g})"
     )
     validation.check(error <= max(1e-6, 100.0 * residual), name, "a result of this study", found)
 
@@ -180,7 +181,8 @@ def solutions_of(problem: Problem, result: SomeResult) -> Solutions:
     unknowns = unknowns_of(problem, result)
     is_peak = hasattr(given, "y")
     preload = np.asarray(given.parameter if is_peak else given.preload, float)
-    validation.check(np.isfinite(preload).all(), "result", "one at a known preload", "none")
+    known = np.isfinite(preload).all()
+    validation.check_sentence(known, "result", "its preload is unknown")
     if is_peak:
         check_solution(problem, float(preload), given.y, given.residual, "result")
     n = len(unknowns)
@@ -365,10 +367,10 @@ def check_unloaded(problem: Problem) -> None:
         loads = ", ".join(
             f"{float(np.sum(load)):g} N on {name!r}" for name, load in constant.items()
         )
-        warn_implausible(
-            "constant_loads",
-            "none on a body whose preload is varied",
-            f"{loads}, in addition to it",
+        warn(
+            f"constant_loads: the body already carries the preload that is varied; {loads} acts in "
+            "addition",
+            PlausibilityWarning,
         )
 
 
@@ -423,7 +425,7 @@ def check_interval(case: LoadCase, frequency: tuple[float, float]) -> None:
             "frequency",
             f"an interval in Hz around resonances of the model, such as {near} Hz",
             f"({low:g}, {high:g}) {weak}; divided by 2 pi it contains them: "
-            "radians per second suspected",
+            "possibly given in radians per second",
         )
         return
     _check_far(case.problem, resonances, frequency)
@@ -458,7 +460,7 @@ def _check_far(
     warn_implausible(
         "frequency",
         f"an interval in Hz around a resonance, such as {nearest:.4g} Hz",
-        f"({low:g}, {high:g}), far from every resonance: kHz or a mistaken digit suspected",
+        f"({low:g}, {high:g}), far from every resonance; possibly given in kHz, or a wrong digit",
     )
 
 

@@ -184,8 +184,8 @@ class Sizes:
         found = " to ".join(f"{end:.4g}" for end in ends)
         return (
             expected,
-            f"{found} N: a damper of {preload[nearest] / load[nearest]:.3g} times the mass, "
-            "or another speed suspected",
+            f"{found} N; possibly {preload[nearest] / load[nearest]:.3g} times the damper mass, "
+            "or a different speed",
         )
 
     def check_preload(

@@ -229,11 +229,10 @@ def _scaled(problem: Problem, name: str, part: str, factor: float) -> Problem:
 def _with_friction(problem: Problem, factor: float) -> Problem:
     """Return the problem with all friction coefficients scaled."""
     settings = problem.settings
-    validation.check(
+    validation.check_sentence(
         settings.friction_values(),
         "friction_factor",
-        "a friction interface whose law has a friction coefficient above 0",
-        "none",
+        "no friction interface has a friction coefficient above 0",
     )
     coefficient = settings.friction_coefficient
     if not isinstance(coefficient, Mapping):
@@ -250,8 +249,8 @@ def _with_stiffness(problem: Problem, side: str, factor: float) -> Problem:
     validation.check(
         problem.contact.residual is None,
         f"contact_stiffness_factor.{side}",
-        "contact stiffness by values or unit tractions: residual modes are flexible as a whole",
-        "residual modes",
+        "contact stiffness by values or unit tractions",
+        "residual modes, which have no separate normal and tangential stiffness",
     )
     scale = [1.0, 1.0, factor] if side == "normal" else [factor, factor, 1.0]
     friction_faces = problem.settings.law_by_interface()
@@ -267,11 +266,11 @@ def _of_mass(problem: Problem, name: str, part: str, factor: float) -> Problem:
     """
     settings = problem.settings
     names = (part,) if part else settings.free_bodies
-    validation.check(names, "mass of the damper", "a model with a free body", "none")
+    validation.check_sentence(names, "mass of the damper", "the model has no free body")
     model = denser(problem.model, factor, names)
     if name == INERTIA:
         one_of_several = len(names) < len(settings.free_bodies)
-        expected = f"no rotor speed, where load and mass of a body go together; vary {MASS}.{part}"
+        expected = f"no rotor speed, at which load and mass are proportional; vary {MASS}.{part}"
         validation.check(
             settings.speed is None or not one_of_several,
             f"{name}.{part}",
@@ -284,9 +283,9 @@ def _of_mass(problem: Problem, name: str, part: str, factor: float) -> Problem:
     if not part:
         each = " and ".join(f"{MASS}.{body}" for body in names)
         raise SettingError(
-            f"{MASS}: expected a study at a rotor speed, where the load is proportional to the "
-            f"mass, found none; use study.at_speed(...), or vary {each} with the load at a given "
-            f"preload, or {INERTIA} without it"
+            f"{MASS}: it needs a rotor speed, at which the load is proportional to the mass; use "
+            f"study.at_speed(...). At a given preload, vary {each} (mass and load) or {INERTIA} "
+            "(mass alone)"
         )
     # without a speed the load of one body is its share of the preload
     loads = settings.given_loads("load_per_preload")

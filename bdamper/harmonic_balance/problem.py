@@ -780,7 +780,7 @@ class LoadCase:
         """Static state; StaticError if there is none."""
         if not self.static.ok:
             raise StaticError(
-                f"expected a static state under {self.preload:g} N, found none: {self.static.reason}"
+                f"there is no static state under {self.preload:g} N: {self.static.reason}"
             )
         return self.static
 

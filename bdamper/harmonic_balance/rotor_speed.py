@@ -109,7 +109,7 @@ class Conditions:
         validation.check_fields(self)
         if self.temperature is not None and self.friction is None:
             raise SettingError(
-                "temperature: expected friction with it, a function or table of temperature, found none"
+                "temperature: give friction as well, as a function or table of temperature"
             )
 
     def __repr__(self) -> str:  # without memory addresses, so that it is reproducible
@@ -225,7 +225,7 @@ def asked_speeds(
         warn_implausible(
             "rotor speed",
             f"at most {tip_speed / radius:.0f} rad/s, {tip_speed:g} m/s at a radius of {radius:.3g} m",
-            f"{np.max(values):g}: revolutions per minute suspected, which are given as rpm={short_text(speeds)}",
+            f"{np.max(values):g}; possibly given in revolutions per minute; use rpm={short_text(speeds)}",
         )
     return values
 

@@ -41,7 +41,7 @@ from bdamper.model.loads import FIELD, Excitation, Response, direction_vector
 from bdamper.model.structure import Interface, Model
 from bdamper.model.validation import check_model_once
 from bdamper.util import validation
-from bdamper.util.errors import SettingError, warn_implausible
+from bdamper.util.errors import PlausibilityWarning, SettingError, warn
 from bdamper.util.formatting import short_repr
 from bdamper.util.records import from_json
 
@@ -212,8 +212,8 @@ class Settings(validation.Answering):
         check_model_once(self.model)
         if self.engine_order is None:
             n = self.model.n_blades
-            expected = f"the engine order of the excitation, since the model has {n} sectors"
-            validation.check(n <= 1, "engine_order", expected, "none")
+            missing = f"give the engine order of the excitation, because the model has {n} sectors"
+            validation.check_sentence(n <= 1, "engine_order", missing)
             object.__setattr__(self, "engine_order", 1)
         validation.check_fields(self)
         self._check_places()
@@ -282,11 +282,10 @@ class Settings(validation.Answering):
         """Return the complex aerodynamic coefficient of each wave, 0 to n_blades - 1."""
         # a number applies to the nodal diameter of the engine order
         by_diameter = damping if isinstance(damping, Mapping) else {self.engine_order: damping}
-        validation.check(
+        validation.check_sentence(
             self.most_modes("constrained"),
             "aerodynamic_damping",
-            "None without a constrained body",
-            damping,
+            "it needs a constrained body; this model has none",
         )
         n = self.model.n_blades
         by_wave = {}
@@ -318,10 +317,11 @@ class Settings(validation.Answering):
                 force.direction,
             )
         if self.response is None:
-            expected = (
-                "a Response(location, direction), since the excitation is no force at a location"
+            missing = (
+                "give a Response(location, direction), because the excitation is no force at a "
+                "location"
             )
-            validation.check(self.acts_at_location, "response", expected, "none")
+            validation.check_sentence(self.acts_at_location, "response", missing)
         elif self.response.absolute:
             moves = any(map(self.at_base, self._forces))
             expected = "an excitation at the base, bd.Excitation('base', ...), for absolute=True"
@@ -475,12 +475,11 @@ class Settings(validation.Answering):
             )
         if self.speed is None:
             return
-        validation.check(
+        validation.check_sentence(
             self.load_per_preload is None,
             "load_per_preload",
-            "none at a rotor speed, where mass times radius of the bodies decides "
-            "(vary damper_mass_factor)",
-            self.load_per_preload,
+            "it is not allowed at a rotor speed, where mass times radius determines the loads; vary "
+            "damper_mass_factor instead",
         )
         on_bodies = [name for name in self.constant_loads or () if name in bodies]
         expected = "those of interfaces alone at a rotor speed"
@@ -634,10 +633,10 @@ class Settings(validation.Answering):
             unused = []
         if unused:
             names = ", ".join(map(repr, unused))
-            warn_implausible(
-                "friction_coefficient",
-                f"none for {names}, because a ContactLaw has its own parameters",
-                "one without effect: parameters of the law suspected",
+            warn(
+                f"friction_coefficient has no effect on {names}, because a ContactLaw has its own "
+                "parameters; set the friction there",
+                PlausibilityWarning,
             )
 
     def friction_values(self) -> list[float]:

@@ -362,7 +362,7 @@ def _matrix_of_nodes(
     wanted = np.isin(coded_dofs[:, 0], list(number_of_code))
     n_coupled = matrix[wanted][:, ~wanted].nnz
     expected = f"instance {instance} without contact or ties"
-    check(n_coupled == 0, str(file), expected, f"{n_coupled} entries with others")
+    check(n_coupled == 0, str(file), expected, f"{n_coupled} entries that couple it to others")
     dofs = [[number_of_code[code], component] for code, component in coded_dofs[wanted].tolist()]
     return matrix[wanted][:, wanted], np.array(dofs)
 
@@ -395,9 +395,9 @@ def _check_numbering(matrix: sp.csr_matrix, dofs: NDArray, body: FEBody, item: s
     coupled.eliminate_zeros()
 
     n_apart = coupled.nnz - coupled.multiply(sharing > 0).nnz
-    cure = "*MATRIX OUTPUT, FORMAT=LABELS or one job for each instance names them"
-    expected = f"coupled nodes that share an element of the deck ({cure})"
-    found = f"{n_apart} of {coupled.nnz} pairs that share none"
+    cure = "use *MATRIX OUTPUT, FORMAT=LABELS or one job for each instance"
+    expected = "coupled nodes that share an element of the deck"
+    found = f"{n_apart} of {coupled.nnz} pairs that do not share an element; {cure}"
     check(n_apart <= BOUNDS.odd_ones * coupled.nnz, item, expected, found)
 
 

@@ -54,7 +54,7 @@ from bdamper.importers.fe_body import (
     reader,
     rotate_to_file,
 )
-from bdamper.util.errors import check, mismatch
+from bdamper.util.errors import check, check_sentence, mismatch
 from bdamper.util.records import check_all
 from bdamper.util.storage import FilePath
 
@@ -839,8 +839,8 @@ def _rst_diameters(file: _Binary, head: _Header, n_sets: int) -> tuple[int, NDAr
     if pointer > 0:
         diameter = np.abs(file.record(pointer, "harmonic indices")[:n_sets].astype(int))
     if n_sectors > 1:
-        expected = f"the nodal diameters of a disk with {n_sectors} sectors"
-        check(pointer > 0, head.item, expected, "none")
+        missing = f"the nodal diameters of the disk with {n_sectors} sectors are missing"
+        check_sentence(pointer > 0, head.item, missing)
     else:
         # each stage of a multistage model has its own number of sectors
         several = f"harmonic indices up to {diameter.max(initial=0)} without a number of sectors"

@@ -292,8 +292,8 @@ def check_reached(body: PreparedBody, wanted: Wanted, absent: NDArray, content: 
         nodes_of_part[f"location '{name}'"] = nodes_of(location)
     for item, nodes in nodes_of_part.items():
         wrong = body.raw.numbers[np.intersect1d(nodes, absent)]
-        found = f"none at {', '.join(map(str, wrong[:5]))}"
-        body.require(not len(wrong), item, f"nodes with {content}", found)
+        numbers = ", ".join(map(str, wrong[:5]))
+        body.require_sentence(not len(wrong), item, f"nodes {numbers} lack {content}")
 
 
 def _normalised(

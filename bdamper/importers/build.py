@@ -67,7 +67,7 @@ from bdamper.model.validation import check_model
 from bdamper.util import validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import ModelError, SettingError, check
-from bdamper.util.formatting import counted, percent, short_repr
+from bdamper.util.formatting import counted, percent, short_repr, without_rounding
 from bdamper.util.progress import one_thread, progress_stages, shows_progress
 from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import FilePath
@@ -257,7 +257,8 @@ def _named_row(text: str, value: str) -> Row:
 def _free_body_rows(body: Body) -> list[Row]:
     """Return mass, centre, inertia and elastic frequencies of a free body."""
     assert body.centre is not None and body.inertia is not None
-    centre = ", ".join(f"{coordinate:.6g}" for coordinate in body.centre)
+    size = float(np.abs(body.centre).max())
+    centre = ", ".join(f"{without_rounding(float(x), size):.6g}" for x in body.centre)
     moments = ", ".join(f"{moment:.6g}" for moment in np.linalg.eigvalsh(body.inertia))
     is_ring = body.kind == "ring"
     mass = f"mass per sector, at a radius of {body.radius:.6g} m"
@@ -266,7 +267,7 @@ def _free_body_rows(body: Body) -> list[Row]:
     rows = [
         Row(body.name, f"{body.mass:.6g} kg", mass),
         Row("", "", f"centre ({centre}) m"),
-        Row("", "", f"principal moments of inertia {moments} kg m2"),
+        Row("", "", f"principal moments of inertia {moments} kg m²"),
     ]
     if is_ring:
         for d, basis in body.bases.items():
@@ -675,7 +676,8 @@ def _rings(
     expected = f"names out of the rings {closed}"
     validation.check(not unknown, "split_rings", expected, unknown)
     if n_blades == 1:
-        validation.check(not closed, "rings", "none on a structure that does not repeat", closed)
+        no_ring = f"a structure that does not repeat has no rings; omit {', '.join(closed)}"
+        validation.check_sentence(not closed, "rings", no_ring)
         return {}
     rings = {}
     for name in free:

@@ -364,8 +364,10 @@ def _laid(
     allowed = [*sorted(bodies), "ground"]
     validation.check(body_b in allowed, item, f"body_b out of {allowed}", f"'{body_b}'")
     has_b = contact.faces_b is not None
-    expected = f"faces_b on '{body_b}' (none on the ground)"
-    validation.check(has_b == (body_b != "ground"), item, expected, "some" if has_b else "none")
+    if body_b == "ground":
+        validation.check_sentence(not has_b, item, "omit faces_b for a contact with the ground")
+    else:
+        validation.check_sentence(has_b, item, f"give faces_b, the contact faces of '{body_b}'")
     a = bodies[body_a]
     face_a = a.faces(contact.faces_a, item)
     areas = [_area(face_a, a.nodes)]

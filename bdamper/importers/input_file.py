@@ -38,7 +38,7 @@ from bdamper.importers.fe_body import (
     mesh_body,
     parsing,
 )
-from bdamper.util.errors import check, mismatch
+from bdamper.util.errors import check, check_sentence, mismatch
 
 _SOLIDS = {"C3D4": 4, "C3D10": 10, "C3D6": 6, "C3D15": 15, "C3D8": 8, "C3D20": 20}
 _BITS = 30
@@ -743,7 +743,7 @@ class Deck:
     ) -> NDArray:
         """Return the rows in ``nodes`` of the nodes of a face of an element, S1, S2 and so on."""
         exists = element in self.model.element_of
-        check(exists, item, "solid elements of this deck", f"element {element}")
+        check_sentence(exists, item, f"element {element} is not a solid element of this deck")
         codes = self.model.element_of[element]
         faces = FACES[N_CORNER[len(codes)]]
         labels = [f"S{k}" for k in range(1, len(faces) + 1)]

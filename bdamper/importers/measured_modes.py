@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from bdamper.importers.measurements import HERTZ, motion_unit, read_columns
 from bdamper.util import quantities, validation
-from bdamper.util.errors import check, warn
+from bdamper.util.errors import check, check_sentence, warn
 from bdamper.util.formatting import short_repr
 from bdamper.util.records import check_all
 
@@ -99,7 +99,7 @@ class MeasuredMode:
             return
         has_damping = not np.isnan(self.damping_ratio).all()
         expected = "noise of the frequencies where no damping ratio is measured"
-        check(has_damping, self.source, expected, "none")
+        check(has_damping, self.source, expected, "no damping")
 
 
 @validation.check_arguments
@@ -216,7 +216,7 @@ def read_ring_down(
     factor, order = motion_unit(source, unit)
     step = float(time[-1] - time[0]) / max(len(time) - 1, 1)
     constant = len(time) > 2 and np.ptp(np.diff(time)) < 0.01 * step
-    check(constant, source, "times with a constant step", "others")
+    check_sentence(constant, source, "the time step must be constant")
     if band is not None:
         band = _band(band, step)
     behind = _end_of_clipping(motion)
@@ -226,7 +226,9 @@ def read_ring_down(
             f"{np.abs(motion).max():.4g} {unit}; the decay is read from there on"
         )
     time, motion = time[behind:], motion[behind:]
-    check(len(motion) > 2, source, "a decay behind the clipped peaks", "none")
+    check_sentence(
+        len(motion) > 2, source, "the record ends before the decay: all peaks are clipped"
+    )
     # the mean over the last quarter is the offset of the sensor
     motion = factor * (motion - motion[-len(motion) // 4 :].mean())
     signal = _analytic(motion, step, band)

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from bdamper.importers.fe_body import data_lines, parsing, reader
 from bdamper.util import quantities, validation
 from bdamper.util.display import Plottable
-from bdamper.util.errors import check, import_extra, mismatch
+from bdamper.util.errors import check, check_sentence, import_extra, mismatch
 from bdamper.util.formatting import counted, short_repr
 from bdamper.util.records import check_all
 from bdamper.util.statement import Row, Statement
@@ -162,7 +162,7 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
             expected = "as many responses as frequencies, at least one"
             raise mismatch(item, expected, response.shape)
         one = self.force is None or self.base_acceleration is None
-        check(one, item, "forces or accelerations of the base", "both")
+        check_sentence(one, item, "give either force or base_acceleration, not both")
         if self.excitation is not None:
             excitation = np.asarray(self.excitation)
             complete = excitation.shape == (n_points,)
@@ -444,7 +444,7 @@ def _cells(path: Any) -> _Cells:
         return _Cells("table", 1, [str(name).strip() for name in names], rows)
     check(not existing(path).is_dir(), str(path), "a CSV file", "a folder")
     lines = data_lines(_decoded(path), "#")
-    check(bool(lines), str(path), "a header and rows of numbers", "nothing")
+    check(bool(lines), str(path), "a header and rows of numbers", "an empty file")
     (header_line, header), *rest = lines
     separator = ","
     if "\t" in header:
@@ -650,8 +650,8 @@ def _responses(
     source = "table" if hasattr(path, "keys") else str(path)
     table = {name: values for name, (values, _) in found.items()}
     complete = np.isfinite(np.array(list(table.values()))).all(axis=0)
-    expected = "rows of numbers after the header"
-    check(bool(complete.any()), source, expected, "none without an empty value")
+    incomplete = "no row after the header is complete: each has an empty cell"
+    check_sentence(bool(complete.any()), source, incomplete)
     table = {name: values[complete] for name, values in table.items()}
     if "imag" in found:
         response, stated = _from_parts(table, found["real"][1], found["imag"][1], unit, source)

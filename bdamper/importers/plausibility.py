@@ -315,7 +315,7 @@ def _check_within(
 def check_sizes(body: PreparedBody) -> None:
     """Check size, density and wave speed of a body."""
     unit = "millimetres" if body.size > BOUNDS.size[1] else "another unit of length"
-    hint = f"{unit} suspected"
+    hint = f"possibly given in {unit}"
     _check_within(body, "positions", "an extent of", BOUNDS.size, body.size, "m", hint)
     body.passed(f"{body.name}: extent {body.size:.4g} m")
     if not body.has_matrices:
@@ -329,7 +329,7 @@ def check_sizes(body: PreparedBody) -> None:
     ratio = (speed / 6000.0) ** 2
     hint = (
         f"a stiffness over density about {ratio:.1g} times that of a metal (some 6000 m/s), "
-        "other units of the stiffness or the mass matrix suspected"
+        "possibly different units of the stiffness and mass matrices"
     )
     what = "a material in which longitudinal waves travel at"
     _check_within(body, "stiffness and mass matrix", what, (low, high), speed, "m/s", hint)
@@ -440,14 +440,14 @@ def _compare_constant(
     """Compare a constant of the matrices with the elements; a failure is a failed comparison."""
     # an unknown constant gives NaN and is not compared
     differs = abs(ratio - 1.0) > BOUNDS.material
-    found = f"{in_matrices} in the matrices: files of different models suspected"
+    found = f"{in_matrices} in the matrices: possibly files of different models"
     with body.report.comparison():
         body.require(not differs, item, expected, found)
 
 
 def check_lowest(body: PreparedBody, reduced: Body) -> None:
     """Check the lowest frequency at each nodal diameter; a failure is a failed comparison."""
-    hint = "units of mass or stiffness off by powers of 10 suspected"
+    hint = "possibly units of mass or stiffness that differ by powers of 10"
     for d, basis in reduced.bases.items():
         positive = basis.omega2[basis.omega2 > 0.0]
         lowest = float(np.sqrt(positive.min(initial=np.inf)) / (2.0 * np.pi))

@@ -29,7 +29,7 @@ from bdamper.importers.arrays import square_matrix
 from bdamper.importers.fe_body import BOUNDS, ElementKind, FEBody, parsing
 from bdamper.importers.options import NodeSet, Placement
 from bdamper.util import validation
-from bdamper.util.errors import ModelError, check, mismatch, warn
+from bdamper.util.errors import ModelError, check, check_sentence, mismatch, warn
 
 FaceSet = str | NDArray | tuple[NDArray, ...]
 
@@ -158,6 +158,10 @@ class PreparedBody:
     def require(self, good: object, item: str, expected: str, found: object) -> None:
         """Raise a ModelError for a quantity of this body unless ``good``."""
         check(good, f"{self.where}: {item}", expected, found)
+
+    def require_sentence(self, good: object, item: str, sentence: str) -> None:
+        """Raise a ModelError with a plain sentence on a quantity of this body unless ``good``."""
+        check_sentence(good, f"{self.where}: {item}", sentence)
 
     def refusing(self, item: str, expected: str) -> AbstractContextManager[None]:
         """Convert numerical errors in the block to a ModelError for a quantity of this body."""

@@ -95,16 +95,17 @@ def _away_from_cuts(
     to the stress.
     """
     inner = nodes[~np.isin(nodes, ring.faces.nodes)]
-    expected = "nodes away from the faces at which the sector repeats"
-    body.require(len(inner) > 0, item, expected, "none")
+    on_faces = "all nodes lie on the faces at which the sector repeats"
+    body.require_sentence(len(inner) > 0, item, on_faces)
     n_left_out = len(nodes) - len(inner)
     if n_left_out:
         body.report.missing.append(f"{item}: {n_left_out} nodes on the sector faces are left out")
     nodes_of_elements = body.used if body.elements else np.empty(0, int)
     loose = np.setdiff1d(inner, nodes_of_elements)
     if len(loose):
-        found = f"node {body.raw.numbers[loose[0]]} without any"
-        raise body.error(item, "nodes of solid elements", found)
+        body.require_sentence(
+            False, item, f"node {body.raw.numbers[loose[0]]} belongs to no solid element"
+        )
     return inner
 
 

@@ -331,7 +331,8 @@ def time_response(
         )
     if not np.isfinite(peak.amplitude):
         raise SettingError(
-            f"time_response: needs a peak that was found, this one is {peak.status!r}"
+            "time_response: expected a peak with an amplitude, found one with the status "
+            f"{peak.status!r}"
         )
     settings = disk.record()["settings"]
     model_hash = disk.study.model.hash
@@ -397,7 +398,9 @@ def time_response(
     if not steady.stays:
         in_time = amount(float(blades[:, result.blade].mean()), "m")
         balance = amount(peak.amplitude, "m")
-        text = f"the highest blade reaches {in_time} in time, {balance} by harmonic balance"
+        text = (
+            f"the largest amplitude is {in_time} by time integration, {balance} by harmonic balance"
+        )
         return replace(result, status=NOT_FOUND, reason=text)
     answers = {f"{n_steps} steps": coarse.mean, f"{2 * n_steps} steps": steady.mean}
     lowest, highest, doubt = error_range(answers, (coarse, steady))

@@ -166,7 +166,7 @@ def static_disk(
                 step *= 0.5
                 if step < longest / 64.0:
                     raise StaticError(
-                        "no static state of the bladed disk was found beyond "
+                        "no static state of the bladed disk was found above "
                         f"{100 * factor_before:.3g} % of the preload "
                         f"(residual {solution.residual:.2g})"
                     )
@@ -516,9 +516,10 @@ class DiskProblem(Summarised):
         coordinates = (
             f"{structure.n} coordinates of each blade, {structure.n_damper} of each damper"
         )
-        mistuning = Mistuning.of(self.n_blades, self.mistuning)._headline()
-        dampers = "equal dampers" if self.dampers is None else self.dampers._headline()
-        rows = [Row("Blades", "", mistuning), Row("Dampers", "", dampers)]
+        mistuning = Mistuning.of(self.n_blades, self.mistuning)
+        deviation = f"standard deviation of frequency {100.0 * mistuning.deviation.std():.3g} %"
+        dampers = "identical" if self.dampers is None else self.dampers._headline()
+        rows = [Row("Blades", str(self.n_blades), deviation), Row("Dampers", "", dampers)]
         return Statement([f"Bladed disk of {self.n_blades} blades: {coordinates}"], rows)
 
     def __repr__(self) -> str:

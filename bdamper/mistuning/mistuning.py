@@ -404,10 +404,14 @@ class DamperVariation(Summarised, Storable, kind="bdamper-damper-variation"):
         verdict = f"{counted(self.n_blades, 'damper')}, {len(missing) or 'none'} missing"
         rows = []
         if len(missing):
-            rows.append(Row("Missing", str(len(missing)), f"number {', '.join(map(str, missing))}"))
+            numbers = ", ".join(map(str, missing))
+            rows.append(Row("Missing dampers", str(len(missing)), f"{numbers} (counted from 0)"))
         for name in _LIMITS:
             low, high = getattr(self, name).min(), getattr(self, name).max()
             title = sentence(name.replace("_", " "))
+            nominal = 0.0 if name == "gap" else 1.0
+            if low == high == nominal:
+                continue
             if name == "gap":
                 rows.append(Row(title, extent(low, high, "m"), "increase of the gaps"))
                 continue
@@ -449,7 +453,7 @@ def _read_frequencies(path: FilePath) -> NDArray:
         text = existing(path).read_text(encoding="utf-8-sig").splitlines()
         lines = [line for line in text if line.strip() and not line.lstrip().startswith("#")]
         if not lines:
-            raise ValueError("none")
+            raise ValueError("no rows")
         separator = ";" if any(";" in line for line in lines) else ","
         head = [cell.strip(' "').lower() for cell in lines[0].split(separator)]
         if not np.isnan(np.genfromtxt(lines[:1], delimiter=separator)).all():

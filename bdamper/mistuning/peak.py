@@ -184,7 +184,7 @@ class DiskPeak(Result, Plottable, Recorded, Storable, kind="bdamper-wheel-peak")
             remarks.append(f"{self.status.capitalize()}: {self.reason}")
         if is_lower_bound:
             remarks.append("Remedy: try DiskPeakOptions(least=240)")
-        remarks.append("Not covered: motion in time, wear")
+        remarks.append("Not covered: time integration, wear")
         return Statement([verdict], rows, remarks=remarks)
 
 

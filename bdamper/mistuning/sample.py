@@ -84,7 +84,7 @@ class Audit(Summarised, Tabular, row="search"):
 
     Parameters
     ----------
-    kind : {"drawn before any result", "highest disks"}
+    kind : {"disks chosen at random", "disks with the largest amplitudes"}
     disk : (n,) int
     standard_deviation, preload : (n,) float
     search, thorough : (n,) float, m
@@ -146,14 +146,19 @@ class Audit(Summarised, Tabular, row="search"):
         rows = [
             Row("Disks", str(n_disks), self.kind),
             Row("Thorough searches", str(len(missed)), f"{self.undecided.sum()} undecided"),
-            Row("Higher", str(missed.sum()), f"by more than {100.0 * self.tolerance:g} %"),
-            Row("", str(n_beyond_error), "by more than the error estimate"),
+            Row("Higher peaks", str(missed.sum()), f"by more than {100.0 * self.tolerance:g} %"),
+            Row("", str(n_beyond_error), "by more than the estimated error of the first search"),
         ]
         if numbers:
-            rows.append(Row("Disks with a miss", "", numbers))
-        interval = f"{low:.3g} to {high:.3g} %"
-        verdict = f"{share:.3g} % of the disks have a missed peak ({interval}): audit of a sample"
-        return Statement([verdict], rows)
+            rows.append(Row("Numbers of disks", "", numbers))
+        interval = f"95 % confidence: {low:.3g} to {high:.3g} %"
+        verdict = f"A thorough search finds higher peaks in {share:.3g} % of the disks ({interval})"
+        remarks = [MISSED_REMEDY] if missed.any() else []
+        return Statement([verdict], rows, remarks=remarks)
+
+
+MISSED_REMEDY = "Remedy: sample again with a finer search, DiskPeakOptions(spacing=, climbs=)"
+"""Remark if thorough searches find higher peaks."""
 
 
 @short_repr
@@ -192,7 +197,9 @@ class BestPreload(Summarised):
     disks: int
 
     def _statement(self) -> Statement:
-        preload = Interval(self.low, self.preload, self.high).to_text("N")
+        preload = amount(self.preload, "N")
+        if self.low < self.high:
+            preload = Interval(self.low, self.preload, self.high).to_text("N")
         rows = [
             Row("Amplitude", self.amplitude.to_text("m"), f"in {self.percentile:g} % of the disks"),
             Row(
@@ -202,10 +209,12 @@ class BestPreload(Summarised):
             ),
         ]
         deviation = f"standard deviation {100.0 * self.standard_deviation:g} %"
-        remarks = []
-        if self.kind == "end":
-            remarks.append("The best preload is an end of the range, and may lie beyond")
-        verdict = f"Best preload {preload}: {self.disks} bladed disks, {deviation}"
+        subject = f"{self.disks} bladed disks, {deviation}"
+        if self.kind == "interior":
+            return Statement([f"Best preload {preload}: {subject}"], rows)
+        best = amount(self.preload, "N")
+        verdict = f"Not for design: the best preload, {best}, is an end of the range ({subject})"
+        remarks = ["Remedy: include preloads outside this range in the sample"]
         return Statement([verdict], rows, remarks=remarks)
 
 
@@ -422,13 +431,14 @@ class MistunedSample(
     def audit(self, tail: bool = False, tolerance: float = 0.01) -> Audit:
         """Compare with the thorough search of some disks.
 
-        These are the disks drawn before any result or, with ``tail``, the highest of each cell.
+        These are disks chosen at random or, with ``tail``, those with the largest amplitudes of each
+        cell.
         """
         if tail:
-            kind = "highest disks"
+            kind = "disks with the largest amplitudes"
             chosen = highest_disks(self.amplitude, self.audit_share)
         else:
-            kind = "drawn before any result"
+            kind = "disks chosen at random"
             drawn = np.isin(self.disks, self.audited)
             chosen = np.broadcast_to(drawn[:, None, None], self.amplitude.shape)
 
@@ -498,26 +508,30 @@ class MistunedSample(
         n_disks = f"{len(self)} disks"
         subject = f"{self.n_blades} blades, preload {amount(self.preload[-1], 'N')}"
         if not np.isfinite(median):
-            return Statement([f"Too few peaks are known, deviation {deviation}: {subject}"])
+            return Statement([f"Too few peaks were found at {deviation} mistuning: {subject}"])
         ends = "too few disks for an upper bound"
         if np.isfinite([low, upper, high]).all():
             ends = f"{low:.3g} to {high:.3g}"
-        raised = f"raises the highest amplitude {median:.3g} times in half of {n_disks}"
-        verdict = f"Mistuning of {deviation} {raised}: {subject}"
-        rows = [Row("One of twenty disks", f"{upper:.3g} times", f"or more ({ends})")]
+        raised = f"raises the largest amplitude by a factor of {median:.3g}"
+        verdict = f"Mistuning of {deviation} {raised} (median of {n_disks}): {subject}"
+        rows = [Row("95 % of the disks", f"{upper:.3g} or less", f"confidence interval: {ends}")]
         n_failed = self.status.count(FAILED)
         rows.append(Row("Peaks", str(self.amplitude.size), f"{n_failed} not found"))
         checks = []
         for audit in (self.audit(), self.audit(tail=True)):
-            found = f"{audit.missed.sum()} of {len(audit.disk)} were missed"
-            checks.append(Row("Thorough searches", found, audit.kind))
-        return Statement([verdict], rows, checks, table=self._cell_table())
+            n_missed = int(audit.missed.sum())
+            outcome = "uncertain" if n_missed else "pass" if len(audit.disk) else "not run"
+            found = f"higher peak in {n_missed} of {len(audit.disk)} ({audit.kind})"
+            checks.append(Row("Thorough search", outcome, found))
+        missed = any(check.value == "uncertain" for check in checks)
+        remarks = [MISSED_REMEDY] if missed else []
+        return Statement([verdict], rows, checks, remarks, table=self._cell_table())
 
     def _cell_table(self) -> list[tuple[str, ...]]:
         """Return median and upper percentile of the amplification in each cell."""
         _, middle, _ = self.percentile(50.0)
         upper = self.percentile(95.0)
-        table: list[tuple[str, ...]] = [("Deviation", "Preload", "Median", "95 %")]
+        table: list[tuple[str, ...]] = [("Deviation", "Preload", "Median", "95th percentile")]
         for i, deviation in enumerate(self.standard_deviation):
             for j, preload in enumerate(self.preload):
                 high = str(Interval(*upper[:, i, j]))

@@ -38,10 +38,13 @@ class Interval(NamedTuple):
         """Return the value and the ends with four digits and the unit."""
         if np.isnan(self.value):
             return "not known"
-        unbounded = "not bounded by the sample"
-        low = amount(self.low, unit, 4) if np.isfinite(self.low) else unbounded
-        high = amount(self.high, unit, 4) if np.isfinite(self.high) else unbounded
-        return f"{amount(self.value, unit, 4)} ({low} to {high})"
+        value = amount(self.value, unit, 4)
+        low, high = amount(self.low, unit, 4), amount(self.high, unit, 4)
+        if np.isfinite([self.low, self.high]).all():
+            return f"{value} ({low} to {high})"
+        if np.isfinite(self.low):
+            return f"{value} (at least {low})"
+        return f"{value} (at most {high})" if np.isfinite(self.high) else f"{value} (no bounds)"
 
 
 def percentile(values: NDArray, q: float, error: NDArray | float = 0.0) -> Interval:
@@ -153,11 +156,10 @@ class WeibullTail(Summarised):
     _states_all = True
 
     def _statement(self) -> Statement:
-        values = f"{self.n_tail} of {self.n} values, from {self.threshold:.4g} on"
+        values = f"{self.n_tail} of {self.n} values above {self.threshold:.4g}"
         return Statement(
-            [f"Upper bound {self.bound:.4g} of the maxima: Weibull tail of {values}"],
+            [f"Estimated upper bound of the maxima {self.bound:.4g}: Weibull fit to {values}"],
             [
-                Row("Bound", f"{self.bound:.4g}", "no higher value in this distribution"),
                 Row("Shape", f"{self.shape:.3g}"),
                 Row("Scale", f"{self.scale:.4g}"),
                 Row(

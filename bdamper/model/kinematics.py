@@ -457,8 +457,9 @@ class Coupling:
             if body.name == place.body:
                 if location not in basis.locations:
                     d, _ = self._nodal_diameter(harmonic)
-                    expected = f"a stress set with nodal diameter {d} of harmonic {harmonic}"
-                    raise SettingError(f"{location}: expected {expected}, found one without")
+                    raise SettingError(
+                        f"{location}: the stress set lacks nodal diameter {d} of harmonic {harmonic}"
+                    )
                 modes = basis.locations[location]
             elif place.kind == "base" and body.kind == "free":
                 modes = inertia_of_free_body(body)
@@ -744,11 +745,10 @@ def in_flow(
     blades = [name for name, body in model.bodies.items() if body.kind == "constrained"]
     z = z * np.array([coordinate.body in blades for coordinate in basis.coordinates])
     drag = basis.damping + 2.0 * np.imag(z) * np.sqrt(basis.omega2)
-    validation.check(
+    validation.check_sentence(
         (drag >= 0.0).all() and (np.real(z) > -0.5).all(),
         f"aerodynamic_damping at nodal diameter {diameter}",
-        "modes with positive damping and stiffness; study.flutter finds the limit cycles of others",
-        "some without",
+        "some modes have negative damping or stiffness; use study.flutter for their limit cycles",
     )
     # the drag has all damping
     return replace(

@@ -129,7 +129,7 @@ class Excitation:
     def shown(self) -> str:
         """Location, direction and phase as text."""
         phase = f", phase {np.rad2deg(self.phase):.6g} degrees" if self.phase else ""
-        return f"at {self.location} {text_of(self.direction)}{phase}"
+        return f"at {self.location}, {text_of(self.direction)}{phase}"
 
 
 @validation.check_arguments
@@ -160,14 +160,15 @@ class Response:
         expected = "the name of a location, or elastic=(modulus, ratio) for a strain gauge there"
         validation.check(is_place, "response location", expected, self.location)
         one = not (self.absolute and self.elastic is not None)
-        validation.check(one, "response", "absolute=True without a strain gauge", "both")
+        cannot = "absolute=True cannot be combined with a strain gauge"
+        validation.check_sentence(one, "response", cannot)
 
     @property
     def shown(self) -> str:
         """Location and direction as text."""
         kind = ", absolute" if self.absolute else ""
         kind = kind if self.elastic is None else ", strain"
-        return f"{text_of(self.location)} {text_of(self.direction)}{kind}"
+        return f"{text_of(self.location)}, {text_of(self.direction)}{kind}"
 
     @property
     def unit(self) -> str:

@@ -191,7 +191,7 @@ class SpeedBasis(Record):
             If the basis has no Coriolis matrix.
         """
         if self.coriolis is None:
-            raise SettingError("coriolis_size: expected a basis with a Coriolis matrix, found none")
+            raise SettingError("coriolis_size: this basis has no Coriolis matrix")
         size = omega * np.abs(self.coriolis)
         frequency = np.sqrt(omega2)
         difference = np.abs(frequency[:, None] - frequency)

@@ -21,7 +21,7 @@ from bdamper.model.modal_basis import SpeedBasis
 from bdamper.model.structure import ModalBasis, Model
 from bdamper.model.validation import as_checked, check_model
 from bdamper.util import validation
-from bdamper.util.errors import ModelError, check
+from bdamper.util.errors import ModelError, check, check_sentence
 from bdamper.util.records import (
     Sizes,
     check_record,
@@ -172,11 +172,11 @@ def _with_derived(basis: ModalBasis, path: str) -> ModalBasis:
 
     item = f"{path}/speed/residual2"
     paired = speed.residual2 is not None or speed.residual0 is None
-    check(paired, item, "this dataset if there is residual0", "nothing")
+    check_sentence(paired, item, "the dataset is missing, although residual0 exists")
     item = f"{path}/speed/residual0"
     derivable = speed.residual2 is None or speed.residual0 is not None
     derivable = derivable or basis.flexibility is not None
-    check(derivable, item, "this dataset where the basis has no flexibility", "nothing")
+    check_sentence(derivable, item, "the dataset is missing, and the basis has no flexibility")
 
     # before products: the shapes of the stored matrices
     stored = replace(speed, stiffness0=speed.stiffness2, residual0=speed.residual2)

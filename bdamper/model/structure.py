@@ -49,7 +49,7 @@ from bdamper.model.modal_basis import LocalBasis, SpeedBasis, SpinStatic
 from bdamper.model.modal_basis import ModalBasis as ModalBasis
 from bdamper.util import validation
 from bdamper.util.display import Plottable, draw
-from bdamper.util.formatting import short_repr
+from bdamper.util.formatting import counted, short_repr
 from bdamper.util.records import Data, GroupName, Record
 from bdamper.util.storage import FilePath
 
@@ -400,7 +400,9 @@ class Model(Plottable, Record):
 
     def __str__(self) -> str:
         sectors = f"{self.n_blades} sectors" if self.n_blades > 1 else "no sectors"
-        lines = [f"model {self.hash}: {sectors}, locations {', '.join(self.locations) or 'none'}"]
+        lines = [
+            f"model with {sectors}, hash {self.hash}, locations {', '.join(self.locations) or 'none'}"
+        ]
         for body in self.bodies.values():
             text = f"  {body.name}: {body.kind}"
             if body.bases:
@@ -414,9 +416,9 @@ class Model(Plottable, Record):
             lines.append(text)
         for face in self.interfaces.values():
             text = f"  {face.name}: {face.kind}, {face.body_a} on {face.body_b}, "
-            text += f"{face.n_points} contact points"
+            text += counted(face.n_points, "contact point")
             if np.any(face.gap > 0.0):
-                text += f", gap up to {1e6 * face.gap.max():.3g} um"
+                text += f", gap up to {1e6 * face.gap.max():.3g} µm"
             lines.append(text)
         return "\n".join(lines)
 

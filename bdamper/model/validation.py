@@ -29,7 +29,7 @@ from scipy.linalg import eigh
 from bdamper.model.kinematics import N_RIGID
 from bdamper.model.modal_basis import LocalBasis, SpeedBasis, SpinStatic, rigid_motions
 from bdamper.model.structure import Body, BodyLoad, Interface, ModalBasis, Model, StressSet, turn
-from bdamper.util.errors import check, mismatch
+from bdamper.util.errors import check, check_sentence, mismatch
 from bdamper.util.records import (
     ROUNDING,
     SINGLE,
@@ -213,7 +213,7 @@ def _check_body(body: Body, model: Model, item: str) -> None:
     if body.is_free:
         for key in ("mass", "centre", "inertia"):
             stored = getattr(body, key) is not None
-            check(stored, f"{item}/{key}", f"the {key} of a free body", "nothing")
+            check_sentence(stored, f"{item}/{key}", f"the {key} of a free body is missing")
     if body.kind == "free":
         _check_rigid(body, model, f"{item}/nd000")
     if body.load is not None:

@@ -298,8 +298,8 @@ def _states_of_vibration(
     result: Any, study: StudyLike | Problem | None, point: int | None
 ) -> _States:
     has_study = study is not None
-    expected = "the study of the result, result.plot_contacts(study)"
-    validation.check(has_study, "plot_contacts", expected, "none")
+    missing = "give the study of the result, result.plot_contacts(study)"
+    validation.check_sentence(has_study, "plot_contacts", missing)
     problem = problem_of(cast(Any, study))
     check_result(problem, result)
     if isinstance(result, OptimalCurve):

@@ -492,13 +492,13 @@ def _lines_of_optimum(result: OptimalCurve) -> list[str]:
     """Return the name of the optimum with its numbers and failed checks."""
     optimum = result.optimum
     kinds_at_an_end = {
-        "end": "least at the end of the range",
-        "edge": "least at the limit of steady responses",
+        "end": "lowest at the end of the range",
+        "edge": "lowest at the limit of steady responses",
     }
     if optimum.kind in kinds_at_an_end:
         name = kinds_at_an_end[optimum.kind]
     elif not optimum.ok:
-        name = "least value"
+        name = "lowest value found"
     elif optimum.kind == "jump":
         name = "optimum at a jump"
     else:
@@ -508,7 +508,9 @@ def _lines_of_optimum(result: OptimalCurve) -> list[str]:
     lines = [f"{name}: {amount(optimum.preload, 'N')}, {amount(optimum.amplitude, 'm')}"]
     in_time = result.optimum_in_time
     if in_time:
-        lines.append(f"in time: {amount(in_time.preload, 'N')}, {amount(in_time.largest, 'm')}")
+        lines.append(
+            f"time integration: {amount(in_time.preload, 'N')}, {amount(in_time.largest, 'm')}"
+        )
     if result.failures:
         lines.append(f"not for design: {counted(len(result.failures), 'check')} failed")
     return lines

@@ -297,7 +297,7 @@ class Page:
         self.text = self.models.Div(name="answer", styles={"font-size": "14px"}, **WIDE)
         self.notes = {name: quiet(name=f"{name}_text") for name in PANELS}
         limits = "grey: without contact and with stuck contact"
-        self.notes["curve"].text = f"{DOT} chosen point, ◇ in time; {limits}"
+        self.notes["curve"].text = f"{DOT} chosen point, ◇ time integration; {limits}"
         self.busy = quiet(name="busy")
         hint = "Click the curve to choose a point; drag in the curve of peaks to move the preload."
         self.help = quiet(text=hint)
@@ -434,7 +434,7 @@ class Page:
             self.texts["optimal"] = "The optimum is being computed."
             self.glyphs["optimal"].line_dash = [6]
             self.notes["best"].text = "Dashed: before the last change of settings."
-        self.texts["time"] = "The amplitude in time is being computed."
+        self.texts["time"] = "Time integration is running."
         for name in ("time", "range"):
             self._put(name)
         self.answers.ask(question)
@@ -613,7 +613,7 @@ class Page:
         if answer.optimal is not None:
             self._optimal(answer.optimal)
         if answer.full:
-            next_step = "amplitude in time" if answer.optimal else "optimum"
+            next_step = "time integration" if answer.optimal else "optimum"
             self.busy.text = f"computing the {next_step} ..."
         texts = [self.texts.get(name) for name in ("curve", "time", "optimal")]
         self.text.text = " ".join(text for text in texts if text)

@@ -390,7 +390,7 @@ def _look_of_run(result: AccuracyCost, run: Run) -> dict[str, Any]:
 def _saving(result: AccuracyCost) -> str:
     """Return how much faster the recommended settings are."""
     if result.recommended is result.richest:
-        return "none is faster"
+        return "no run is faster"
     ratio = result.richest.seconds / (result.recommended.seconds or np.nan)
     return f"{ratio:.2g} times faster than the reference"
 

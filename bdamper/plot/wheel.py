@@ -173,7 +173,7 @@ def plot_blades(found: TimeResponse, ax: Axes = NEW) -> None:
     """
     if not found.blades.size:
         raise BdamperError(
-            f"plot: this result has no motion of blades in time ({found.status_text})"
+            f"plot: this result contains no motion of blades by time integration ({found.status_text})"
         )
     mean = found.blades.mean(axis=0)
     below = mean - found.blades.min(axis=0)

@@ -29,8 +29,8 @@ from bdamper.harmonic_balance.equations import OK, STATUS_TEXT, Correction, Equa
 from bdamper.response.events import ContinuationOptions, Events, Path, Step, is_drift
 
 DRIFTED_OFF = (
-    "no periodic solution beyond: the mean position of a free body moves without bound, a mean "
-    "force drives it and no constraint plane takes load"
+    "no periodic solution after this point: the mean position of a free body moves without bound, "
+    "because a mean force drives it and no constraint plane carries load"
 )
 MANY_FOLDS, OUT_OF_BUDGET = "many folds", "out of budget"
 TWO_PI = 2.0 * np.pi

@@ -140,7 +140,8 @@ def highest_of_curve(
     counted = [i for i in tops if not apart[i]]
     if not counted:
         raise BdamperError(
-            "the response curve has no point that is connected with an end of the interval"
+            "no branch of the response curve reaches an end of the frequency interval; widen the "
+            "interval"
         )
     # an end of the interval counts only without a maximum
     candidates = [i for i in counted if not refined.at_end(i)]

@@ -533,7 +533,7 @@ def _ending_of_optimum(
     if may_be_lower:
         unknown = counted(len(may_be_lower), "preload")
         first = f"{may_be_lower[0]:.6g} N"
-        reason = f"{unknown} without a value could be lower, first {first}"
+        reason = f"{unknown} without an amplitude could be lower, first {first}"
         return Ending(INCOMPLETE, reason)
     if best.open is not None:
         low, high = np.exp(best.open)

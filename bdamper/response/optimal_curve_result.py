@@ -48,7 +48,7 @@ from bdamper.util.tables import (
 KINDS = {
     "smooth": "smooth minimum",
     "crossing": "two peaks of equal height",
-    "jump": "on one side of it there is a higher peak",
+    "jump": "a higher peak on one side",
     "unknown": "not located",
     "flat": "none, the preload has no effect",
     "none": "none",
@@ -107,7 +107,7 @@ class OptimumPoint(WithStatus):
     def known_to(self) -> str:
         """Uncertainty of the preload in words; "" if it is negligible or unknown."""
         if 1e-5 < self.uncertainty < np.inf:
-            return f"preload known to {percent(self.uncertainty)}"
+            return f"preload uncertain by {percent(self.uncertainty)}"
         return ""
 
     @property
@@ -301,7 +301,7 @@ class OptimalCurve(
                 texts.append(f"{preload:.6g} N: {status}")
         best = self.optimum
         if best.kind in ENDS:
-            texts.append(f"optimum: least value at the {ENDS[best.kind]}")
+            texts.append(f"optimum: lowest amplitude {ENDS[best.kind]}")
         if best.kind != "flat" and not best.ok:
             uncertainty = f", {best.known_to}" if best.known_to else ""
             texts.append(f"optimum {best.status_text}{uncertainty}")

@@ -19,9 +19,11 @@ from bdamper.util.formatting import amount, percent
 OptimalCurve = Any
 """Optimal curve; its module imports this one."""
 ENDS = {
-    "end": "end of the range, the optimum may lie beyond",
-    "edge": "lowest preload with a steady response",
+    "end": "at an end of the range; a lower amplitude may lie outside",
+    "edge": "at the lowest preload with a steady response",
 }
+WITH_CHECKS = "optimal_curve with check=True"
+"""Call that runs the checks of a curve."""
 NEAR_BEST = 1.2
 """Amplitude over the optimum that defines the printed range of acceptable preloads."""
 GOOD, FAIR = 0.05, 0.2
@@ -85,7 +87,7 @@ def failed(curve: OptimalCurve) -> list[Check]:
 
 def _model(curve: OptimalCurve) -> Check:
     """Report dampers that roll only because they have few rows of contact points."""
-    name = "Rows of contact points"
+    name = "Damper rolling"
     rule = (
         "red if a damper rolls on its contact points but not on its whole faces, white if unknown"
     )
@@ -93,7 +95,7 @@ def _model(curve: OptimalCurve) -> Check:
     if doubts is None:
         return Check("white", name, "not examined", rule)
     if not doubts:
-        return Check("green", name, "no damper rolls on them alone", rule)
+        return Check("green", name, "the faces have enough rows of contact points", rule)
     found = "; ".join(doubts)
     failure = f"{found}; amplitudes may be wrong by several times"
     return Check("red", name, found, rule, failure, "use more rows of contact points along t1")
@@ -108,7 +110,7 @@ def _within_range(curve: OptimalCurve) -> Check:
         name="Optimum within the range",
         found=end or "inside",
         rule="red at an end of the range of preloads",
-        failure=f"the least amplitude is at the {end}",
+        failure=f"the amplitude is lowest {end}",
         remedy=_beyond(curve) if kind == "end" else "add damping to the damper",
     )
 
@@ -171,16 +173,16 @@ def _in_time(curve: OptimalCurve) -> Check:
         f"green below {percent(GOOD)} of difference, amber below {percent(FAIR)}, red above, "
         "white if not run"
     )
-    name = "Harmonic balance against time"
+    name = "Time integration"
     nearest = curve.recommended_response
     if nearest is None:
-        return Check("white", name, "not run", rule)
+        return Check("white", name, "study.with_time_response(curve)", rule)
     if not known_in_time(nearest) or not nearest.ok:
         failure = f"time integration at {amount(nearest.preload, 'N')} is {nearest.status_text}"
         remedy = "integrate at other preloads, study.with_time_response(curve, preloads)"
         return Check("red", name, nearest.status_text, rule, failure, remedy)
     remedy = "add harmonics and blade modes until both agree, or choose another preload"
-    found = f"{nearest.text} in time, {amount(nearest.balance, 'm')} by harmonic balance"
+    found = f"{nearest.text}, by harmonic balance {amount(nearest.balance, 'm')}"
     change = nearest.mean / nearest.balance - 1.0
     failure = f"harmonic balance and time integration differ by {abs(100.0 * change):.0f} %"
     return Check(graded(abs(change), GOOD, FAIR), name, found, rule, failure, remedy)
@@ -194,14 +196,14 @@ def _more_harmonics(curve: OptimalCurve) -> Check:
         "white if not run"
     )
     if convergence is None:
-        return Check("white", "More harmonics", "not run", rule)
+        return Check("white", "More harmonics", WITH_CHECKS, rule)
     first, *others = convergence.peaks
     if convergence.ok:
         colour = "green"
     else:
         changes = [abs(peak.amplitude / first.amplitude - 1.0) for peak in others]
         colour = graded(max(changes, default=np.inf), 0.0, FAIR)
-    remedy = "rely on the amplitude in time"
+    remedy = "rely on the amplitude by time integration"
     settled = convergence.settled
     if len(settled) > 1 and convergence.status == COMPLETE:
         enough = settled[0].harmonics
@@ -218,7 +220,7 @@ def _other_friction(curve: OptimalCurve) -> Check:
         f"green up to {NEAR_BEST:g} times the amplitude, red above {MUCH:g} times, white if not run"
     )
     if not friction_tried(curve):
-        return Check("white", name, f"not run at {amount(curve.recommended_preload, 'N')}", rule)
+        return Check("white", name, _not_checked(curve), rule)
     nominal, *changed = curve.other_friction
     ratio = np.array([peak.amplitude for peak in changed]) / nominal.amplitude
     all_complete = all(peak.ok for peak in curve.other_friction)
@@ -242,7 +244,7 @@ def _friction_range(curve: OptimalCurve) -> Check:
     friction_range = curve.friction_range
     limits = None if friction_range is None else friction_range.limits
     if limits is None or not friction_tried(curve):
-        return Check("white", name, f"not run at {amount(curve.recommended_preload, 'N')}", rule)
+        return Check("white", name, _not_checked(curve), rule)
     near = [limit for limit in limits if limit.near]
     if any(limit.known for limit in near):
         colour = "red"
@@ -253,6 +255,13 @@ def _friction_range(curve: OptimalCurve) -> Check:
     found = friction_range.text
     failure = f"at {amount(curve.other_friction[0].preload, 'N')} {found}"
     return Check(colour, name, found, rule, failure, _friction_remedy(curve))
+
+
+def _not_checked(curve: OptimalCurve) -> str:
+    """Return the call that checks the recommended preload."""
+    if not curve.other_friction:
+        return WITH_CHECKS
+    return f"run at {amount(curve.other_friction[0].preload, 'N')} only"
 
 
 def _friction_remedy(curve: OptimalCurve) -> str:
@@ -282,16 +291,19 @@ def _ends_of_range(curve: OptimalCurve) -> list[Check]:
     # False if one is unknown
     within = all(rise <= NEAR_BEST for rise in _rises_in_time(curve))
     colour = "green" if within else "amber"
-    rule = f"green up to {NEAR_BEST:g} times the least amplitude in time, amber above or if unknown"
-    return [Check(colour, "Ends of the range in time", range_in_time_text(curve), rule)]
+    rule = (
+        f"green up to {NEAR_BEST:g} times the lowest amplitude by time integration, amber above or "
+    )
+    "if unknown"
+    return [Check(colour, "Ends of the range", range_in_time_text(curve), rule)]
 
 
 def range_in_time_text(curve: OptimalCurve) -> str:
-    """Return in words by how much the amplitude in time is higher at the ends of the range."""
+    """Return in words by how much time integration gives higher amplitudes at the ends."""
     texts = []
     for rise, end in zip(_rises_in_time(curve), curve.range_in_time):
         texts.append(f"{percent(rise - 1.0)} at {amount(end.preload, 'N')}")
-    return f"in time it is higher than its minimum by {' and '.join(texts)}"
+    return f"by time integration, higher than the minimum by {' and '.join(texts)}"
 
 
 def _rises_in_time(curve: OptimalCurve) -> list[float]:
@@ -332,7 +344,10 @@ def _errors_by_source(curve: OptimalCurve) -> Check:
     preload = _rounded(curve.recommended_preload, 3)
     n_curves = _rounded(_curves_per_estimate(curve), 1)
     call = f"study.estimate_errors(study.peak({preload}))"
-    found = f"{call} takes the time of about {n_curves} response curves; these are {len(curve)}"
+    time = (
+        f"the computing time of about {n_curves} response curves (the optimal curve: {len(curve)})"
+    )
+    found = f"{call} takes {time}"
     return Check("white", "Errors by source", found, "white, not part of an optimal curve")
 
 
@@ -368,7 +383,7 @@ def checked_amplitudes(curve: OptimalCurve) -> dict[str, float]:
     response = curve.recommended_response
     if response is None or not known_in_time(response):
         return {}
-    amplitudes = {"in time": response.largest, "by harmonic balance": response.balance}
+    amplitudes = {"by time integration": response.largest, "by harmonic balance": response.balance}
     convergence = curve.convergence
     if convergence is not None and len(convergence.peaks) > 1:
         _, highest = convergence.range

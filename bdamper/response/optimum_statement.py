@@ -30,7 +30,7 @@ from bdamper.response.optimum_checks import (
 )
 from bdamper.response.response_curve_result import NO_STEADY
 from bdamper.util.errors import COMPLETE
-from bdamper.util.formatting import amount, loads_text, peak_text, percent, span
+from bdamper.util.formatting import amount, counted, loads_text, peak_text, percent, span
 from bdamper.util.statement import Row, Statement
 
 CLEARLY = 1.5
@@ -78,7 +78,14 @@ def _verdict(curve: OptimalCurve) -> str:
         subject.append(f"friction coefficient {_listed(coefficients)}")
     alone = "" if curve.recommended_response is not None else ", by harmonic balance alone"
     about = f": {', '.join(subject)}" if subject else ""
+    alone += _uncertain(curve)
     return f"Lowest amplitude at {amount(curve.recommended_preload, 'N')}{alone}{about}"
+
+
+def _uncertain(curve: OptimalCurve) -> str:
+    """Return the number of checks that neither pass nor fail, or ""."""
+    n_uncertain = sum(check.colour == "amber" for check in checks(curve))
+    return f", {counted(n_uncertain, 'check')} uncertain" if n_uncertain else ""
 
 
 def _first_incomplete(curve: OptimalCurve) -> str:
@@ -105,7 +112,7 @@ def _preload_rows(curve: OptimalCurve) -> list[Row]:
         remarks.append(optimum.known_to)
     if not np.isclose(best, optimum.preload):
         remarks.append(
-            f"lowest in time integration; by harmonic balance {amount(optimum.preload, 'N')}"
+            f"lowest by time integration; by harmonic balance {amount(optimum.preload, 'N')}"
         )
     remarks += [text for text in (_not_integrated(curve), _of_damper(curve, best)) if text]
     if curve.range_in_time:
@@ -166,7 +173,7 @@ def _of_damper(curve: OptimalCurve, preload: float) -> str:
     load = curve.mass_radius * speed**2
     rotor_speed = amount(30.0 * speed / np.pi, "rpm")
     return (
-        f"The damper has {amount(load, 'N')} at {rotor_speed}; the preload needs "
+        f"The damper presses with {amount(load, 'N')} at {rotor_speed}; the preload needs "
         f"{preload / load:.2g} times its mass"
     )
 
@@ -195,7 +202,7 @@ def _amplitude_rows(curve: OptimalCurve, any_failed: bool) -> list[Row]:
         ratio = free / optimum.amplitude
         remark += f", {ratio:.3g} times below the free blade ({amount(free, 'm')})"
     if in_time is None:
-        remark += "; not for the stress"
+        remark += "; do not use it for the stress"
     rows.append(Row(name, amount(optimum.amplitude, "m"), remark))
     more = curve.convergence
     if more is not None and len(more.peaks) > 1:
@@ -236,11 +243,11 @@ def _range(curve: OptimalCurve) -> str:
     if exceeds(best.half_range, best.amplitude):
         parts.append(f"by harmonic balance {amount(best.half_range, 'm')}")
     if response is not None and exceeds(response.half_range, response.mean):
-        parts.append(f"in time {amount(response.half_range, 'm')}")
+        parts.append(f"by time integration {amount(response.half_range, 'm')}")
     if not parts:
         return ""
     half_range = ", ".join(parts)
-    return f"The amplitudes are of the first harmonic; half of the range of motion is {half_range}"
+    return f"first harmonic; half the peak-to-peak motion is {half_range}"
 
 
 def _doubts(curve: OptimalCurve) -> str:
@@ -281,7 +288,7 @@ def _not_covered(curve: OptimalCurve) -> str:
     effects = []
     response = curve.recommended_response
     if response is None or not known_in_time(response):
-        effects += ["motion in time", "more blade modes"]
+        effects += ["time integration", "more blade modes"]
     effects += ["mistuning", "wear"]
     # with given stiffness each contact point is a joint, and there are no more of them
     stiffness = curve.settings.get("contact_stiffness", "")
@@ -293,7 +300,7 @@ def _not_covered(curve: OptimalCurve) -> str:
         values = _listed(coefficients)
         factors = [peak.factor for peak in curve.other_friction if peak.ok]
         if len(factors) > 1 and friction_tried(curve):
-            beyond = f"beyond {min(factors):g} to {max(factors):g} times"
+            beyond = f"outside {min(factors):g} to {max(factors):g} times"
         else:
             beyond = "other than"
         effects.append(f"friction coefficients {beyond} {values}")

@@ -123,7 +123,7 @@ def notes(
             names.update(neutral_directions(system, coordinates, point.y))
         texts.append(
             f"nothing determines the mean along {', '.join(sorted(names))} at "
-            f"{len(undetermined)} points: held by least norm"
+            f"{len(undetermined)} points: held at minimum norm"
         )
     return tuple(texts)
 

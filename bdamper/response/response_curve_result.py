@@ -472,15 +472,27 @@ class ResponseCurve(
             remarks.append(f"The response is {higher}")
         remarks += [sentence(note) for note in self.self_locking]
         if not self.complete:
-            remarks.append(f"The curve is {self.status}, there may be a higher peak: {self.reason}")
+            remarks.append(f"The curve is {self.status}: {self.reason}; there may be a higher peak")
         checks = []
         if self.blades is not None:
-            effects = ["motion in time", "more blade modes"]
+            effects = ["time integration", "more blade modes"]
             remarks.append(not_covered(self.settings, effects, equal_blades=False))
         elif not self.is_limit and not self.peak_at_end:
             checks = self._check_rows()
             remarks.append(not_covered(self.settings, ["more blade modes"]))
+        if self.peak_at_end and self._end_of_interval:
+            remarks.append(f"Remedy: {self._end_of_interval[1]}")
         return Statement([self._verdict()], self._quantity_rows(), checks, remarks)
+
+    @property
+    def _end_of_interval(self) -> tuple[str, str] | None:
+        """End of the frequency interval with the highest point, and the remedy; None at a gap."""
+        highest = self.frequency[self.peak_index]
+        if np.isclose(highest, self.frequency.max(), rtol=1e-6, atol=0.0):
+            return "upper", f"include frequencies above {amount(float(highest), 'Hz')}"
+        if np.isclose(highest, self.frequency.min(), rtol=1e-6, atol=0.0):
+            return "lower", f"include frequencies below {amount(float(highest), 'Hz')}"
+        return None
 
     @property
     def _without_reason(self) -> str:
@@ -493,8 +505,9 @@ class ResponseCurve(
         peak = peak_text(self.amplitude[i], self.frequency[i])
         peak += first_harmonic_text(self.half_range, float(self.amplitude[i]))
         if self.peak_at_end:
-            kind = "No peak: highest response"
-            peak += ", at an end of the curve"
+            kind = "No peak; the response is highest, "
+            end = self._end_of_interval
+            peak += f", at the {end[0]} end of the curve" if end else ", at a gap of the curve"
         elif self.may_be_higher:
             kind = "Lower bound of the resonance peak"
         else:
@@ -505,7 +518,7 @@ class ResponseCurve(
         if self.blades is not None:
             place.append(f"blade {np.argmax(np.abs(self.blades[i, :, 1]))}")
         preload = self.preload if self.kind == "response" else np.nan
-        return f"{kind} {peak}{about(self.settings, preload, *place)}"
+        return f"{kind.strip()} {peak}{about(self.settings, preload, *place)}"
 
     def _quantity_rows(self) -> list[Row]:
         """Return the computed range, the state at the highest point, and jumps of a slow sweep."""

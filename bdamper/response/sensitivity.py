@@ -50,7 +50,15 @@ from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
 from bdamper.util.display import Plottable, Result
 from bdamper.util.errors import SettingError
-from bdamper.util.formatting import UNITS, amount, peak_text, percent, short_repr, spaced
+from bdamper.util.formatting import (
+    UNITS,
+    amount,
+    peak_text,
+    percent,
+    sentence,
+    short_repr,
+    spaced,
+)
 from bdamper.util.progress import one_thread
 from bdamper.util.statement import Row, Statement
 
@@ -135,6 +143,14 @@ class Sensitivities(Result, Plottable, dict[str, PeakSensitivity]):
         unknown = [f"{spaced(name)}: {item.reason}" for name, item in self.items() if item.reason]
         remarks = [f"Unknown: {'; '.join(unknown)}"] if unknown else []
         verdict = f"Change for +1 %: peak {peak}"
+        changes = self.changes()
+        known = [name for name in changes if np.isfinite(changes[name][0])]
+        if known:
+            first = max(known, key=lambda name: abs(changes[name][0]))
+            change = percent(changes[first][0], True)
+            verdict = (
+                f"{sentence(spaced(first))} has the largest effect: {change} for +1 %, peak {peak}"
+            )
         return Statement([verdict], remarks=remarks, table=self._rows())
 
     def _rows(self) -> list[tuple[str, ...]]:
@@ -145,7 +161,7 @@ class Sensitivities(Result, Plottable, dict[str, PeakSensitivity]):
         size = {name: np.nan_to_num(abs(change[0]), nan=-1.0) for name, change in changes.items()}
         for name in sorted(changes, key=lambda name: size[name], reverse=True):
             amplitude, frequency = changes[name]
-            value = f"{self[name].value:.6g}"
+            value = f"{self[name].value:.6g} {UNITS.get(name, '')}".rstrip()
             rows.append((spaced(name), value, percent(amplitude, True), percent(frequency, True)))
         return rows
 
@@ -729,7 +745,7 @@ def families(
 
 
 def setting_value(problem: Problem, name: str) -> float:
-    """Return the current value of a numeric setting, 1 for a factor."""
+    """Return the present value of a numeric setting, 1 for a factor."""
     head, _, part = name.partition(".")
     if head in FACTORS:
         return 1.0

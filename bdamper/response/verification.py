@@ -287,22 +287,28 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         if np.isnan(self.mean):
             reason = self.reason or self.status
             verdict = f"No amplitude by time integration, {reason}{subject}"
-            remedy = "Remedy: nothing confirms the peak; choose another preload"
+            remedy = "Remedy: choose another preload; time integration does not confirm this peak"
             return Statement([verdict], [balance], remarks=[remedy])
         if self.ok:
             largest = amount(self.largest, "m")
             verdict = f"Highest amplitude by time integration {largest}{subject}"
         else:
             verdict = f"Not for design: the time integration is {self.status_text}{subject}"
-        change = percent(self.mean / self.balance - 1.0, True)
-        remark = f"{balance.remark}; time integration {change}"
-        rows = [*self._time_rows(), balance._replace(remark=remark), *self._motion_rows()]
+        balance = balance._replace(remark=self._change_text)
+        rows = [*self._time_rows(), balance, *self._motion_rows()]
         remarks = [f"Not covered: {', '.join(self._open_effects())}"]
         if not self.ok:
             frequency = f"{self.frequency:.6g}"
             remedy = f"examine study.motion_in_time(curve, frequency={frequency}, periods=400)"
             remarks.insert(0, f"Remedy: {remedy}")
         return Statement([verdict], rows, self._check_rows(), remarks)
+
+    @property
+    def _change_text(self) -> str:
+        """Difference of the mean by time integration from harmonic balance."""
+        change = self.mean / self.balance - 1.0
+        side = "higher" if change > 0.0 else "lower"
+        return f"the mean by time integration is {percent(abs(change))} {side}"
 
     def _time_rows(self) -> list[Row]:
         """Return the range of the amplitude with its frequency and mean, and single periods."""
@@ -334,7 +340,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
             rows.append(Row("Other integrations", outcome, f"{means}: {', '.join(self.answers)}"))
         if self.starts:
             outcome = "uncertain" if self.elsewhere else "pass"
-            finding = f"{self.elsewhere} of {len(self.starts)} came to another motion"
+            finding = f"{self.elsewhere} of {len(self.starts)} lead to a different motion"
             rows.append(Row("Other starts", outcome, finding))
         return rows
 
@@ -439,7 +445,7 @@ class MotionInTime(
         else:
             verdict = f"Not confirmed: time integration leaves {solution}{subject}"
         extent = f"{self._kind}, {span(self.lowest, self.highest, 'm')}"
-        rows = [Row("Highest blade", amount(self.mean, "m"), extent), *self._unlike_rows()]
+        rows = [Row("Amplitude", amount(self.mean, "m"), extent), *self._unlike_rows()]
         remarks = []
         checks = []
         if self.verdict:
@@ -450,8 +456,10 @@ class MotionInTime(
         # an undecided verdict is the reason why the result is incomplete
         elif self.status == INTERRUPTED:
             remarks.append(f"The integration is {INTERRUPTED}")
+        if self.verdict == "undecided" and self.status != INTERRUPTED:
+            remarks.append("Remedy: integrate more periods, for example periods=400")
         if any(check.value == "FAIL" for check in checks):
-            remarks.append("Remedy: study.time_response(curve) gives the highest steady amplitude")
+            remarks.append("Remedy: use study.time_response(curve), the highest steady amplitude")
         return Statement([verdict], rows, checks, remarks)
 
     @property
@@ -637,7 +645,7 @@ class FrictionRange(Record):
     def text(self) -> str:
         """Factors with twice the amplitude, and the range of factors without."""
         if self.limits is None:
-            return "it is unknown with which friction the amplitude doubles"
+            return "the friction at which the amplitude doubles is unknown"
         below, above = self.limits
         tolerated = f"from {below.inside:.2g} to {above.inside:.2g} times"
         doubled = []
@@ -650,11 +658,11 @@ class FrictionRange(Record):
                 doubled.append(factor)
         if doubled:
             factors = " and ".join(doubled)
-            text = f"the amplitude doubles with {factors} times the friction, not {tolerated}"
+            text = f"the amplitude doubles at {factors} times the friction, but not {tolerated}"
         else:
             text = f"the amplitude does not double {tolerated} the friction"
         if unknown:
-            text += f"; it is unknown with {' and '.join(unknown)} times"
+            text += f"; unknown at {' and '.join(unknown)} times"
         return text
 
     @property
@@ -833,7 +841,7 @@ class Convergence(Result, Plottable, Tabular):
         settled = self.settled
         if not self.ok and 1 < len(settled) < len(self.peaks):
             remarks.append(f"Remedy: use harmonics={settled[0].harmonics}")
-        remarks.append("Not covered: motion in time, more blade modes, more contact points")
+        remarks.append("Not covered: time integration, more blade modes, more contact points")
         return Statement([verdict], rows, self._spread_checks(), remarks, table)
 
     def _others_text(self) -> str:
@@ -1009,9 +1017,7 @@ class ErrorEstimates(Result):
         peak = f"{peak_text(self.amplitude, self.frequency)}, preload {amount(self.preload, 'N')}"
         remarks = []
         if self.undecided:
-            verdict = (
-                f"Harmonic balance does not decide this case, time integration does: peak {peak}"
-            )
+            verdict = f"Not decided by harmonic balance; time integration is needed: peak {peak}"
             if not any(item.source == "time" and item.known for item in self.sources):
                 remarks.append("Remedy: study.time_response(peak)")
         elif all(not item.known for item in self.sources):
@@ -1020,7 +1026,7 @@ class ErrorEstimates(Result):
             verdict = f"Estimated error {percent(self.total)}{self._large_text()}: peak {peak}"
         else:
             verdict = f"Estimated error below 0.001 %: peak {peak}"
-        table = [("Source", "Amplitude", "Frequency", "May miss", "Against")]
+        table = [("Source", "Amplitude", "Frequency", "Possible error", "Compared with")]
         for item in sorted(self.sources, key=lambda item: -np.nan_to_num(item.size)):
             if item.known:
                 missed = percent(item.uncertainty) if item.uncertainty else ""
@@ -1031,9 +1037,11 @@ class ErrorEstimates(Result):
             for item in self.sources
             if not item.known
         ]
-        remarks.append("The errors add up if they do not interact")
+        remarks.append(
+            "The estimated error is the sum of all sources, a bound if they do not interact"
+        )
         if not any(item.source == "time" for item in self.sources):
-            remarks.append('Not covered: motion in time, which the source "time" adds')
+            remarks.append('Not covered: time integration (add "time" to sources)')
         return Statement([verdict], self._harmonic_rows(), unknown, remarks, table)
 
     def _large_text(self) -> str:

@@ -169,7 +169,7 @@ class TimeSweep(
     def _statement(self) -> Statement:
         frequency, amplitude = self.highest
         first, last = (amount(float(self.frequency[end]), "Hz") for end in (0, -1))
-        verdict = f"Highest {peak_text(amplitude, frequency)}: sweep by time integration"
+        verdict = f"Highest amplitude {peak_text(amplitude, frequency)}: sweep by time integration"
         rows = [Row("Sweep", f"{first} to {last}", f"at {amount(abs(self.rate), 'Hz/s')}")]
         rows += [
             Row(
@@ -218,7 +218,7 @@ def frequency_sweep(
     damping = ring.least_damping
     if not 0.0 < damping < np.inf:
         raise SettingError(
-            "frequency_sweep: expected damping in every mode of the structure, found a mode without"
+            "frequency_sweep: every mode of the structure needs damping, and one is undamped"
         )
     memory = 2.0 / damping
     if rate is None:

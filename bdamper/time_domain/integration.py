@@ -830,7 +830,7 @@ def _turn(family: HarmonicBasis, basis: HarmonicBasis, conjugate: bool) -> NDArr
     )
     if not equal:
         raise SettingError(
-            "time integration: expected the modes of one nodal diameter in a harmonic, found others"
+            "time integration: the modes of a harmonic must belong to one nodal diameter"
         )
     turn = np.zeros((family_modes.shape[1], modes.shape[1]), complex)
     turn[np.flatnonzero(~family_residual), np.flatnonzero(~residual)] = 1.0

@@ -382,7 +382,7 @@ class SteadySearch:
             balance_amplitude = max(self.balance.at(place.frequency), default=np.nan)
             self.failure = (
                 f"at {place.frequency:.6g} Hz, near the peak, harmonic balance gives "
-                f"{amount(balance_amplitude, 'm')}, but the amplitude in time "
+                f"{amount(balance_amplitude, 'm')}, but the amplitude by time integration "
                 f"becomes {amount(point.mean, 'm')}"
             )
 

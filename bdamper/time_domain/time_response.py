@@ -114,7 +114,9 @@ def structure_in_time(problem: Problem, frequency: float) -> tuple[Problem, str]
     in_curve = min(settings.blade_modes, blade_modes)
     texts = []
     if blade_modes > 0:
-        texts.append(f"{in_curve} of {blade_modes} blade modes in the curve, {blade_modes} in time")
+        texts.append(
+            f"{in_curve} of {blade_modes} blade modes in the curve, all of them in time integration"
+        )
 
     highest_harmonic = max(problem.harmonic_numbers, default=1)
     frequency_ratios = _first_elastic(problem, frequency * highest_harmonic)
@@ -298,7 +300,9 @@ def time_response(
     more_modes_in_time = modes_in_time != problem.settings.blade_modes
     if search.best is None and search.failure and more_modes_in_time:
         # the curve may have its peak where the structure in time has none
-        search.failure += f"; try a response curve with blade_modes={modes_in_time}, as in time"
+        search.failure += (
+            f"; try a response curve with blade_modes={modes_in_time}, as in time integration"
+        )
     without_amplitude = replace(
         without_amplitude,
         periods=search.periods,

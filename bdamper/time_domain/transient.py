@@ -317,8 +317,8 @@ def _check_motion(ring: Ring, motion: Motion) -> None:
     sliders = (ring.n, ring.system.n_points, width)
     if motion.q.shape != coordinates or motion.w.shape != sliders:
         raise SettingError(
-            f"start: expected a motion of this study, {coordinates} coordinates and {sliders} "
-            f"sliders, found {motion.q.shape} and {motion.w.shape}"
+            "start: the motion belongs to another study; its coordinates and sliders have the "
+            f"shapes {motion.q.shape} and {motion.w.shape} instead of {coordinates} and {sliders}"
         )
 
 
@@ -544,7 +544,7 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
     last = float(off[-look:].mean())
     if n < 3 * look:
         periods = min(n, look)
-        few = f"{_in_percent(last)} % in the mean of {periods} periods; at least {3 * look} decide"
+        few = f"mean of {periods} periods {_in_percent(last)} %; {3 * look} periods are needed"
         return Verdict(UNDECIDED, few, periods)
 
     # left
@@ -567,7 +567,7 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
     drift, fades = _drift(off, memory)
     spread = f"{_in_percent(recent.min())} to {_in_percent(recent.max())} %"
     if abs(drift) < CRITERIA.drift and fades and same_verdict_later:
-        text = f"{_in_percent(mean)} % in the mean of {span} periods"
+        text = f"mean of {span} periods {_in_percent(mean)} %"
         if np.ptp(recent) > CRITERIA.drift:
             text = f"{text}, {spread}"
         return Verdict(AGREES if stays and within else DIFFERS, text, span)

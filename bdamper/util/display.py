@@ -130,6 +130,8 @@ class Fact(NamedTuple):
         return f"{self.value} {self.unit}".rstrip()
 
 
+ALL_VALUES = "All values: result.summary()"
+"""Remark of a printed result that does not contain all of its values."""
 SHOWN_ROWS = 8
 """Rows of a table that ``print`` shows; ``summary()`` shows all."""
 
@@ -144,7 +146,7 @@ class Summarised:
 
     _summary_fields: tuple[str, ...] = ()
     _states_all: ClassVar[bool] = False
-    """Whether the statement has all values, so that ``print`` need not name ``summary``."""
+    """Whether the statement contains all values, so that ``print`` need not mention ``summary``."""
 
     def _headline(self) -> str:
         """Return the main result in one line: the verdict of the statement."""
@@ -262,7 +264,7 @@ class Summarised:
         if statement is not None and self._states_all:
             return statement.text
         if statement is not None:
-            return f"{statement.text}\n\nsummary() has all values"
+            return statement.with_remark(ALL_VALUES).text
         headline = self._in_unit_of_response(self._headline())
         # no line break between a number and its unit
         kept = re.sub(r"(\d) (?=(?:\S{1,2}|[kMG]Pa|rad/s)\b)", "\\1\0", headline)
@@ -270,7 +272,7 @@ class Summarised:
 
         rows = [row for row in self._table() if row]
         lines = table_lines(rows) if rows and len(rows[0]) > 2 else aligned(rows)
-        last = "summary() has the rest"
+        last = ALL_VALUES
         if len(lines) > SHOWN_ROWS + 1:
             last = f"{counted(len(lines) - SHOWN_ROWS - 1, 'further row')}; {last}"
         if not lines:

@@ -78,6 +78,15 @@ def check(good: object, item: str, expected: str, found: object) -> None:
         raise mismatch(item, expected, found)
 
 
+def check_sentence(good: object, item: str, sentence: str) -> None:
+    """Raise a ModelError "item: sentence" unless a condition holds.
+
+    A sentence suits data that are missing, forbidden or combined.
+    """
+    if not good:
+        raise ModelError(f"{item}: {one_line(sentence)}")
+
+
 def one_line(found: object) -> str:
     """Return the text of a value in one line of at most 300 characters."""
     return truncate(" ".join(str(found).split()), 300)

@@ -11,10 +11,24 @@ import numpy as np
 # ---- Numbers and names ----
 
 
+SMALLEST_SHOWN = 1e-12
+"""Relative size of a number that is printed as zero, because it is a rounding error."""
+
+
+def without_rounding(value: float, scale: float) -> float:
+    """Return 0 for a rounding error of numbers as large as ``scale``, otherwise the value."""
+    return 0.0 if abs(value) < SMALLEST_SHOWN * abs(scale) else value
+
+
 def percent(value: float, sign: bool = False) -> str:
-    """Return a ratio in per cent with two digits, or as a whole number from 100 % on."""
+    """Return a ratio in per cent with two digits, or as a whole number if it is 100 % or more.
+
+    A rounding error is 0 %, without a sign.
+    """
     if not np.isfinite(value):
         return "unknown"
+    if abs(value) < 1e-9:
+        return "0 %"
     digits = ".0f" if 0.995 <= abs(value) < 1e4 else ".2g"
     plus = "+" if sign else ""
     return f"{100.0 * value:{plus}{digits}} %"
@@ -148,9 +162,16 @@ def spaced(name: str) -> str:
 
 
 def counted(n: int, what: str) -> str:
-    """Return a number of things, for example "1 point", "2 points" or "no point"."""
-    plural = "s" if n > 1 else ""
-    return f"{n or 'no'} {what}{plural}"
+    """Return a number of things, for example "1 point", "2 masses" or "no frequency"."""
+    return f"{n or 'no'} {_plural(what) if n > 1 else what}"
+
+
+def _plural(noun: str) -> str:
+    if noun.endswith("s"):
+        return f"{noun}es"
+    if noun.endswith("cy"):
+        return f"{noun[:-1]}ies"
+    return f"{noun}s"
 
 
 def aligned(rows: Sequence[Sequence[str]], indent: str = "") -> list[str]:
@@ -194,7 +215,7 @@ def table_lines(
         remaining = remaining[n_shown:]
     if remaining:
         others = ", ".join(column[0] for column in remaining)
-        lines.append(truncate(f"{indent}also: {others}", width))
+        lines.append(truncate(f"{indent}Further columns: {others}", width))
     return lines
 
 

@@ -65,8 +65,8 @@ class Range:
     low: Bound
     high: Bound
     unit: str = ""
-    above: str = "a mistaken unit or digit suspected"
-    below: str = "a mistaken unit or digit suspected"
+    above: str = "possibly a wrong unit or digit"
+    below: str = "possibly a wrong unit or digit"
     by: str = ""
     compared: Callable[[NDArray], tuple[float, float]] = each
 
@@ -97,7 +97,7 @@ class Range:
         if self.compared is some and values.min() < values.max():
             found = f"{values.min():g} to {values.max():g}"
         found = f"{found} {self.unit}".rstrip()
-        warn_implausible(item, self._text(low, high), f"{found}: {mistake}")
+        warn_implausible(item, self._text(low, high), f"{found}; {mistake}")
 
     def _text(self, low: float, high: float) -> str:
         """Return the range with its unit and explanation."""
@@ -137,9 +137,9 @@ class Names:
     leading: int | None = None
 
 
-GRAMS = "grams suspected"
-PER_CENT, MILLIMETRES = "per cent suspected", "millimetres or micrometres suspected"
-RPM = "revolutions per minute suspected"
+GRAMS = "possibly given in grams"
+PER_CENT, MILLIMETRES = "possibly given in per cent", "possibly given in millimetres or micrometres"
+RPM = "possibly given in revolutions per minute"
 
 UNEXCITED = (
     "any load: the excitation, with which preloads are compared, has no effect or is checked "
@@ -151,20 +151,24 @@ NOT_A_NUMBER = "a description, whose parts have ranges"
 """Reasons why a parameter has no range although another one of its name has."""
 
 DAMPING = Range(0.0, 0.1, "of critical damping", PER_CENT)
-STIFFNESS = Range(0.0, 1e13, "N/m", "N/mm or GN/m suspected")
+STIFFNESS = Range(0.0, 1e13, "N/m", "possibly given in N/mm or GN/m")
 PRELOAD = Range(
     lambda s, _: s.amplitude,
     lambda s, _: 1e6 * s.amplitude or np.inf,
     "N",
-    "mN suspected, or nothing that slips",
-    "kN suspected, or a damper that does not stay in its seat",
+    "possibly given in mN, or nothing slips",
+    "possibly given in kN, or the damper leaves its seat",
     "1 to 1e+06 times the excitation amplitude",
     some,
 )
 DEVIATION = Range(
-    -0.5, 0.5, "of the frequency", "per cent or Hz suspected", "per cent or Hz suspected"
+    -0.5,
+    0.5,
+    "of the frequency",
+    "possibly given in per cent or Hz",
+    "possibly given in per cent or Hz",
 )
-FACTOR = "a value with a unit suspected, where a factor is expected"
+FACTOR = "possibly a value with a unit; a factor is expected"
 
 WITHOUT_RANGE = {
     "Study.excitation": NOT_A_NUMBER,
@@ -192,21 +196,21 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
         lambda s, _: s.largest_order,
         compared=all_of,
         below="a force that does not vary as the wheel turns and excites nothing",
-        above="rad/s, Hz or a number of vanes suspected, which excites another nodal diameter",
+        above="possibly given in rad/s or Hz, or a number of vanes, which excites a different nodal diameter",
     ),
     "Study.friction_coefficient": Range(
         0.05,
         1.5,
         above=PER_CENT,
         by="or 0",
-        below="a mistaken digit suspected; lubricated steel has 0.05, clean metals up to 1.5",
+        below="possibly a wrong digit; lubricated steel has 0.05, clean metals up to 1.5",
     ),
     "Study.contact_stiffness": Range(
         lambda s, _: 0.01 * s.body_stiffness,
         lambda s, _: 100.0 * s.body_stiffness,
         "N/m",
-        "a stiffness per area or of the whole face suspected",
-        "N/mm or a stiffness per area suspected",
+        "possibly a stiffness per area or of the whole face",
+        "possibly given in N/mm or per area",
         "at a point in the mean, 0.01 to 100 times that of the bodies there",
     ),
     "Study.contact_stiffness_factor": Range(1e-3, 1e3, above=FACTOR, below=FACTOR),
@@ -216,7 +220,7 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
         0.0,
         lambda s, body: s.critical_drag(body),
         "N s/m",
-        "kg/s per area or a stiffness suspected",
+        "possibly given per area, or a stiffness",
         by="critical damping of the body at the first natural frequency",
     ),
     "Study.gap": Range(
@@ -231,19 +235,19 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
         1e-3,
         100.0,
         "newtons per newton of preload",
-        "newtons suspected, where shares are expected",
-        "a load in newtons divided by the preload twice suspected",
+        "possibly given in newtons; fractions are expected",
+        "possibly a load in newtons divided twice by the preload",
     ),
     "Study.constant_loads": Range(
         lambda s, name: -s.bearable(name),
         lambda s, name: s.bearable(name),
         "N",
-        "a stiffness or kN suspected",
-        "a distance suspected: a negative load of a point is a gap",
+        "possibly a stiffness, or given in kN",
+        "possibly a distance; a negative load of a point is a gap",
         "a pressure of 1 GPa on the faces",
     ),
     "Study.load_history": Range(
-        1e-3, 10.0, above="newtons suspected, where factors on the preload are expected"
+        1e-3, 10.0, above="possibly given in newtons; factors on the preload are expected"
     ),
     "Study.residual_slip_std": Range(
         1e-12, lambda s, _: 1e-3 * s.size, "m", MILLIMETRES, by="0.1 % of the extent"
@@ -253,8 +257,8 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
         lambda s, _: s.least_force,
         lambda s, where: s.deflecting(where),
         "N",
-        "mN or N/m2 suspected",
-        "kN or MN suspected",
+        "possibly given in mN or N/m2",
+        "possibly given in kN or MN",
         "up to the force that deflects the structure by 10 % of its extent",
     ),
     "Body.mass": Range(
@@ -264,26 +268,30 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
         lambda s, name: 1e5 * s.volume(name),
         "kg",
         GRAMS,
-        "tonnes suspected",
+        "possibly given in tonnes",
         "by the size of its faces",
     ),
     # settings that a study varies by name
     "Study.friction_factor": Range(0.1, 10.0, above=FACTOR, below=FACTOR),
     "Study.damping_factor": Range(0.02, 50.0, above=FACTOR, below=FACTOR),
-    "Study.damper_inertia_factor": Range(0.02, 15.0, above=GRAMS, below="kilograms suspected"),
-    "Study.damper_mass_factor": Range(0.02, 15.0, above=GRAMS, below="kilograms suspected"),
+    "Study.damper_inertia_factor": Range(
+        0.02, 15.0, above=GRAMS, below="possibly given in kilograms"
+    ),
+    "Study.damper_mass_factor": Range(0.02, 15.0, above=GRAMS, below="possibly given in kilograms"),
     "Study.frequency_factor": Range(
-        0.5, 2.0, above="Hz suspected, where a factor is expected", below=FACTOR
+        0.5, 2.0, above="possibly given in Hz; a factor is expected", below=FACTOR
     ),
     "Study.gap_factor": Range(
-        1e-3, 1e3, above=FACTOR, below="metres suspected, where a factor is expected"
+        1e-3, 1e3, above=FACTOR, below="possibly given in metres; a factor is expected"
     ),
     "Study.force_factor": Range(
-        1e-2, 1e2, above="newtons suspected, where a factor is expected", below=FACTOR
+        1e-2, 1e2, above="possibly given in newtons; a factor is expected", below=FACTOR
     ),
-    "Study.excitation.amplitude": Range(1e-6, 1e6, "N", "mN suspected", "MN suspected"),
+    "Study.excitation.amplitude": Range(
+        1e-6, 1e6, "N", "possibly given in mN", "possibly given in MN"
+    ),
     "Study.excitation.phase": Range(
-        -2.0 * np.pi, 2.0 * np.pi, "rad", "degrees suspected", "degrees suspected"
+        -2.0 * np.pi, 2.0 * np.pi, "rad", "possibly given in degrees", "possibly given in degrees"
     ),
     "sweep.over": Names("Study"),
     "optimal_curve_uncertainty.samples": Names("Study"),
@@ -298,8 +306,8 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
         0.05,
         10.0,
         "times the mass of the damper",
-        "grams suspected, where factors are expected",
-        "kilograms suspected, where factors are expected",
+        "possibly given in grams; factors are expected",
+        "possibly given in kilograms; factors are expected",
     ),
     "flutter.aerodynamic_damping": Range(
         0.0, 0.1, "of critical damping", PER_CENT, compared=largest
@@ -311,48 +319,53 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
         1e-15, lambda s, _: s.size, "m", MILLIMETRES, by="the extent of the model"
     ),
     "speed": Range(0.1, 1.2e4, "rad/s", RPM),
-    "elastic": (Range(1e8, 2e12, "Pa", below="MPa or GPa suspected"), Range(0.0, 0.5)),
-    "robust_optimum.percentile": Range(50.0, 100.0, "%", below="a share suspected: 95 for 95 %"),
+    "elastic": (Range(1e8, 2e12, "Pa", below="possibly given in MPa or GPa"), Range(0.0, 0.5)),
+    "robust_optimum.percentile": Range(
+        50.0, 100.0, "%", below="possibly a fraction; write 95 for 95 %"
+    ),
     # conditions as functions of rotor speed
     "friction": Range(0.05, 1.5, above=PER_CENT),
-    "excitation": Range(1e-6, 1e6, "N", "mN suspected", "MN suspected"),
+    "excitation": Range(1e-6, 1e6, "N", "possibly given in mN", "possibly given in MN"),
     # material
     "Material.endurance_limit": Range(
-        1e6, 1e10, "Pa", "where 1 MPa is 1e6 Pa", "where 1 MPa is 1e6 Pa"
+        1e6, 1e10, "Pa", "possibly given in MPa; 1 MPa is 1e6 Pa", "possibly given in MPa; 1 MPa is 1e6 Pa"
     ),
     "Material.ultimate_strength": Range(
-        1e6, 1e10, "Pa", "where 1 MPa is 1e6 Pa", "where 1 MPa is 1e6 Pa"
+        1e6, 1e10, "Pa", "possibly given in MPa; 1 MPa is 1e6 Pa", "possibly given in MPa; 1 MPa is 1e6 Pa"
     ),
     "Material.yield_strength": Range(
-        1e6, 1e10, "Pa", "where 1 MPa is 1e6 Pa", "where 1 MPa is 1e6 Pa"
+        1e6, 1e10, "Pa", "possibly given in MPa; 1 MPa is 1e6 Pa", "possibly given in MPa; 1 MPa is 1e6 Pa"
     ),
     "Material.findley_k": Range(0.05, 1.0, above=PER_CENT),
-    "Material.youngs_modulus": Range(1e8, 2e12, "Pa", below="MPa or GPa suspected"),
-    "Material.density": Range(500.0, 3e4, "kg/m3", below="g/cm3 or t/mm3 suspected"),
+    "Material.youngs_modulus": Range(1e8, 2e12, "Pa", below="possibly given in MPa or GPa"),
+    "Material.density": Range(500.0, 3e4, "kg/m3", below="possibly given in g/cm3 or t/mm3"),
     # lumped masses
-    "lumped.mass": Range(1e-9, 1e7, "kg", GRAMS, "tonnes suspected"),
+    "lumped.mass": Range(1e-9, 1e7, "kg", GRAMS, "possibly given in tonnes"),
     "lumped.damping": Range(1e-12, 1e10, "N s/m"),
-    "lumped.stiffness": Range(1e-6, 1e13, "N/m", "N/mm or GN/m suspected"),
+    "lumped.stiffness": Range(1e-6, 1e13, "N/m", "possibly given in N/mm or GN/m"),
     "lumped.cubic": Range(1e-9, 1e20, "N/m3", compared=largest),
-    "lumped.forces": Range(1e-9, 1e7, "N", "mN suspected", "MN suspected"),
+    "lumped.forces": Range(1e-9, 1e7, "N", "possibly given in mN", "possibly given in MN"),
     "lumped.load_per_preload": Range(
-        1e-3, 100.0, "newtons per newton of preload", "newtons suspected, where shares are expected"
+        1e-3,
+        100.0,
+        "newtons per newton of preload",
+        "possibly given in newtons; fractions are expected",
     ),
     "joint.damping_ratio": DAMPING,
     "joint.stiffness": STIFFNESS,
-    "joint.friction": Range(1e-9, 1e8, "N", "mN suspected"),
+    "joint.friction": Range(1e-9, 1e8, "N", "possibly given in mN"),
     "joint.exponent": Range(0.0, 20.0),
-    "joint.mass": Range(1e-9, 1e7, "kg", GRAMS, "tonnes suspected"),
+    "joint.mass": Range(1e-9, 1e7, "kg", GRAMS, "possibly given in tonnes"),
     "Contact.kt": STIFFNESS,
     "Contact.kn": STIFFNESS,
     "Contact.mu": Range(1e-4, 5.0, above=PER_CENT),
-    "Contact.preload": Range(1e-9, 1e7, "N", "mN suspected", "MN suspected"),
+    "Contact.preload": Range(1e-9, 1e7, "N", "possibly given in mN", "possibly given in MN"),
     "Contact.gap": Range(1e-12, 1e4, "m", MILLIMETRES),
     # contact laws and stiffness
     "ContactLaw.jenkins.stiffness": STIFFNESS,
-    "ContactLaw.jenkins.limit": Range(1e-9, 1e8, "N", "mN suspected"),
+    "ContactLaw.jenkins.limit": Range(1e-9, 1e8, "N", "possibly given in mN"),
     "ContactLaw.jenkins.mu": Range(1e-4, 1.5, above=PER_CENT),
-    "ContactLaw.iwan.strength": Range(1e-9, 1e8, "N", "mN suspected"),
+    "ContactLaw.iwan.strength": Range(1e-9, 1e8, "N", "possibly given in mN"),
     "ContactLaw.iwan.stiffness": STIFFNESS,
     "ContactLaw.iwan.beta": Range(1e-6, 100.0),
     "ContactLaw.bouc_wen.stiffness": STIFFNESS,
@@ -364,18 +377,18 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
         0.0, 0.3, "of critical damping", PER_CENT, compared=largest
     ),
     # options
-    "ContinuationOptions.step": Range(1e-5, 1.0, below="unscaled unknowns suspected"),
+    "ContinuationOptions.step": Range(1e-5, 1.0, below="possibly unscaled unknowns"),
     "ContinuationOptions.min_step": Range(1e-14, 0.1),
     "ContinuationOptions.max_step": Range(
-        1e-4, 2.0, above="Hz suspected, where a share of the vibration is expected"
+        1e-4, 2.0, above="possibly given in Hz; a fraction of the vibration is expected"
     ),
     "ContinuationOptions.corner_step": Range(1e-6, 10.0),
     "PeakOptions.tolerance": Range(
-        1e-15, 1e-3, above="the accuracy of the result suspected, where a residual is expected"
+        1e-15, 1e-3, above="possibly the accuracy of the result; a residual is expected"
     ),
     "PeakOptions.position_tolerance": Range(1e-15, 1e-2),
     "PeakOptions.max_step": Range(
-        1e-4, 2.0, above="Hz suspected, where a share of the vibration is expected"
+        1e-4, 2.0, above="possibly given in Hz; a fraction of the vibration is expected"
     ),
     # mistuned bladed disks
     "BladedDisk.mistuning": DEVIATION,
@@ -383,11 +396,15 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "standard_deviation": Range(1e-6, 0.2, "of the frequency", PER_CENT),
     "mistuned_sample.dampers": Names("DamperVariation.random"),
     "DamperVariation.mass": Range(
-        0.2, 5.0, "times the mass of the damper", "grams suspected", "kilograms suspected"
+        0.2,
+        5.0,
+        "times the mass of the damper",
+        "possibly given in grams",
+        "possibly given in kilograms",
     ),
     "DamperVariation.friction_coefficient": Range(0.1, 10.0, "times that of the study", PER_CENT),
     "DamperVariation.contact_stiffness": Range(
-        0.01, 100.0, "times that of the study", "N/m suspected"
+        0.01, 100.0, "times that of the study", "possibly given in N/m"
     ),
     "DamperVariation.gap": Range(1e-12, 1e-3, "m", MILLIMETRES),
     "DamperVariation.random.mass": Range(1e-6, 0.5, above=PER_CENT),
@@ -395,19 +412,24 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "DamperVariation.random.contact_stiffness": Range(1e-6, 2.0, above=PER_CENT),
     "DamperVariation.random.gap": Range(1e-12, 1e-3, "m", MILLIMETRES),
     # measurements
-    "MeasuredResponse.force": Range(1e-6, 1e6, "N", "mN suspected", "MN suspected"),
-    "MeasuredResponse.preload": Range(1e-3, 1e8, "N", "mN suspected", "MN suspected"),
+    "MeasuredResponse.force": Range(1e-6, 1e6, "N", "possibly given in mN", "possibly given in MN"),
+    "MeasuredResponse.preload": Range(
+        1e-3, 1e8, "N", "possibly given in mN", "possibly given in MN"
+    ),
     "fit.noise": Range(1e-6, 0.3, "of the amplitude", PER_CENT),
     "fit_loop.displacement": Range(1e-9, 1e-2, "m", MILLIMETRES, compared=largest),
     "fit_loop.force": Range(1e-3, 1e7, "N", compared=largest),
-    "fit_loop.normal": Range(1e-2, 1e7, "N", "mN suspected", "kN suspected"),
+    "fit_loop.normal": Range(1e-2, 1e7, "N", "possibly given in mN", "possibly given in kN"),
     # import
     "Units.length": Range(
-        1e-6, 1.0, "m", "millimetres in a metre suspected: the factor is 1e-3 for millimetres"
+        1e-6, 1.0, "m", "possibly the inverse; the factor is 1e-3 for millimetres"
     ),
-    "Units.mass": Range(1e-9, 1e4, "kg", "grams in a kilogram suspected"),
+    "Units.mass": Range(1e-9, 1e4, "kg", "possibly the inverse; the factor is 1e-3 for grams"),
     "Reduction.damping_ratio": DAMPING,
-    "Sector.elasticity": (Range(1e3, 2e12, "Pa or N/mm2", below="GPa suspected"), Range(0.0, 0.5)),
+    "Sector.elasticity": (
+        Range(1e3, 2e12, "Pa or N/mm2", below="possibly given in GPa"),
+        Range(0.0, 0.5),
+    ),
 }
 DIMENSIONS = """
     bore_radius rim_radius axial_length shank_width face_length face_width ridge_radius ridge_width

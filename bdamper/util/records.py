@@ -35,7 +35,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.util.errors import check, mismatch, separated
+from bdamper.util.errors import ModelError, check, check_sentence, mismatch, separated
 from bdamper.util.validation import Limits, declarations, suggest_name
 
 MOST_EXPANDED = 1100
@@ -359,8 +359,8 @@ def with_separate_reasons(values: dict[str, Any], names: Iterable[str]) -> dict[
 
 def _fail_missing(group: h5py.Group, item: Item) -> None:
     if item.is_attribute:
-        check(False, place(group, f"@{item.place()}"), "this attribute", "nothing")
-    check(False, place(group, item.place()), "this group or dataset", "nothing")
+        raise ModelError(f"{place(group, f'@{item.place()}')}: the attribute is missing")
+    raise ModelError(f"{place(group, item.place())}: the group or dataset is missing")
 
 
 def _read_members(group: h5py.Group, item: Item) -> Any:
@@ -487,7 +487,7 @@ def check_text(owner: h5py.Group | h5py.Dataset, name: str, expected: str, cure:
 def read_attribute(owner: h5py.Group | h5py.Dataset, name: str, kind: object = str) -> Any:
     """Read one text (by default), one number, or names with dots as tuples of texts."""
     path = place(owner, f"@{name}")
-    check(name in owner.attrs, path, "this attribute", "nothing")
+    check_sentence(name in owner.attrs, path, "the attribute is missing")
     value = owner.attrs[name]
     if kind is int:
         return _one_number(value, path, "iu", "one integer").item()

@@ -5,13 +5,15 @@ from __future__ import annotations
 import html
 import textwrap
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from bdamper.util.formatting import table_lines
 
 WIDTH = 88
 """Characters of a printed line, which a terminal, an e-mail, and a manual hold."""
+NOT_COVERED = "Not covered"
+"""Beginning of the last remark: the effects that the result does not contain."""
 
 
 class Row(NamedTuple):
@@ -25,6 +27,8 @@ class Row(NamedTuple):
 @dataclass(frozen=True)
 class Statement:
     """Printed form of a result.
+
+    The checks have a header.
 
     Parameters
     ----------
@@ -56,6 +60,12 @@ class Statement:
             [[change(cell) for cell in cells] for cells in self.table],
         )
 
+    def with_remark(self, text: str) -> Statement:
+        """Return the statement with a further remark before the effects that are not covered."""
+        covered = [remark for remark in self.remarks if not remark.startswith(NOT_COVERED)]
+        not_covered = [remark for remark in self.remarks if remark.startswith(NOT_COVERED)]
+        return replace(self, remarks=[*covered, text, *not_covered])
+
     def contains(self, text: str) -> bool:
         """Return whether a remark is or begins with a text."""
         return any(remark.lower().startswith(text.lower()) for remark in self.remarks)
@@ -67,19 +77,28 @@ class Statement:
             _paragraphs(self.verdict),
             _table(self.rows),
             _columns(self.table),
-            _table(self.checks),
+            _table(self._check_table),
             _paragraphs(self.remarks),
         ]
         return "\n\n".join("\n".join(lines) for lines in parts if lines)
 
     @property
+    def _check_table(self) -> list[Row]:
+        """Checks below their header; empty without checks."""
+        return [_CHECK_HEADER, *self.checks] if self.checks else []
+
+    @property
     def html(self) -> str:
         """The same as paragraphs and tables of a notebook."""
         verdict = "<br>".join(html.escape(text) for text in self.verdict)
-        tables = [_html_table(table) for table in (self.rows, self.table, self.checks) if table]
+        tables = [
+            _html_table(table) for table in (self.rows, self.table, self._check_table) if table
+        ]
         remarks = [f"<p>{html.escape(text)}</p>" for text in self.remarks]
         return f"<p><b>{verdict}</b></p>{''.join(tables)}{''.join(remarks)}"
 
+
+_CHECK_HEADER = Row("Check", "Result", "Finding")
 
 # replaces the space between a number and its unit: no line breaks there
 _NO_BREAK = "\0"

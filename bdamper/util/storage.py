@@ -523,7 +523,7 @@ class ResultsFile:
             text = truncate(json.dumps(value), 100)
             raise self._mismatch(
                 f"results of this {self.work}",
-                f"results of other settings: {name} is {stored_text}, here {text}",
+                f"results of different settings: {name} is {stored_text}, here {text}",
             )
 
     def _write(self, *lines: bytes) -> None:

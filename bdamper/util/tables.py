@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.util.errors import COMPLETE, INTERRUPTED, BdamperError, import_extra
-from bdamper.util.formatting import PREFIXES, spaced, unit_prefix
+from bdamper.util.formatting import PREFIXES, counted, spaced, unit_prefix, without_rounding
 from bdamper.util.records import to_json
 from bdamper.util.storage import INSTALLED, FilePath, check_folder, file_errors, replacing
 from bdamper.util.validation import declarations
@@ -53,6 +53,8 @@ class Column(NamedTuple):
     dims: tuple[str, ...] = ()
 
 
+SHOWN_IN_PER_CENT = frozenset({"stick", "slip", "open", "damping_ratio", "error", "difference"})
+"""Columns with fractions, which printed tables show in per cent."""
 FEW_ROWS = 30
 """Largest number of rows that ``summary()`` prints."""
 ROW = ""
@@ -187,13 +189,24 @@ def _column_prefix(values: Sequence[Any], unit: str) -> str:
     return unit_prefix(largest, unit) if largest < np.inf else " "
 
 
-def _cell(value: Any, prefix: str) -> str:
-    """Return a value as text; an unknown number is empty."""
-    if isinstance(value, float):
-        text = f"{value / PREFIXES[prefix]:.5g}"
+def _cell(value: Any, prefix: str, largest: float) -> str:
+    """Return a value as text; an unknown number is empty, and a rounding error is 0.
+
+    ``largest`` is the largest number of the column.
+    """
+    if isinstance(value, bool):
+        text = "yes" if value else "no"
+    elif isinstance(value, float):
+        text = f"{without_rounding(value, largest) / PREFIXES[prefix]:.5g}"
     else:
         text = str(value)
     return "" if text == "nan" else text
+
+
+def _per_cent(fraction: Any) -> str:
+    """Return a fraction in per cent, three digits; an unknown number is empty."""
+    text = _cell(fraction, " ", 1.0)
+    return f"{100.0 * float(text):.3g}" if isinstance(fraction, float) and text else text
 
 
 class Tabular:
@@ -305,13 +318,16 @@ class Tabular:
     ) -> None:
         """Raise ValueError if the rows of a field do not have the width that its mark says."""
         if mark.parts and shape[-1:] != (len(mark.parts),):
-            raise ValueError(f"'{name}' has the shape {shape}, without {len(mark.parts)} columns")
+            raise ValueError(f"'{name}' has the shape {shape} instead of {len(mark.parts)} columns")
         # mean and first harmonic
         if mark.dims[-1:] == ("harmonic",) and shape[-1] < 2:
-            raise ValueError(f"'{name}' has the shape {shape}, without two harmonics or more")
+            raise ValueError(
+                f"'{name}' has the shape {shape}; the last axis needs at least the mean "
+                "and the first harmonic"
+            )
         if entry is not None and entry.shape is not None and shape[1:] != entry.shape:
             raise ValueError(
-                f"'{name}' has the shape {shape}, without {entry.shape} values in each row"
+                f"'{name}' has the shape {shape} instead of {entry.shape} values in each row"
             )
 
     def _dimension(self) -> str:
@@ -351,22 +367,27 @@ class Tabular:
         heads: dict[str, str] = {}
         cells: dict[str, list[str]] = {}
         for name, column in columns.items():
+            if name in SHOWN_IN_PER_CENT and column.unit == "":
+                heads[name] = f"{spaced(name)} (%)"
+                cells[name] = [_per_cent(value) for value in values[name]]
+                continue
             prefix = _column_prefix(values[name], column.unit)
             heads[name] = spaced(name)
             if column.unit:
                 heads[name] += f" ({prefix.strip()}{column.unit})"
-            cells[name] = [_cell(value, prefix) for value in values[name]]
+            largest = max(map(abs, _numbers_in(values[name])), default=0.0)
+            cells[name] = [_cell(value, prefix, largest) for value in values[name]]
         if n_rows <= FEW_ROWS:
             rows = list(zip(*cells.values()))
             return [tuple(heads.values()), *(rows[i] for i in self._order())]
 
-        rows = [(f"{spaced(self._dimension())}: {n_rows}", "least", "largest")]
+        rows = [(counted(n_rows, spaced(self._dimension())), "smallest", "largest")]
         for name, column_values in values.items():
             numbers = _numbers_in(column_values)
             if numbers:
-                least = column_values.index(min(numbers))
+                smallest = column_values.index(min(numbers))
                 largest = column_values.index(max(numbers))
-                rows.append((heads[name], cells[name][least], cells[name][largest]))
+                rows.append((heads[name], cells[name][smallest], cells[name][largest]))
         return rows
 
     def _attributes(self) -> dict[str, Any]:

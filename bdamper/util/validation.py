@@ -129,6 +129,15 @@ def check(good: object, name: str, expected: str, found: object) -> None:
         raise SettingError(f"{name}: expected {expected}, found {one_line(found)}")
 
 
+def check_sentence(good: object, name: str, sentence: str) -> None:
+    """Raise a SettingError "name: sentence" unless a condition holds.
+
+    A sentence suits a value that is missing, forbidden or combined.
+    """
+    if not good:
+        raise SettingError(f"{name}: {sentence}")
+
+
 def _shown(value: Any) -> str:
     """Return the text of a value for errors."""
     if isinstance(value, np.generic):

@@ -73,7 +73,7 @@ def test_an_optimal_curve_names_the_estimate_and_its_price():
     curve = study.optimal_curve((90.0, 120.0), 2, check=False)
     preload = f"{curve.recommended_preload:.3g}"
     call = rf"study\.estimate_errors\(study\.peak\({preload}\)\)"
-    price = rf"{call} takes the time of about (\d+) response curves; these are {len(curve)}"
+    price = rf"{call} takes the computing time of about (\d+) response curves \(the optimal curve: {len(curve)}\)"
     (found,) = re.findall(price, said(curve))
     reference = richer_study(with_stand_ins(study.problem, 3), "residual flexibility").problem
     expected = (reference.n_unknowns / study.problem.n_unknowns) ** 2
@@ -83,7 +83,7 @@ def test_an_optimal_curve_names_the_estimate_and_its_price():
     assert said(replace(curve, settings=options)) == said(curve)
     # stored curves may lack their unknowns
     without = replace(curve, unknowns=np.empty((len(curve), 0)))
-    assert "takes the time of about 7 response curves" in said(without)
+    assert "takes the computing time of about 7 response curves" in said(without)
 
 
 def test_a_model_that_has_no_more_modes_gives_no_number(study, place, peak):
@@ -144,7 +144,7 @@ def test_peaks_that_do_not_approach_each_other_are_not_decided():
     undecided = harmonic_estimates(614e-6, 637e-6, 673e-6, sources=(known,))
     assert undecided.undecided
     text = str(undecided)
-    assert text.startswith("Harmonic balance does not decide this case, time integration does")
+    assert text.startswith("Not decided by harmonic balance; time integration is needed")
     assert "5 harmonics  637 µm" in text and "Remedy: study.time_response(peak)" in text
     missing = harmonic_estimates(692e-6, np.nan, sources=(known,))
     assert missing.undecided and "5 harmonics  no peak" in str(missing)
@@ -239,7 +239,7 @@ def test_top_at_an_end_of_the_interval_is_estimated_at_its_frequency(study, plac
         .frequency_response(place[0], (350.0, 354.5))
         .peak
     )
-    assert estimated.frequency == 0.0 and "solved at the end" in estimated.against
+    assert estimated.frequency == 0.0 and "solved again at the end" in estimated.against
     assert estimated.amplitude == pytest.approx(
         true.amplitude / curve.peak.amplitude - 1.0, rel=1e-5
     )
@@ -333,7 +333,7 @@ def test_errors_are_those_of_the_curves(study, place, result):
     top = study.replace(harmonics=4).frequency_response(*place).peak
     assert (result.richest.values, result.richest.part, result.richest.difference) == (
         ("4", "9"),
-        "richest",
+        "most detailed",
         0.0,
     )
     assert result.richest.amplitude == pytest.approx(top.amplitude, rel=1e-9)
@@ -406,7 +406,7 @@ def test_unknown_answers_are_not_recommended(study, place):
     )
     assert (
         found.recommended is found.richest
-        and "It is not known which settings meet 50 %" in found.summary()
+        and "Not known which settings have an error within 50 %" in found.summary()
     )
     assert np.isnan(found.uncertainty) and not found.reached
     with pytest.raises(
@@ -556,7 +556,7 @@ def test_a_source_without_a_peak_leaves_the_error_unknown():
         shipped(), 200.0, (610.0, 740.0), quantity=ask, vary={"blade_modes": [10, 20]}
     )
     assert np.isnan(found.uncertainty) and not found.reached and found.forecast is None
-    assert found._headline().startswith("It is not known which settings meet 5 %")
+    assert found._headline().startswith("Not known which settings have an error within 5 %")
     assert "no answer with more harmonics" in found.summary()
 
 

@@ -414,7 +414,7 @@ def test_a_curve_of_other_settings_is_refused(full):
     curve = full.frequency_response(PRELOAD, (1090.0, 1110.0))
     assert len(curve)
     assert full.with_stability(curve).unstable is not None
-    with pytest.raises(bd.SettingError, match="or a result with other settings"):
+    with pytest.raises(bd.SettingError, match="or a result computed with different settings"):
         full.replace(friction_coefficient=0.1).with_stability(curve)
 
 

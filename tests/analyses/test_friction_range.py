@@ -59,7 +59,7 @@ def test_a_cliff_between_two_factors():
     assert low.outside < 0.64 < low.inside <= 0.7 and np.isnan(high.outside) and high.inside == 4.0
     assert (
         found.text
-        == f"the amplitude doubles with {low.outside:.2g} times the friction, not from 0.67 to 4 times"
+        == f"the amplitude doubles at {low.outside:.2g} times the friction, but not from 0.67 to 4 times"
     )
 
 
@@ -79,7 +79,7 @@ def test_no_steady_response_is_high_and_an_unknown_one_is_not():
         assert np.isnan(found.doubles[0]) == (kind == "unknown")
     assert (
         found.text
-        == "the amplitude does not double from 0.7 to 4 times the friction; it is unknown with 0.67 times"
+        == "the amplitude does not double from 0.7 to 4 times the friction; unknown at 0.67 times"
     )
     assert find_range(peaks_of(lambda f: np.nan)[0]).limits is None
 
@@ -128,7 +128,7 @@ def test_the_check(curve, below, above, colour):
 def test_unknown_within_the_spread_is_amber(curve):
     judged = with_range(curve, lambda f: np.nan if f < 0.69 else 1.0)
     (check,) = [c for c in checks(judged) if c.name == NAME]
-    assert check.colour == "amber" and "unknown with 0.67 times" in said(judged)
+    assert check.colour == "amber" and "unknown at 0.67 times" in said(judged)
     (check,) = [c for c in checks(replace(judged, friction_range=None)) if c.name == NAME]
     assert check.colour == "white"
 

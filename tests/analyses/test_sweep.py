@@ -503,11 +503,11 @@ class TestResultsFile:
         path = tmp_path / "r.jsonl"
         self.run(study, path)
         content = path.read_bytes()
-        with pytest.raises(bd.BdamperError, match="results of other settings: study"):
+        with pytest.raises(bd.BdamperError, match="results of different settings: study"):
             self.run(study.replace(engine_order=60), path)
-        with pytest.raises(bd.BdamperError, match="results of other settings: over"):
+        with pytest.raises(bd.BdamperError, match="results of different settings: over"):
             bd.sweep(study, over={"preload": [1.0]}, evaluate=quick_question, resume=path)
-        with pytest.raises(bd.BdamperError, match="results of other settings: evaluate"):
+        with pytest.raises(bd.BdamperError, match="results of different settings: evaluate"):
             bd.sweep(study, over=self.over, evaluate=residual_norm, resume=path)
         assert path.read_bytes() == content
 
@@ -602,8 +602,9 @@ class TestWarnings:
         assert result.values[0]["optimum_reason"] == "lost"
         assert result.values[0]["optimum_uncertainty"] == 0.1
         expected = (
-            "500 N: scan incomplete (lost); optimum: least value at the end of the range, the optimum may lie beyond; "
-            "optimum incomplete: lost, preload known to 10 %"
+            "500 N: scan incomplete (lost); optimum: lowest amplitude at an end of the range; "
+            "a lower amplitude may lie outside; "
+            "optimum incomplete: lost, preload uncertain by 10 %"
         )
         assert result.warnings == (expected,)
         curve = bd.optimal_curve_uncertainty(study, samples, (500.0, 3000.0), 5, frequency=INTERVAL)
@@ -698,13 +699,14 @@ class TestUncertainty:
         part = robust(bound(0.0, 1.2 * self.BEST))
         assert 1.2 * self.BEST <= part.preload < 1.25 * self.BEST and part.warnings > 0
         assert re.fullmatch(
-            r"incomplete: \d+ preloads without a peak in every draw could be lower",
+            r"incomplete: \d+ preloads whose peak was not found in every draw could be lower",
             part.status_text,
         )
         far = robust(lambda mu, p, own: found_at_all(own if p > 150.0 else 0.1, known=p > 150.0))
         assert far.preload == pytest.approx(self.BEST, rel=0.03) and far.warnings == 0
         assert (
-            far.status_text == "incomplete: 1 preload without a peak in every draw could be lower"
+            far.status_text
+            == "incomplete: 1 preload whose peak was not found in every draw could be lower"
         )
         higher = robust(lambda mu, p, own: found_at_all(own, known=p > 150.0))
         assert higher.preload == pytest.approx(self.BEST, rel=0.03) and higher.status == "complete"
@@ -748,7 +750,9 @@ class TestUncertainty:
         """70 % of three draws: two of three are only 67 %, so that it is the highest one."""
         found = robust(percentile=70.0, tolerance=1e-6)
         assert (found.preload, found.amplitude) == pytest.approx((self.BEST, self.HEIGHT), rel=1e-5)
-        assert "all 3 draws reach at most" in said(found) and "(70 % needs 5 draws)" in said(found)
+        assert "all 3 draws reach at most" in said(
+            found
+        ) and "(a 70 % statement needs 5 draws)" in said(found)
         assert "50 % of 3 draws reach at most" in said(robust(percentile=50.0))
         assert "needs" not in str(robust(percentile=100.0))
 
@@ -793,7 +797,7 @@ class TestUncertainty:
             "Best preload 1 N: all 8 draws reach at most 8 m Draws 8 of friction coefficient (95 % n"
         )
         assert " 1 N 5 m 8 m " in text
-        assert "Infinite where they have no peak: 7 of 8 draws" in text
+        assert "7 of 8 draws have no peak at some preloads" in text
         status = ("failed", *found.status[1:])
         failed = replace(found, status=status, reason=("why", *found.reason[1:]))
         assert failed.percentile(0.0).tolist() == [2.0, np.inf]
@@ -808,7 +812,7 @@ class TestUncertainty:
                             samples={"friction_coefficient": np.ones(n)}, warnings=())  # fmt: skip
             reached = float(found.percentile(95.0)[0])
             assert np.count_nonzero(size <= reached) >= 0.95 * n and (reached < n) == (n >= 21)
-            assert ("95 % needs 21 draws" in said(found)) == (n < 21)
+            assert ("a 95 % statement needs 21 draws" in said(found)) == (n < 21)
 
     def test_draws_of_an_uncertain_curve_that_fail(self, study, monkeypatch):
         """A draw with invalid settings does not count; one whose search ends in an error is unknown."""

@@ -56,8 +56,8 @@ def test_notebook_runs(path, tmp_path):
 
 
 def test_an_implausible_value_is_an_error_in_every_notebook(tmp_path):
-    code = "import bdamper as bd\nimport warnings\nwarnings.warn('per cent suspected', bd.PlausibilityWarning)"
+    code = "import bdamper as bd\nimport warnings\nwarnings.warn('possibly given in per cent', bd.PlausibilityWarning)"
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(code)])
     client = nbclient.NotebookClient(notebook, resources={"metadata": {"path": str(tmp_path)}})
-    with pytest.raises(nbclient.exceptions.CellExecutionError, match="per cent suspected"):
+    with pytest.raises(nbclient.exceptions.CellExecutionError, match="possibly given in per cent"):
         client.execute()

@@ -260,5 +260,5 @@ def test_errors_of_contact_points_are_those_measured():
 
 
 def test_an_implausible_value_is_an_error_on_every_page():
-    with pytest.raises(bd.PlausibilityWarning, match="per cent suspected"):
+    with pytest.raises(bd.PlausibilityWarning, match="possibly given in per cent"):
         first_study(1.0).replace(friction_coefficient=30.0)

@@ -131,7 +131,7 @@ def test_no_tested_mean_stress_is_lost_between_probabilities():
 def test_series_of_different_tests_are_not_interpolated():
     table = by_ratio([(300.0, 200.0, 120.0), (250.0, 100.0)])
     with pytest.raises(
-        bd.SettingError, match="Haigh table: expected rows at the same mean stresses"
+        bd.SettingError, match=r"Haigh table: the rows at .* need the same mean stresses"
     ):
         table.at_probability(0.5)
     assert table.at_probability(0.9).allowed(0.0, 900e6) == pytest.approx(250e6)
@@ -235,7 +235,7 @@ def test_a_temperature_without_the_table_is_refused(study, peak, material):
 @each(
     ("call", "message"),
     [
-        (lambda m: m.allowed(0.0, "table"), "temperature: expected that of the points, 20 to 600 °C, found none"),
+        (lambda m: m.allowed(0.0, "table"), "temperature: give the temperature of the points, 20 to 600 °C"),
         (lambda m: m.allowed(0.0, "table", 700.0), "temperature: expected 20 to 600 °C, as in the table, found .*700"),
         (lambda m: replace(m, haigh=None).allowed(0.0, "table"), r"line: expected a material with a HaighTable"),
         (lambda m: replace(m, haigh=table()), r"haigh: expected a table of one survival probability .*found 2"),
@@ -247,7 +247,7 @@ def test_a_temperature_without_the_table_is_refused(study, peak, material):
         (lambda m: HaighTable((-1e8,), (0.0,), (20.0,), (0.5,)), "amplitude"),
         (lambda m: HaighTable((1e8,), (0.0,), (20.0,), (50.0,)), "probability: expected survival probabilities"),
         (lambda m: HaighTable((1e8, 2e8), (0.0, 0.0), (20.0, 20.0), (0.5, 0.5)), "Haigh table: expected one amplitude"),
-        (lambda m: at_points({"fillet": 20.0}, ["root node 3"]), "temperature: .*found none for 'root node 3'"),
+        (lambda m: at_points({"fillet": 20.0}, ["root node 3"]), "temperature: the value for 'root node 3'"),
         (lambda m: at_points([20.0], ["root node 3", "root node 4"]), "temperature: expected 2"),
         (lambda m: HaighTable.from_csv({"amplitude (MPa)": [300.0, 200.0], "mean (MPa)": [0.0, 0.0], "R": [-1.0, 0.0],
                                         "temperature (C)": [20.0, 600.0], "probability": [0.5, 0.5]}),

@@ -100,10 +100,11 @@ def test_what_a_blade_keeps_scales_the_vibration(study, peak):
     assert scaled.least == pytest.approx(plain.least / 1.2) and "Vibration scaled by 1.2" in said(
         scaled
     )
-    assert not any("the amplitude in time" in note for note in scaled.notes)
+    assert not any("the amplitude by time integration" in note for note in scaled.notes)
     cut = study.margin(peak, AISI_1050, time_response=replace(kept, status="interrupted"))
-    assert "the amplitude in time is interrupted" in cut.notes and "in time is interrupted" in said(
-        cut
+    assert (
+        "the amplitude by time integration is interrupted" in cut.notes
+        and "by time integration is interrupted" in said(cut)
     )
     printed = study.margin(
         peak, AISI_1050, time_response=replace(kept, preload=199.51)
@@ -210,7 +211,7 @@ def test_linear_limits_are_refused_where_the_contact_law_is_evaluated(study):
             study.hysteresis,
             lambda peak, *_: peak.plot_contacts(study),
         ):
-            with pytest.raises(SettingError, match="found a free or stuck limit"):
+            with pytest.raises(SettingError, match="found a free or stuck response"):
                 refuses(limit.peak, *([AISI_1050] if refuses == study.margin else []))
 
 

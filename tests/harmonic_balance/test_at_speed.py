@@ -66,7 +66,7 @@ def test_another_preload_at_a_speed_is_a_lighter_or_heavier_damper(study, factor
     inert = vary(at, {"damper_inertia_factor": factor})
     amplitude = other.peak(other.preload).amplitude
     assert inert.peak(other.preload).amplitude == pytest.approx(amplitude, rel=1e-6)
-    with pytest.raises(bd.SettingError, match="expected a study at a rotor speed"):
+    with pytest.raises(bd.SettingError, match=r"(needs a|has no) rotor speed"):
         _ = study.preload
 
 
@@ -153,7 +153,7 @@ def test_friction_by_temperature_and_excitation_by_order(study):
             {"friction": "0.3"},
             "friction: expected a function, or a mapping of numbers to numbers, found '0.3'",
         ),
-        ({"temperature": {0.0: 20.0}}, "temperature: expected friction with it"),
+        ({"temperature": {0.0: 20.0}}, "temperature: give friction as well"),
         ({"excitation": {4: 10.0}}, "excitation: expected a value for engine order 5"),
         ({"excitation": {5: -1.0}}, "excitation of engine order 5: expected a finite number > 0 N"),
         ({"friktion": {}}, r"at_speed: there is no argument 'friktion'; did you mean friction\?"),
@@ -198,7 +198,7 @@ def test_a_study_replaces_the_names_that_a_sweep_varies(study):
 
 def test_the_load_of_a_mass_needs_a_speed(study):
     """Without a speed the load is given, and a factor on the mass of all dampers would change their inertia alone."""
-    remedies = r"study\.at_speed\(\.\.\.\), or vary damper_mass_factor\.damper with .*, or damper_inertia_factor without it"
+    remedies = r"study\.at_speed\(\.\.\.\)\. At a given preload, vary damper_mass_factor\.damper .* or damper_in"
     heavier = {"damper_mass_factor": 1.5}
     for ask in (
         lambda: study.replace(damper_mass_factor=1.5),
@@ -284,8 +284,8 @@ CONTRADICTIONS = {
     ),
 }
 ANOTHER = {
-    "of stress": (lambda s, at, peak: s.stress(peak, speed=SPEED), "4782 N", "2000 N: a damper of 0.418 times"),
-    "of a margin": (lambda s, at, peak: s.margin(peak, AISI_1050, speed=SPEED), "4782 N", "2000 N: a damper of 0.418"),
+    "of stress": (lambda s, at, peak: s.stress(peak, speed=SPEED), "4782 N", "2000 N; possibly 0.418 times"),
+    "of a margin": (lambda s, at, peak: s.margin(peak, AISI_1050, speed=SPEED), "4782 N", "2000 N; possibly 0.418"),
     "of margins over frequency": (
         lambda s, at, peak: s.margin(s.frequency_response(LOW, BAND), AISI_1050, speed=SPEED), "4782 N", "2000 N"
     ),
@@ -317,7 +317,7 @@ def test_a_preload_that_contradicts_the_speed_of_the_study_is_named_once(quick, 
         else "2000 N"
     )
     at = quick.at_speed(SPEED)
-    doubted(lambda: CONTRADICTIONS[name](at, peak), "4782 N", f"{found}: a damper of 0.418 times")
+    doubted(lambda: CONTRADICTIONS[name](at, peak), "4782 N", f"{found}; possibly 0.418 times")
     with warnings.catch_warnings():
         warnings.simplefilter("error", PlausibilityWarning)
         at.problem.check_preload(LOW)
@@ -327,12 +327,12 @@ def test_a_preload_that_contradicts_the_speed_of_the_study_is_named_once(quick, 
 def test_stress_and_margin_of_a_contradiction_repeat_it_in_the_headline(quick):
     """The search has warned at the speed of the study."""
     at = quick.at_speed(SPEED)
-    with pytest.warns(PlausibilityWarning, match="2000 N: a damper of 0.418 times the mass"):
+    with pytest.warns(PlausibilityWarning, match="2000 N; possibly 0.418 times the damper mass"):
         found = at.peak(LOW, BAND)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         results = at.stress(found), at.margin(found, AISI_1050)
-    assert all("2000 N: a damper of 0.418 times the mass" in said(result) for result in results)
+    assert all("2000 N; possibly 0.418 times the damper mass" in said(result) for result in results)
 
 
 def test_an_optimum_that_contradicts_the_speed_of_the_study_is_named_once(quick, peak):
@@ -341,7 +341,7 @@ def test_an_optimum_that_contradicts_the_speed_of_the_study_is_named_once(quick,
     with pytest.warns(PlausibilityWarning) as caught:
         curves.append(at.optimal_curve((1000.0, 6000.0), 3, check=False, frequency=BAND))
     best = curves[0].optimum.preload
-    found = f"found {best:.4g} N: a damper of {best / at.preload:.3g} times the mass"
+    found = f"found {best:.4g} N; possibly {best / at.preload:.3g} times the damper mass"
     assert len(caught) == 1 and found in str(caught[0].message) and caught[0].filename == __file__
 
 

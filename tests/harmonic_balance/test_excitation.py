@@ -128,7 +128,7 @@ def test_the_response_at_other_places_needs_no_other_solution(study):
             bd.Excitation("mode 99"),
             "excitation location: expected one of .* found 'mode 99'; did you mean mode 9",
         ),
-        (bd.Excitation("mode 1"), r"response: expected a Response\(location, direction\), since"),
+        (bd.Excitation("mode 1"), r"response: give a Response\(location, direction\), because"),
         (
             bd.Excitation("mode 1", "axial"),
             "excitation direction: expected none, which 'mode 1' does not have",

@@ -119,7 +119,9 @@ def test_at_a_speed_bodies_are_loaded_by_mass_times_radius():
     assert study.problem.body_loads == pytest.approx(
         {"front": 1.0, "rear": arms["rear"] / arms["front"]}
     )
-    with pytest.raises(bd.SettingError, match="load_per_preload: expected none at a rotor speed"):
+    with pytest.raises(
+        bd.SettingError, match="load_per_preload: it is not allowed at a rotor speed"
+    ):
         study.replace(load_per_preload=shares)
     with pytest.raises(
         bd.SettingError, match="constant_loads: expected those of interfaces alone at a rotor speed"

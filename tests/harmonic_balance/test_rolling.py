@@ -164,7 +164,7 @@ def test_headline_checks_and_files(tmp_path):
             del file.attrs["model_doubts"]
     old = bd.load(path)
     assert old.model_doubts is None
-    (check,) = [check for check in checks(old) if check.name == "Rows of contact points"]
+    (check,) = [check for check in checks(old) if check.name == "Damper rolling"]
     assert (check.colour, check.found) == ("white", "not examined")
 
     replace(curve, model_doubts=()).save(path)

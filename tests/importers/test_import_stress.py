@@ -156,7 +156,7 @@ def test_points_at_a_contact_face_and_on_the_cut_faces(fe, bodies):
         ({"stress": "NOWHERE"}, "stress 'NOWHERE': expected a set out of"),
         (
             {"stress": "LOW"},
-            "stress 'LOW': expected nodes away from the faces at which the sector repeats, found none",
+            "stress 'LOW': all nodes lie on the faces at which the sector repeats",
         ),
         (
             {"stress": "RIGHT_UNDERSIDE", "elasticity": None},

@@ -348,7 +348,7 @@ def patched(path, position, value, word=0):
             0,
             "expected sectors of one stage .*, found harmonic indices up to 1 without a number of sectors",
         ),
-        ("bar.rst", 17, 0, "expected the nodal diameters of a disk with 6 sectors, found none"),
+        ("bar.rst", 17, 0, "the nodal diameters of the disk with 6 sectors are missing"),
         ("bar.rst", 16, 3, "geometry header: expected whole numbers"),
     ],
 )

@@ -761,7 +761,7 @@ def scaled(body, length, mass):
 @pytest.mark.parametrize(
     ("length", "mass", "message"),
     [
-        (1e-3, 1e3, "extent of 0.001 to 30 m, found 319.4 m .*millimetres suspected"),
+        (1e-3, 1e3, "extent of 0.001 to 30 m, found 319.4 m .*possibly given in millimetres"),
         (1.0, 1e3, r"density of 200 to 30000 kg/m3, found 7.[78]\d* kg/m3"),
     ],
 )

@@ -363,7 +363,7 @@ BAD_DECKS = [
         "bottom, S2",
         r"an element or a set out of \['BODY', 'SHELL', 'TOP'\], found 'bottom'",
     ),
-    ("11, S4", "44, S4", "solid elements of this deck, found element 44"),
+    ("11, S4", "44, S4", "element 44 is not a solid element of this deck"),
     (
         "*NODE",
         "*NOTE",

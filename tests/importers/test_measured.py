@@ -326,7 +326,7 @@ def test_a_decay_ends_where_noise_begins():
         read_ring_down(
             {"time (s)": T, "displacement (m)": np.exp(0.1 * T) * np.cos(OMEGA * T)}, periods=8.0
         )
-    with pytest.raises(BdamperError, match="times with a constant step"):
+    with pytest.raises(BdamperError, match="the time step must be constant"):
         read_ring_down({"time (s)": T**2, "displacement (m)": x})
 
 

@@ -166,7 +166,7 @@ def test_a_file_without_what_its_bases_cannot_supply_is_refused(turning, tmp_pat
         write_model(file, model)
         del file["bodies/blade/nd005/speed/residual0"]
         with pytest.raises(
-            ModelError, match="residual0: expected this dataset where the basis has no flexibility"
+            ModelError, match="residual0: the dataset is missing, and the basis has no flexibility"
         ):
             read_model(file)
 

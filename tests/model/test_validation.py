@@ -276,7 +276,7 @@ CASES: list[tuple[Any, str]] = [
         ),
         "/bodies/blade/nd000/flexibility: expected real numbers at nodal diameter 0",
     ),
-    (body("damper", mass=None), "/bodies/damper/mass: expected the mass of a free body"),
+    (body("damper", mass=None), "/bodies/damper/mass: the mass of a free body is missing"),
     (body("damper", centre=None), "/bodies/damper/centre: expected the centre"),
     (body("damper", inertia=None), "/bodies/damper/inertia: expected the inertia"),
     (body("damper", mass=0.0), "damper/mass: expected a finite number > 0, found 0.0"),

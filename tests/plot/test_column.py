@@ -262,7 +262,7 @@ def test_no_text_lies_on_another_one_or_is_cut(name):
 def test_a_failed_check_is_in_the_name_of_the_optimum():
     names = [" ".join(text.get_text().split()) for text in failed_checks().plot().axes[0].texts]
     (name,) = [name for name in names if "not verified" in name]
-    assert name.startswith("least at the end of the range, not verified: ")
+    assert name.startswith("lowest at the end of the range, not verified: ")
     assert name.endswith(" not for design: 4 checks failed")
 
 

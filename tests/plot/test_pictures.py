@@ -112,7 +112,7 @@ class TestOptimalCurves:
     def test_end_of_the_range(self, study):
         ax, _ = study.optimal_curve((3e3, 2e4), 3, frequency=INTERVAL, check=False).plot().axes
         texts = [" ".join(text.get_text().split()) for text in ax.texts]
-        assert any(text.startswith("least at the end of the range: 3 kN,") for text in texts)
+        assert any(text.startswith("lowest at the end of the range: 3 kN,") for text in texts)
 
     def test_flat(self, study):
         curve = study.replace(friction_law="bonded").optimal_curve(
@@ -163,7 +163,7 @@ def test_sweeps_have_units(study):
 def test_accuracy_explains_its_lines(times):
     t = np.geomspace(*times, 4)
     runs = (
-        Run("richest", ("5", "24"), 1e-3, 300.0, 0.0, t[3]),
+        Run("most detailed", ("5", "24"), 1e-3, 300.0, 0.0, t[3]),
         Run("harmonics", ("3", "24"), 1e-3, 300.0, 2e-3, t[2]),
         Run("harmonics", ("1", "24"), 1e-3, 300.0, 0.2, t[1]),
         Run("contact_points", ("5", "9"), np.nan, np.nan, np.nan, t[1]),
@@ -193,7 +193,7 @@ def test_accuracy_explains_its_lines(times):
 def test_accuracy_that_was_not_reached_shows_what_would():
     """Reference at its own error, and the forecast to the right of it."""
     runs = (
-        Run("richest", ("5",), 1e-3, 300.0, 0.0, 2.0),
+        Run("most detailed", ("5",), 1e-3, 300.0, 0.0, 2.0),
         Run("harmonics", ("3",), 1e-3, 300.0, 0.02, 0.5),
     )
     sources = (ReferenceError("harmonics", 0.06, 10.0, "harmonics 1 to 10"),)

@@ -194,12 +194,10 @@ def test_balance_against_time(curve, ratio, colour):
     kept = TimeResponse(
         ratio * high, ratio * high, ratio * high, 660.0, curve.optimum.preload, high
     )
-    assert colours(replace(curve, time_response=(kept,)), "Harmonic balance against time") == colour
+    assert colours(replace(curve, time_response=(kept,)), "Time integration") == colour
     unknown = replace(kept, status="incomplete", reason="stopped")
-    assert (
-        colours(replace(curve, time_response=(unknown,)), "Harmonic balance against time") == "red"
-    )
-    assert colours(curve, "Harmonic balance against time") == "white"
+    assert colours(replace(curve, time_response=(unknown,)), "Time integration") == "red"
+    assert colours(curve, "Time integration") == "white"
 
 
 def test_the_recommended_preload_is_checked(curve):
@@ -210,7 +208,7 @@ def test_the_recommended_preload_is_checked(curve):
     there = TimeResponse(1.2 * high, 1.2 * high, 1.2 * high, 660.0, other, 1.21 * high)
     both = replace(curve, time_response=(here, there))
     assert both.recommended_preload == other and curve.recommended_preload == best
-    assert colours(both, "Harmonic balance against time") == "green"
+    assert colours(both, "Time integration") == "green"
     rows = [line.split("  ") for line in str(both).split("\n")]
     by_balance = next(i for i, row in enumerate(rows) if row[0] == "Harmonic balance")
     shown = [" ".join(" ".join(row).split()) for row in rows[by_balance : by_balance + 2]]
@@ -224,7 +222,7 @@ def test_the_recommended_preload_is_checked(curve):
         ),
     )
     assert swapped.recommended_preload == best
-    assert colours(swapped, "Harmonic balance against time") == "red"
+    assert colours(swapped, "Time integration") == "red"
 
 
 @pytest.mark.usefixtures("words_alone")

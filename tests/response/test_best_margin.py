@@ -72,14 +72,14 @@ def test_what_a_blade_keeps_has_a_margin_of_its_own(study, curve, tmp_path):
     assert bars.get_segments()[0][1, 1] / middle.get_ydata()[0] == pytest.approx(1.2 / 1.1), (
         "up to the highest period"
     )
-    (text,) = (t.get_text() for t in ax.texts if "in time" in t.get_text())
-    assert f"in time: {amount(p, 'N')}, {amount(1.2 * top, 'm')}" in " ".join(text.split())
+    (text,) = (t.get_text() for t in ax.texts if "time integration" in t.get_text())
+    assert f"time integration: {amount(p, 'N')}, {amount(1.2 * top, 'm')}" in " ".join(text.split())
     (one,) = found.in_time
     assert one.preload == p and one.least == pytest.approx(
         study.margin(study.peak(p), AISI_1050).least / 1.2, rel=1e-6
     )
     highest = amount(1.2 * top, "m")  # a single period, above the mean
-    scaled = f"vibration scaled by 1.2: the highest blade reaches {highest}"
+    scaled = f"vibration scaled by 1.2: the largest amplitude by time integration is {highest}"
     text = f"Time integration {one.least:.3g} at {amount(p, 'N')}; {scaled}"
     assert text in said(found)
     assert "highest blade in time" in found.plot().axes[0].get_legend_handles_labels()[1]
@@ -89,7 +89,7 @@ def test_what_a_blade_keeps_has_a_margin_of_its_own(study, curve, tmp_path):
     assert curve.margins[0].in_time == ()
     assert found.margin[found.least] > 1.0 and "FAIL" not in said(found)
     weak = replace(found, in_time=(replace(one, factor=0.9 / one.least * one.factor),))
-    assert weak._headline().startswith("Not for design: ") and "Fatigue limit FAIL" in said(weak)
+    assert weak._headline().startswith("Not for design: ") and "Fatigue FAIL" in said(weak)
 
 
 def test_the_margin_is_asked_for_after_the_time_integration(study, curve, monkeypatch):
@@ -222,4 +222,4 @@ def test_over_speed_the_lighter_damper_has_the_larger_margin():
     assert margins.best_value == curve.optimum.preload
     assert margins.best_margin == pytest.approx(np.nanmax(margins.margin), rel=1e-12)
     assert margins.best_status == "complete"
-    assert margins.best_reason == "next to preloads without a value"
+    assert margins.best_reason == "next to preloads without an amplitude"

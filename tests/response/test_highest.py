@@ -332,7 +332,7 @@ def test_a_drift_at_an_end_of_the_interval_is_no_resonance(study, curve):
     assert found.kind == "end" and found.peak.frequency == pytest.approx(
         curve.frequency[top], rel=1e-6
     )
-    assert drifts.peak_at_end and drifts._headline().startswith("No peak: ")
+    assert drifts.peak_at_end and drifts._headline().startswith("No peak; ")
     inside = replace(curve, point_kind=("regular",) * len(curve))
     assert (
         curve.frequency.min() < inside.peak.frequency < curve.frequency.max()
@@ -447,13 +447,13 @@ def test_a_curve_of_closed_branches_alone_has_no_peak(study, monkeypatch):
     def unreachable(system, curve, *, options=None):
         if curve.preload < 50.0:
             raise bd.BdamperError(
-                "the response curve has no point that is connected with an end of the interval"
+                "no branch of the response curve reaches an end of the frequency interval; widen the interval"
             )
         return plain(system, curve, options=options)
 
     monkeypatch.setattr(module, "highest_of_curve", unreachable)
     peak = study.peak(30.0, INTERVAL)
-    assert peak.status_text.startswith("not found: ") and "connected with an end" in peak.reason
+    assert peak.status_text.startswith("not found: ") and "reaches an end" in peak.reason
     assert np.isnan(peak.amplitude) and not peak.ok
     found = bd.sweep(study, {"preload": [30.0, 100.0]}, frequency=INTERVAL)
     assert found.status_text[0] == peak.status_text and found.status_text[1] == "complete"

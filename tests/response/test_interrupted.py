@@ -154,7 +154,7 @@ def test_a_file_of_another_search_is_refused(tmp_path):
         (study, {"frequency": (250.0, 390.0)}, "frequency"),
         (study, {"options": bd.PeakOptions(max_trials=30)}, "options"),
     ):
-        with pytest.raises(bd.BdamperError, match=f"results of other settings: {what}"):
+        with pytest.raises(bd.BdamperError, match=f"results of different settings: {what}"):
             optimal_curve(other.problem, **asked | changes, resume=path)
 
 

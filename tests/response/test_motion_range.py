@@ -76,7 +76,7 @@ def test_an_optimal_curve_names_it():
     best = curve.optimum
     assert best.half_range > 1.1 * best.amplitude
     assert (
-        f"half of the range of motion is by harmonic balance {best.half_range:.2f} m"
+        f"half the peak-to-peak motion is by harmonic balance {best.half_range:.2f} m"
         in " ".join(str(curve).split())
     )
     # the stored curves have one harmonic

@@ -140,8 +140,12 @@ def test_the_ends_of_the_range_on_request(study, monkeypatch, tmp_path):
     assert [k.preload for k in found.range_in_time] == [low, high]
     more = [0.5 * abs(np.log(p / rises.best)) for p in (low, high)]
     ends = " and ".join(f"{percent(x)} at {amount(p, 'N')}" for x, p in zip(more, (low, high)))
-    assert ("", "", f"in time it is higher than its minimum by {ends}") in found._statement().rows
-    (light,) = [check for check in checks(found) if check.name == "Ends of the range in time"]
+    assert (
+        "",
+        "",
+        f"by time integration, higher than the minimum by {ends}",
+    ) in found._statement().rows
+    (light,) = [check for check in checks(found) if check.name == "Ends of the range"]
     assert light.colour == ("green" if max(more) <= 0.2 else "amber") and ends in light.found
     found.save(tmp_path / "optimal.h5")
     assert bd.load(tmp_path / "optimal.h5").range_in_time == found.range_in_time
@@ -150,11 +154,11 @@ def test_the_ends_of_the_range_on_request(study, monkeypatch, tmp_path):
         for k in found.time_response
     ]
     unknown = replace(found, time_response=tuple(lost))
-    (light,) = [check for check in checks(unknown) if check.name == "Ends of the range in time"]
+    (light,) = [check for check in checks(unknown) if check.name == "Ends of the range"]
     assert light.colour == "amber" and f"and unknown at {amount(high, 'N')}" in light.found
     others = [k for k in found.time_response if k.preload != low]
     assert not replace(found, time_response=tuple(others)).range_in_time
-    assert not plain.range_in_time and "in time it is higher" not in said(plain)
+    assert not plain.range_in_time and "higher than the minimum" not in said(plain)
 
 
 def test_the_range_is_named_a_result_of_harmonic_balance(curve, tmp_path):
@@ -200,8 +204,8 @@ def test_the_bottom_line_says_what_is_open(study, curve):
     )
     without = replace(curve, time_response=(none,))
     assert "is not found: no motion stays" in without._headline()
-    assert "not for the stress" in row(without, "Harmonic balance").remark
-    assert "Not covered: motion in time, " in said(without)
+    assert "do not use it for the stress" in row(without, "Harmonic balance").remark
+    assert "Not covered: time integration, " in said(without)
 
 
 def checked(curve, **changes):
@@ -237,7 +241,7 @@ def test_the_design_amplitude_is_the_largest_of_all_checks(curve):
     )
     single = replace(passed, time_response=(replace(response, highest_period=1.2 * size),))
     assert single.design_amplitude == pytest.approx(1.2 * size, rel=1e-14)
-    assert row(single, DESIGN).remark == f"{largest}, in time"
+    assert row(single, DESIGN).remark == f"{largest}, by time integration"
     alone = replace(passed, other_friction=())
     assert alone.design_amplitude == pytest.approx(1.02 * size, rel=1e-14)
     assert row(alone, DESIGN).remark == f"{largest}, with more harmonics"
@@ -276,5 +280,5 @@ def test_without_a_known_amplitude_of_all_checks_there_is_no_design_amplitude(cu
     without = replace(passed, time_response=())
     assert (
         np.isnan(without.design_amplitude)
-        and "not for the stress" in row(without, "Harmonic balance").remark
+        and "do not use it for the stress" in row(without, "Harmonic balance").remark
     )

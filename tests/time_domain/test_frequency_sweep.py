@@ -166,7 +166,7 @@ def test_what_does_not_fit_is_refused(linear, options, named):
 def test_without_damping_there_is_no_usual_rate():
     study = bd.lumped([[1.0]], [[0.0]], [[W0**2]], contacts=[bd.Contact(tangential=0, kt=1e-3, mu=0.3, preload=1e3)],
         forces={0: 1.0})  # fmt: skip
-    with pytest.raises(bd.SettingError, match="damping in every mode"):
+    with pytest.raises(bd.SettingError, match="every mode of the structure needs damping"):
         study.frequency_sweep(0.0, (9.0, 9.5))
 
 

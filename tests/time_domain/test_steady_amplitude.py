@@ -456,7 +456,7 @@ def test_without_a_motion_that_stays_there_is_a_reason(search_of):
     assert (
         search.fell == [99.0, 100.0, 101.0, 102.0] and search.best is None and search.fall == 100.0
     ), "nearest to the tip"
-    said = "at 102 Hz, near the peak, harmonic balance gives 1 m, but the amplitude in time becomes 100 mm"
+    said = "at 102 Hz, near the peak, harmonic balance gives 1 m, but the amplitude by time integration becomes 100 mm"
     assert search.failure == said
 
 

@@ -63,8 +63,8 @@ def test_structures_in_time_have_all_blade_modes_and_dampers_are_rigid_below_the
     assert (structure.settings.blade_modes, structure.settings.damper_modes) == (blade, damper)
     curve = problem.settings.blade_modes
     assert (
-        text
-        == f"{curve} of 40 blade modes in the curve, 40 in time; damper {ratio} times the highest harmonic"
+        text == f"{curve} of 40 blade modes in the curve, all of them in time integration; "
+        f"damper {ratio} times the highest harmonic"
     )
     assert (structure is problem) == (curve == 40)
 
@@ -103,7 +103,7 @@ def test_a_search_without_a_motion_names_the_modes_of_the_structure_in_time(monk
     assert whole > 4
     assert (
         found.status_text
-        == f"not found: the motion falls; try a response curve with blade_modes={whole}, as in time"
+        == f"not found: the motion falls; try a response curve with blade_modes={whole}, as in time integration"
     )
 
 
@@ -254,7 +254,7 @@ def test_every_start_of_one_mass_comes_to_the_same_motion(bent, found):
     assert list(more.starts) == [
         "start 1, no traction", "start 2, limit of friction", "start 3, limit of friction backward"]  # fmt: skip
     assert more.elsewhere == 0 and more.answers == found.answers and not found.starts
-    assert "Other starts pass 0 of 3 came to another motion" in said(more)
+    assert "Other starts pass 0 of 3 lead to a different motion" in said(more)
     assert (
         replace(more, starts=more.starts | {"start 1, no traction": 0.9 * more.mean}).elsewhere == 1
     )
@@ -384,7 +384,7 @@ def test_a_failing_integration_leaves_what_was_found_before(bent, monkeypatch):
         for x in (found.mean, found.lowest, found.highest, found.frequency, found.jump_frequency)
     )
     assert found._headline().startswith("No amplitude by time integration, the time integration f")
-    assert "nothing confirms the peak" in said(found)
+    assert "time integration does not confirm this peak" in said(found)
     monkeypatch.undo()
     fails_after(monkeypatch, 80)
     found = study.time_response(curve)
@@ -535,7 +535,7 @@ def test_one_harmonic_may_be_wrong_where_contacts_stay_closed():
     found = turbine.time_response(curve)
     assert found.mean < 0.9 * curve.peak.amplitude and found.ok
     assert found.structure.startswith(
-        "5 of 20 blade modes in the curve, 20 in time; damper rigid, "
+        "5 of 20 blade modes in the curve, all of them in time integration; damper rigid, "
     )
     whole = turbine.replace(blade_modes=20)
     long = whole.motion_in_time(
@@ -585,5 +585,7 @@ def test_blades_that_part_are_said_and_drawn(found, tmp_path):
     (ranges,) = ax.containers[0].lines[2]
     np.testing.assert_allclose(ranges.get_segments()[1][:, 1], [200e-6, 310e-6])
     plt.close("all")
-    with pytest.raises(bd.BdamperError, match="this result has no motion of blades in time"):
+    with pytest.raises(
+        bd.BdamperError, match="this result contains no motion of blades by time integration"
+    ):
         replace(parted, blades=np.zeros((0, 0))).plot()

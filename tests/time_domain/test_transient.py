@@ -220,14 +220,14 @@ class TestWanders:
 def test_reasons_name_the_distance():
     told = {
         "+30 %, and no way back within 16 periods": constant(0.3, 48),
-        "-30 % in the mean of 16 periods; at least 48 decide": constant(-0.3, 16),
+        "mean of 16 periods -30 %; 48 periods are needed": constant(-0.3, 16),
         "+4 % so far; 96 periods show whether it has settled": constant(0.04, 48),
-        "+4 % in the mean of 80 periods": constant(0.04, 96),
+        "mean of 80 periods +4 %": constant(0.04, 96),
     }
     for reason, off in told.items():
         assert judged(1.0 + off, 1.0, TOLERANCE, SHORT)[1] == reason
     spread = judged(1.0 + 0.04 * (-1.0) ** np.arange(96), 1.0, TOLERANCE, SHORT)[1]
-    assert spread.endswith("in the mean of 80 periods, -4 to +4 %")
+    assert spread.startswith("mean of 80 periods ") and spread.endswith(", -4 to +4 %")
     drifts = judged(1.0 + 2e-4 * np.arange(96), 1.0, TOLERANCE, 20.0)[1]
     assert (
         "changed by +1.6 % within 80 periods; a transient takes 20 periods to fall to 1/e" in drifts
@@ -389,9 +389,9 @@ def test_a_motion_that_gains_energy_is_an_error(ring, monkeypatch, share):
 
 def test_a_motion_of_another_structure_is_refused(ring):
     motion = state(ring)
-    with pytest.raises(bd.SettingError, match="start: expected a motion of this study"):
+    with pytest.raises(bd.SettingError, match="start: the motion belongs to another study"):
         Transient(ring, 1.3, Motion(motion.q[1:], motion.v[1:], motion.w))
-    with pytest.raises(bd.SettingError, match="start: expected a motion of this study"):
+    with pytest.raises(bd.SettingError, match="start: the motion belongs to another study"):
         Transient(ring, 1.3, motion._replace(w=motion.w[1:]))
     with pytest.raises(
         bd.SettingError, match="steps_per_period: expected a whole number >= 16, found 15"

@@ -75,7 +75,7 @@ class TestHighestAtTheEnd:
         assert told["peak status"] == "incomplete: highest at an end of the interval"
         assert (told["peak amplitude"], told["peak frequency"]) == ("223.667 µm", "360 Hz")
         assert curve.summary().startswith(
-            "No peak: highest response 224 µm at 360 Hz, at an end of"
+            "No peak; the response is highest, 224 µm at 360 Hz, at the lower"
         )
 
     def test_a_maximum_is_a_peak(self, study):
@@ -89,14 +89,14 @@ class TestHighestAtTheEnd:
     def test_of_linear_limits(self, study):
         assert not study.free(INTERVAL).peak_at_end
         assert study.free((300.0, 380.0)).peak_at_end
-        assert str(study.free((300.0, 380.0))).startswith("No peak: highest response")
+        assert str(study.free((300.0, 380.0))).startswith("No peak; the response is highest")
 
 
 class TestOptimum:
     def test_at_the_end_of_the_range(self, study):
         curve = study.optimal_curve((3e3, 2e4), 3, frequency=INTERVAL, check=False)
         assert curve.optimum.kind == "end"
-        assert "end of the range, the optimum may lie beyond" in curve.summary()
+        assert "end of the range; a lower amplitude may lie outside" in curve.summary()
 
     def test_without_any_peak_the_end_of_the_interval_is_named(self, study):
         curve = study.optimal_curve((100.0, 1e3), 3, frequency=(100.0, 150.0), check=False)
@@ -171,11 +171,11 @@ class TestBottomLine:
             "excitation, friction coefficient 0.4 "
             f"Preload {preload} {span(low, high, 'N')}: within 20 % by harmonic balance "
             f"Harmonic balance {size} {amount(o.frequency, 'Hz')}, {ratio} times below the free "
-            f"blade ({amount(curve.free.amplitude, 'm')}); not for the stress "
+            f"blade ({amount(curve.free.amplitude, 'm')}); do not use it for the stress "
         )
         assert text.endswith(
-            "Not covered: motion in time, more blade modes, mistuning, wear, more contact points, "
-            "friction coefficients other than 0.4 summary() has all values"
+            "Not covered: time integration, more blade modes, mistuning, wear, more contact points, "
+            "friction coefficients other than 0.4"
         )
         assert low == 200.0, "the first preload: the amplitude has not risen there"
         assert "rises faster" not in text
@@ -207,14 +207,14 @@ class TestBottomLine:
         assert "20 N of excitation" in text
         load = study.at_speed(2.0 * np.pi * o.frequency / 5.0).preload
         assert (
-            f" The damper has {amount(load, 'N')} at {amount(12.0 * o.frequency, 'rpm')}; the "
+            f" The damper presses with {amount(load, 'N')} at {amount(12.0 * o.frequency, 'rpm')}; the "
             f"preload needs {o.preload / load:.2g} times its mass "
         ) in text
         assert "times its mass" not in said(replace(curve, settings=at_twenty, mass_radius=np.nan))
         twice_the_speed = {"speed": 4.0 * np.pi * o.frequency / 5.0}
         faster = said(replace(curve, settings=at_twenty | twice_the_speed))
         speed = amount(24.0 * o.frequency, "rpm")
-        assert f" The damper has {amount(4.0 * load, 'N')} at {speed}; the" in faster
+        assert f" The damper presses with {amount(4.0 * load, 'N')} at {speed}; the" in faster
         shares = at_twenty | {"load_per_preload": {"damper": 2.0}}  # the load is not the preload
         assert "times its mass" not in said(replace(curve, settings=shares))
         in_time = tuple(
@@ -224,15 +224,18 @@ class TestBottomLine:
         more = replace(curve, time_response=in_time)
         assert value(more, "Preload") == amount(1.35 * o.preload, "N")
         assert (
-            f"lowest in time integration; by harmonic balance {amount(o.preload, 'N')} "
+            f"lowest by time integration; by harmonic balance {amount(o.preload, 'N')} "
             "higher preloads were not integrated"
         ) in said(more)
-        assert row(more, "Design amplitude")[1:] == ("1 m", "largest of all checks, in time")
+        assert row(more, "Design amplitude")[1:] == (
+            "1 m",
+            "largest of all checks, by time integration",
+        )
         assert value(more, "Time integration") == "0.8 to 1 m"
-        assert "motion in time" not in said(more)
+        assert "Not covered: time integration" not in said(more)
         lines = str(curve).split("\n")
         assert len(lines) <= 30 and max(map(len, lines)) <= 88
-        assert lines[-1] == "summary() has all values"
+        assert "All values: result.summary()" in lines
         assert not any(line.startswith("Design amplitude") for line in lines), "not in time"
         flat = replace(
             curve,
@@ -258,7 +261,7 @@ class TestBottomLine:
         [
             (
                 {"kind": "end"},
-                "the least amplitude is at the end of the range, the optimum may lie beyond. Include",
+                "the amplitude is lowest at an end of the range; a lower amplitude may lie outside. Include",
             ),
             (
                 {"status": "incomplete", "reason": "why"},
@@ -331,13 +334,13 @@ class TestBottomLine:
         result = {"red": "FAIL", "amber": "uncertain", "green": "pass"}[colour]
         assert printed_check(curve, check.name)[1:] == (result, found)
         known = "1.3" if status == "complete" else "1"  # a peak that was not found is not covered
-        assert f"friction coefficients beyond 0.7 to {known} times 0.4 summary" in said(curve)
+        assert f"friction coefficients outside 0.7 to {known} times 0.4" in said(curve)
 
     def test_friction_coefficients_of_points(self, study):
         points = {"left": np.array([0.0, 0.5, 0.2]), "right": 0.3}
         curve = study.optimal_curve((200.0, 5e3), 4, frequency=INTERVAL, check=False)
         text = said(replace(curve, settings=curve.settings | {"friction_coefficient": points}))
-        assert "friction coefficients other than 0.2, 0.3, 0.5 summary" in text
+        assert "friction coefficients other than 0.2, 0.3, 0.5" in text
 
     def test_the_margin_is_that_near_the_preload(self, bonded):
         o = replace(bonded.optimum, preload=1000.0, kind="smooth", status="complete")
@@ -357,16 +360,16 @@ class TestBottomLine:
         o = replace(curve.optimum, kind="jump", status="complete", uncertainty=0.24)
         uncertain = replace(curve, optimum=o)
         (check,) = [c for c in checks(uncertain) if c.name == "Optimum verified"]
-        assert (check.colour, check.found) == ("amber", "complete, preload known to 24 %")
-        assert ("", "", "preload known to 24 %") in uncertain._statement().rows
+        assert (check.colour, check.found) == ("amber", "complete, preload uncertain by 24 %")
+        assert ("", "", "preload uncertain by 24 %") in uncertain._statement().rows
         assert (
-            o.text.endswith(", preload known to 24 %")
+            o.text.endswith(", preload uncertain by 24 %")
             and Fact("optimum", o.text) in uncertain._facts()
         )
         lost = replace(curve, optimum=replace(o, status="incomplete", reason="why"))
-        assert "optimum incomplete: why, preload known to 24 %" in lost.warnings
+        assert "optimum incomplete: why, preload uncertain by 24 %" in lost.warnings
         fine = replace(curve, optimum=replace(o, uncertainty=1e-6))
-        assert "known to" not in said(fine) and checks(fine)[1].colour == "green"
+        assert "uncertain by" not in said(fine) and checks(fine)[1].colour == "green"
 
     def test_a_status_follows_the_amplitude_that_it_is_about(self):
         response = TimeResponse(
@@ -384,7 +387,7 @@ class TestBottomLine:
         )
         text = said(replace(curve, convergence=alone))
         assert "3 to 3 harmonics" not in text
-        assert "rely on the amplitude in time" in text
+        assert "rely on the amplitude by time integration" in text
 
 
 def test_details_have_the_units_of_the_columns(peak):
@@ -420,7 +423,9 @@ def test_sensitivities_begin_with_the_largest(rich, peak):
                            "friction_coefficient": PeakSensitivity("friction_coefficient", 0.4, -1e-3, 0.0, np.zeros(1)),
                            "gap_factor": PeakSensitivity("gap_factor", 1.0, np.nan, np.nan, np.zeros(1), "a corner")},
                           1e-3, 350.0)  # fmt: skip
-    assert found._headline() == "Change for +1 %: peak 1 mm at 350 Hz"
+    assert found._headline() == (
+        "Friction coefficient has the largest effect: -0.4 % for +1 %, peak 1 mm at 350 Hz"
+    )
     rows = [line.split("  ") for line in found.summary().splitlines()]
     names = [row[0] for row in rows]
     places = [names.index(n) for n in ("friction coefficient", "preload", "gap factor")]
@@ -438,7 +443,7 @@ def test_tables_are_at_most_120_wide():
     lines = table_lines(rows, "  ")
     assert (
         max(map(len, lines)) <= 120
-        and lines[-1].startswith("  also: column 10")
+        and lines[-1].startswith("  Further columns: column 10")
         and "empty" not in lines[-1]
     )
     below = table_lines(rows, "  ", whole=True)

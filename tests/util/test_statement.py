@@ -53,7 +53,7 @@ def test_parts_are_separated_by_empty_lines_and_empty_parts_are_left_out(stateme
     assert verdict.split("\n") == list(statement.verdict)
     assert (
         rows.startswith("Preload")
-        and checks.startswith("Optimum")
+        and re.match(r"Check +Result +Finding\nOptimum", checks)
         and remarks == statement.remarks[0]
     )
     assert Statement(["No optimum: why"]).text == "No optimum: why"

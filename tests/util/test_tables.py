@@ -106,7 +106,7 @@ class TestTables:
         )
         with pytest.raises(
             bd.BdamperError,
-            match="expected each value of 'mu' once, as coordinates are, found 2 values",
+            match="the values of 'mu' must be distinct, because they become coordinates; found",
         ):
             twice.to_xarray()
         assert len(twice.to_pandas()) == len(swept)
@@ -273,7 +273,7 @@ class TestNotebook:
             weight=np.ones(40),
         )
         assert (
-            text.as_rows()[0] == ("step: 40", "least", "largest")
+            text.as_rows()[0] == ("40 steps", "smallest", "largest")
             and ("place (m)", "0", "39") in text.as_rows()
         )
 
