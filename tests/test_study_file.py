@@ -91,11 +91,11 @@ def test_the_model_may_be_left_to_its_hash(model, tmp_path):
     bd.Study(model, TIP, 2).save(path, include_model=False)
     assert path.stat().st_size < 20000
     assert bd.load_study(path, model).model is model
-    for given, found in ((None, "none"), (wedge_model(seed=1), wedge_model(seed=1).hash)):
-        with pytest.raises(
-            bd.BdamperError,
-            match=rf"study.h5: expected the model with hash {model.hash}, found {found}",
-        ):
+    other = wedge_model(seed=1)
+    missing = f"study.h5: the file contains no model; give the one with hash {model.hash}"
+    different = f"study.h5: expected the model with hash {model.hash}, found {other.hash}"
+    for given, message in ((None, missing), (other, different)):
+        with pytest.raises(bd.BdamperError, match=message):
             bd.load_study(path, given)
 
 

@@ -328,13 +328,25 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "excitation": Range(1e-6, 1e6, "N", "possibly given in mN", "possibly given in MN"),
     # material
     "Material.endurance_limit": Range(
-        1e6, 1e10, "Pa", "possibly given in MPa; 1 MPa is 1e6 Pa", "possibly given in MPa; 1 MPa is 1e6 Pa"
+        1e6,
+        1e10,
+        "Pa",
+        "possibly given in MPa; 1 MPa is 1e6 Pa",
+        "possibly given in MPa; 1 MPa is 1e6 Pa",
     ),
     "Material.ultimate_strength": Range(
-        1e6, 1e10, "Pa", "possibly given in MPa; 1 MPa is 1e6 Pa", "possibly given in MPa; 1 MPa is 1e6 Pa"
+        1e6,
+        1e10,
+        "Pa",
+        "possibly given in MPa; 1 MPa is 1e6 Pa",
+        "possibly given in MPa; 1 MPa is 1e6 Pa",
     ),
     "Material.yield_strength": Range(
-        1e6, 1e10, "Pa", "possibly given in MPa; 1 MPa is 1e6 Pa", "possibly given in MPa; 1 MPa is 1e6 Pa"
+        1e6,
+        1e10,
+        "Pa",
+        "possibly given in MPa; 1 MPa is 1e6 Pa",
+        "possibly given in MPa; 1 MPa is 1e6 Pa",
     ),
     "Material.findley_k": Range(0.05, 1.0, above=PER_CENT),
     "Material.youngs_modulus": Range(1e8, 2e12, "Pa", below="possibly given in MPa or GPa"),

@@ -339,7 +339,7 @@ def test_a_range_that_ends_higher_than_its_maximum_is_told(study):
         run, harmonics=np.vstack([run.harmonics[:-1], 1.01 * run.harmonics[[run.peak_index]]])
     )
     assert not run.peak_at_end and higher.peak_at_end
-    assert "at an end of the curve" in higher._headline()
+    assert "at the upper end of the curve" in higher._headline()
 
 
 def test_pictures_of_crossings(study, found):
@@ -671,7 +671,7 @@ def test_where_interpolation_fails_the_peak_at_fixed_speed_is_found_exactly(
             ((0.0, 400.0), [5]),
             "speeds: expected a sequence of one or more finite numbers > 0 rad/s",
         ),
-        (((400.0, 500.0), []), "engine_orders: expected at least one"),
+        (((400.0, 500.0), []), "engine_orders: give at least one"),
         (((400.0, 500.0), [0]), "engine_orders: expected a whole number >= 1"),
     ],
 )

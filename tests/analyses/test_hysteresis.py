@@ -153,7 +153,7 @@ def test_of_an_optimal_curve(study):
             lambda s, c: s.dissipation(s.free(INTERVAL)),
             "expected a response curve .study.frequency_response., found a free curve",
         ),
-        (lambda s, c: s.replace(friction_coefficient=0.3).dissipation(c), "other settings"),
+        (lambda s, c: s.replace(friction_coefficient=0.3).dissipation(c), "different settings"),
         (lambda s, c: s.hysteresis(c, 10**6), "index of a point: expected"),
         (lambda s, c: s.hysteresis(c).loop("top"), "where: expected one of"),
         (

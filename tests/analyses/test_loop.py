@@ -254,4 +254,4 @@ def test_another_law_is_not_described():
     assert found.misfit > 0.05 and found.status_text.startswith(
         "incomplete: the model does not describe this loop (misfit "
     )
-    assert found._headline().startswith("The model does not describe this loop")
+    assert found._headline().startswith("Not fitted: the model does not describe this loop")

@@ -113,7 +113,10 @@ def test_modes_that_the_model_lacks_are_named():
     assert result.needed == f"a model with about {np.ceil(n_modes):.0f} modes"
     assert np.isfinite(result.needed_seconds)
     text = str(result)
-    assert text.startswith("Not reached: estimated error") and "Needed: a model with" in text
+    assert (
+        text.startswith("Tolerance of 5 % not reached: estimated error")
+        and "Needed: a model with" in text
+    )
 
 
 def test_next_step_beyond_the_limit_is_not_begun(masses, monkeypatch):

@@ -341,7 +341,7 @@ def two_joints(**settings):
 def test_friction_that_a_law_does_not_use_is_named(tmp_path):
     """It changes nothing, and neither the study nor a result names it."""
     study = joint(bd.ContactLaw.jenkins([1.0], 0.5), harmonics=1)
-    unused = r"friction_coefficient: plausible none for 'contact 1', because a ContactLaw has its own parameters"
+    unused = r"friction_coefficient has no effect on 'contact 1', because a ContactLaw has its own parameters"
     for change in ({"friction_coefficient": 0.9}, {"friction_coefficient": {"contact 1": 0.9}},
                    {"friction_coefficient.contact 1": 0.9}):  # fmt: skip
         with pytest.warns(bd.PlausibilityWarning, match=unused):
@@ -368,7 +368,9 @@ def test_friction_of_other_interfaces_is_used():
         halved = study.replace(friction_factor=0.6)
     for other in (single, named, halved):
         assert other.problem.record()["friction_coefficient"]["contact 2"] == pytest.approx(0.3)
-    with pytest.warns(bd.PlausibilityWarning, match="none for 'contact 1', because a ContactLaw"):
+    with pytest.warns(
+        bd.PlausibilityWarning, match="no effect on 'contact 1', because a ContactLaw"
+    ):
         study.replace(friction_coefficient={"contact 1": 0.2, "contact 2": 0.3})
     with pytest.raises(bd.SettingError, match="expected a value for interface 'contact 2'"):
         study.replace(friction_coefficient={})

@@ -257,5 +257,5 @@ class TestCountsOfOthers:
 def test_names_of_shipped_laws_are_theirs():
     """A file would bring back another function."""
     for name in ("jenkins", "iwan"):
-        with pytest.raises(bd.SettingError, match="name: expected none of"):
+        with pytest.raises(bd.SettingError, match="is the name of a built-in law"):
             bd.ContactLaw(_core.bouc_wen, 2, [0.0, 1.0, 0.1, 2.0, 0.5, 1.0], [1.0, 1.0, 0.0], name)

@@ -54,10 +54,11 @@ def test_self_locking_is_named():
         for mu in (0.99 * np.tan(0.4), 1.01 * np.tan(0.4))
     ]
     assert [m.self_locking for m in made] == [False, True]
-    assert ["self-locking" in str(wedge) for wedge in made] == [False, True]
+    assert [str(wedge).startswith("Self-locking") for wedge in made] == [False, True]
+    assert str(made[0]).startswith("Not self-locking")
     assert np.isinf(made[1].highest).all()
     assert "inf" not in str(made[1])
-    assert f"{made[1].lowest[0]:.6g} N or more" in str(made[1])
+    assert f"{1e3 * made[1].lowest[0]:.3g} mN or more" in str(made[1])
     assert "or more" not in str(made[0])
 
 

@@ -209,7 +209,7 @@ def test_the_load_of_a_mass_needs_a_speed(study):
         ),
     ):
         with pytest.raises(
-            bd.SettingError, match=f"damper_mass_factor: .* at a rotor speed.*; use {remedies}"
+            bd.SettingError, match=f"damper_mass_factor: it needs a rotor speed.*; use {remedies}"
         ):
             ask()
 

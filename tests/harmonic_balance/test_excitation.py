@@ -31,7 +31,7 @@ def test_forces_at_several_places_add_up(study):
     close(whole, one + other)
     assert "beside it" in str(
         both
-    ) and "200 N at platform axial, phase 17.1887 degrees, order 5" in str(both)
+    ) and "200 N at platform, axial, phase 17.1887 degrees, order 5" in str(both)
 
 
 def test_a_phase_is_in_radians_and_is_shown_in_degrees(study):
@@ -43,7 +43,7 @@ def test_a_phase_is_in_radians_and_is_shown_in_degrees(study):
             bd.Excitation("tip", phase=phase)
     quarter = study.replace(excitation=bd.Excitation("tip", phase=np.deg2rad(90)))
     assert quarter.excitation.force == pytest.approx(1j, abs=1e-15)
-    assert "1 N at tip tangential, phase 90 degrees" in str(quarter) and "phase" not in str(study)
+    assert "1 N at tip, tangential, phase 90 degrees" in str(quarter) and "phase" not in str(study)
     assert bd.Excitation("tip", phase=-2.0 * np.pi).force == pytest.approx(1.0)
 
 

@@ -29,7 +29,7 @@ def test_intervals_in_radians_per_second_and_loads_of_another_size_are_named():
     strong = study(excitation=bd.Excitation("tip", amplitude=1e4))
     with pytest.warns(
         PlausibilityWarning,
-        match=r"preload: plausible 1e\+04 to .* the excitation .*, found 2000 N: kN",
+        match=r"preload: plausible 1e\+04 to .* the excitation .*, found 2000 N; possibly given in kN",
     ):
         strong.frequency_response(2000.0, (340.0, 350.0), options=bd.ContinuationOptions(budget=20))
     with pytest.warns(PlausibilityWarning, match=r"preload: .* found 20 to 200 N"):
@@ -74,7 +74,7 @@ def test_shipped_scenes_are_plausible(name, points):
 
 def test_engine_order_0_of_a_wheel_is_named():
     with pytest.warns(
-        PlausibilityWarning, match="engine_order: plausible 1 to 32, found 0: a force"
+        PlausibilityWarning, match="engine_order: plausible 1 to 32, found 0; a force"
     ) as caught:
         study(engine_order=0)
     assert len(caught) == 1

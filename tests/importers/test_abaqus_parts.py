@@ -497,7 +497,7 @@ def test_nodes_that_are_numbered_in_another_order_are_refused(tmp_path):
     )
     with pytest.raises(
         ModelError,
-        match=r"expected coupled nodes that share an element of the deck .*FORMAT=LABELS",
+        match=r"expected coupled nodes that share an element of the deck, .*FORMAT=LABELS",
     ):
         read_abaqus(written(tmp_path, lines))
     written(tmp_path, DIAGONAL)

@@ -117,7 +117,7 @@ def test_it_is_kept_in_the_file_of_the_model(model, tmp_path):
 
 
 def test_a_field_is_no_place_for_a_response(model):
-    with pytest.raises(bd.SettingError, match="response: expected a Response"):
+    with pytest.raises(bd.SettingError, match="response: give a Response"):
         bd.Study(model, bd.Excitation("gust"), 5, harmonics=1)
     with pytest.raises(bd.SettingError, match="response location: expected one of"):
         bd.Study(model, bd.Excitation("gust"), 5, harmonics=1, response=bd.Response("gust"))

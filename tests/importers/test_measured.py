@@ -29,7 +29,7 @@ def test_points_are_read(tmp_path):
 @each(
     ("text", "message"),
     [
-        ("", "found nothing"),
+        ("", "found an empty file"),
         ("force,amplitude\n1,2\n", "line 1: expected the columns"),
         (
             "load (N),amplitude (mm)\n1,2\n2,x\n",
@@ -55,7 +55,10 @@ def test_points_are_read(tmp_path):
             "load (N),amplitude (mm)\n10,0,5\n",
             "line 2: expected 2 values separated by commas, .*, found 3: '10,0,5'",
         ),
-        ("load (N),amplitude (mm)\n", "expected rows of numbers after the header, found none"),
+        (
+            "load (N),amplitude (mm)\n",
+            "expected rows of numbers after the header, found none",
+        ),
     ],
 )
 def test_bad_files_are_named(tmp_path, text, message):
@@ -169,10 +172,13 @@ def test_a_response_that_was_written_is_read(tmp_path):
         ),
         (
             "frequency (Hz),amplitude (m)\n1\n",
-            "expected rows of numbers after the header, found none",
+            "no row after the header is complete: each has an empty cell",
         ),
         ("frequency (Hz),amplitude (m)\n1,2,3\n", "line 2: expected 2 values separated by commas"),
-        ("frequency (Hz),amplitude (m)\n", "expected rows of numbers after the header, found none"),
+        (
+            "frequency (Hz),amplitude (m)\n",
+            "expected rows of numbers after the header, found none",
+        ),
     ],
 )
 def test_a_response_that_cannot_be_read(tmp_path, text, message):

@@ -114,7 +114,7 @@ def test_quoted_tables_are_read_and_empty_ones_refused(tmp_path):
     np.testing.assert_array_equal(found.deviation, expected.deviation)
     empty.write_text("# nothing\n")
     with pytest.raises(
-        bd.ModelError, match="expected one row of frequencies for each blade, found none"
+        bd.ModelError, match="expected one row of frequencies for each blade, found no rows"
     ):
         Mistuning.from_csv(empty)
 

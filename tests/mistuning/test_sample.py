@@ -220,7 +220,7 @@ def test_percentiles_of_the_stored_wheels_carry_the_errors_of_their_peaks():
         assert (low < moved).all() and (moved < high).all()
     np.testing.assert_allclose(moved, [2.082, 2.098, 2.355], atol=1e-3)
     np.testing.assert_allclose(value, [1.722, 1.912, 2.148], atol=1e-3)
-    assert "(2.06 to 2.39)" in said(found)
+    assert "confidence interval: 2.06 to 2.39" in said(found)
     ends = found.percentile(50.0, "frequency")[::2]
     assert np.isin(ends, found.frequency).all(), (
         "frequencies do not have the error of the amplitude"

@@ -277,8 +277,8 @@ CASES: list[tuple[Any, str]] = [
         "/bodies/blade/nd000/flexibility: expected real numbers at nodal diameter 0",
     ),
     (body("damper", mass=None), "/bodies/damper/mass: the mass of a free body is missing"),
-    (body("damper", centre=None), "/bodies/damper/centre: expected the centre"),
-    (body("damper", inertia=None), "/bodies/damper/inertia: expected the inertia"),
+    (body("damper", centre=None), "/bodies/damper/centre: the centre of a free body is missing"),
+    (body("damper", inertia=None), "/bodies/damper/inertia: the inertia of a free body is missing"),
     (body("damper", mass=0.0), "damper/mass: expected a finite number > 0, found 0.0"),
     (
         body("damper", inertia=at(DAMPER.inertia, (0, 1), 1e-6)),

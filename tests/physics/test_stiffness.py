@@ -50,7 +50,7 @@ def test_unit_traction_reproduces_the_displacement_under_a_uniform_traction():
 
 
 def test_unit_traction_of_what_is_not_flexible_is_an_error():
-    with pytest.raises(ModelError, match="axis 0: expected a positive displacement"):
+    with pytest.raises(ModelError, match="along t1: expected a positive displacement"):
         unit_traction(-np.eye(6), np.ones(2))
 
 

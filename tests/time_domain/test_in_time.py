@@ -167,7 +167,7 @@ def test_the_verdict_and_the_amplitude_are_of_the_same_periods():
     for i in (int(middle[len(middle) // 2]), curve.peak_index, 0):
         found = study.motion_in_time(curve, i)
         verdicts.add(found.verdict)
-        change = float(re.match(r"([+-][0-9.e+-]+) %", found.reason)[1])
+        change = float(re.search(r"([+-][0-9.e+-]+) %", found.reason)[1])
         assert change == pytest.approx(
             100.0 * (found.mean / found.balance - 1.0), rel=0.06, abs=1e-3
         ), found.reason
