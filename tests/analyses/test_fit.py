@@ -823,7 +823,7 @@ def test_a_rich_truth_fitted_with_a_coarse_model():
     assert "constants may lie outside the intervals" in said(found)
     stiffness = found.names.index("contact_stiffness_factor")
     assert found.low[stiffness] > 0.6, "the true value lies outside"
-    assert "9" in said(found)
+    assert "9 contact points" in said(found)
     with pytest.raises(bd.SettingError, match="9 contact points"):
         found.apply(rich)
     best = vary(found.apply(coarse), {"excitation.amplitude": found["force_factor"]})
