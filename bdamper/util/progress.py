@@ -188,22 +188,24 @@ FIRST_LINE = 10.0
 """Seconds of work before the first line if there is neither a terminal nor a notebook."""
 
 
-def _bar(*items: Any, **options: Any) -> Any:
-    """Return a progress bar of tqdm.
-
-    If nobody watches it, as in a batch job, it prints lines instead: the first after
-    :data:`FIRST_LINE`, then one at each tenth and every half minute.
-    """
+@cache
+def _bar_classes() -> tuple[type, type]:
+    """Return the classes of bars that somebody watches, and of bars that print lines."""
     from tqdm.auto import tqdm
 
-    if _is_watched():
-        # short runs show no bar
-        return tqdm(*items, **options, delay=1.0)
+    class Bar(tqdm):  # type: ignore[misc]
+        # The lock of tqdm belongs to all forked processes: if one is killed while it holds the lock,
+        # the others wait for ever.  Bars of this package are drawn by one process.
+        _lock = threading.RLock()
 
-    class Lines(tqdm):  # type: ignore[misc]
-        tenths = -1
-        started = time.monotonic()
-        printed = started
+    class Lines(Bar):
+        # bars are updated by the work alone, so that no thread is left behind
+        monitor_interval = 0
+
+        def __init__(self, *items: Any, **options: Any) -> None:
+            self.tenths = -1
+            self.started = self.printed = time.monotonic()
+            super().__init__(*items, **options, mininterval=0.0, miniters=1, leave=False)
 
         def set_description(self, desc: str | None = None, refresh: bool | None = True) -> None:
             super().set_description(desc, refresh=False)
@@ -226,7 +228,20 @@ def _bar(*items: Any, **options: Any) -> Any:
             description = self.desc if self.desc.endswith(": ") else f"{self.desc}: "
             self.fp.write(f"{description}{10 * tenth} %\n")
 
-    return Lines(*items, **options, mininterval=0.0, miniters=1, leave=False)
+    return Bar, Lines
+
+
+def _bar(*items: Any, **options: Any) -> Any:
+    """Return a progress bar of tqdm.
+
+    If nobody watches it, as in a batch job, it prints lines instead: the first after
+    :data:`FIRST_LINE`, then one at each tenth and every half minute.
+    """
+    watched, lines = _bar_classes()
+    if _is_watched():
+        # short runs show no bar
+        return watched(*items, **options, delay=1.0)
+    return lines(*items, **options)
 
 
 # ---- Cost of a result ----

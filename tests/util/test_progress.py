@@ -1,6 +1,8 @@
 """Progress of long work: what is shown, that it changes no result, and that Ctrl-C keeps what is kept without it."""
 
 import re
+import subprocess
+import sys
 from dataclasses import fields
 from itertools import count
 from types import SimpleNamespace
@@ -156,3 +158,26 @@ def test_a_curve_reports_each_point_once(monkeypatch):
     made, told = bars(monkeypatch)
     curve = pressed().frequency_response(2.0, BAND, progress=True)
     assert len(made) == 1 and len(told) <= len(curve) + 1
+
+
+KILLED_WITH_THE_LOCK = """
+import os, signal
+from tqdm import tqdm
+from bdamper.util.progress import with_progress
+
+tqdm.get_lock()
+child = os.fork()
+if child == 0:
+    tqdm.get_lock().acquire()
+    os.kill(os.getpid(), signal.SIGKILL)
+os.waitpid(child, 0)
+print(sum(with_progress(range(4), True, "work", "part")))
+"""
+
+
+def test_a_process_that_was_killed_while_it_drew_stops_no_other():
+    """Forked processes share the lock of tqdm, and the operating system does not release it."""
+    done = subprocess.run(
+        [sys.executable, "-c", KILLED_WITH_THE_LOCK], capture_output=True, text=True, timeout=60
+    )
+    assert done.stdout == "6\n", done.stderr
