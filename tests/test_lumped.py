@@ -238,7 +238,7 @@ class TestWhatSettingsDoNotReach:
         study = bd.lumped(1.0, 0.02, 1.0, contacts=[JENKINS], forces={0: 1.0}, harmonics=5)
         for settings in ({"contact_stiffness_factor": 2.0}, {"contact_stiffness": 2.0}):
             with pytest.raises(
-                bd.BdamperError, match="contact_stiffness: expected the values in the model"
+                bd.BdamperError, match="contact_stiffness: the preload in this model belongs"
             ):
                 study.replace(**settings)
         assert "contact_stiffness_factor" not in study.peak_sensitivities(

@@ -159,7 +159,7 @@ class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-eff
         left_out = ", ".join(self.negligible) or "none"
         rows = [
             Row("Significant effects only", percent(self.amplitude_change, True), "change in peak"),
-            Row("", f"{self.work:.2g}", "operations relative to all effects"),
+            Row("Computing effort", f"{self.work:.2g}", "relative to all effects"),
             Row("Negligible effects", left_out),
         ]
         verdict = f"{n_significant} of {n} effects are significant"
@@ -174,9 +174,9 @@ class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-eff
                 "Without effect",
                 "Amplitude",
                 "Frequency",
-                "Error up to",
+                "Uncertainty",
                 "Method",
-                "Work",
+                "Effort",
                 "In the study",
             )
         )

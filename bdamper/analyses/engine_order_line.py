@@ -499,9 +499,9 @@ def follow_mode(
 ) -> tuple[Equations[Family], ResponseCurve, Highest | None] | None:
     """Compute the response curve of a run-up across the resonance of a mode.
 
-    None if it cannot cross the line. Vibration may close contacts that are open at rest, so that
-    the resonance lies above the stuck one. If the curve is highest at its upper end, it is repeated
-    up to the next mode or the end of the range.
+    Vibration may close contacts that are open at rest, so that the resonance lies above the stuck
+    resonance. If the curve is highest at its upper end, compute it again up to the next mode or the
+    end of the range. Return None if the mode does not cross the engine order in the range.
 
     Parameters
     ----------

@@ -190,19 +190,19 @@ def _common(source: tuple[Any, ...], target: tuple[Any, ...]) -> tuple[NDArray, 
 
 
 def estimate_change(system: Equations, y: NDArray) -> Change:
-    """Estimate the change of a peak by one adjoint solution.
+    """Estimate by one adjoint solution how a peak changes if more detailed equations replace its own.
 
     Parameters
     ----------
     system : Equations
-        Equations of the other study.
+        More detailed equations.
     y : (n_unknowns + 1,) float
-        Embedded peak, which does not solve ``system``.
+        Peak in the unknowns of ``system``, which it does not solve.
 
     Returns
     -------
     Change
-        Unknown if the equations are not finite or singular.
+        Unknown if the equations are singular or not finite.
     """
     n = system.n_unknowns
     unknown = Change(how="no estimate")
@@ -566,9 +566,9 @@ def examine(
     sources: Sequence[str],
     meter: CostMeter | None = None,
 ) -> Examination:
-    """Estimate the errors of a peak and keep the studies and peaks that show them.
+    """Estimate the errors of a peak, and keep the more detailed studies and their peaks.
 
-    A given meter also has the cost after an interrupt.
+    If ``meter`` is given, it contains the cost even after an interrupt.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Identification of parameters from measured responses, with intervals that include model errors.
 
 The fit finds the logarithms of the parameters that minimise the sum of squared residuals of
-:mod:`bdamper.analyses.response_residuals`. If a response without damper is given, natural
+:mod:`bdamper.analyses.response_residuals`. If a response without a damper is given, natural
 frequency, damping and force gain are fitted to it first and then held constant: a stiffer contact
 and a stiffer structure have the same effect on loaded responses. The errors of the held parameters
 widen the intervals of the others.
@@ -114,7 +114,7 @@ HOW: dict[type, Callable[..., Separation]] = {
 }
 """Functions that return the residuals of each kind of data."""
 UNLOADED = {"damping_factor": (0.05, 20.0), "frequency_factor": (0.8, 1.25), FORCE: (0.2, 5.0)}
-"""Parameters fitted to the response without damper, with their ranges."""
+"""Parameters fitted to the response without a damper, with their ranges."""
 
 
 @dataclass(eq=False)
@@ -355,7 +355,7 @@ def fit(
         "damping_factor", "frequency_factor" or "gap_factor", or keywords of the function; and
         "force_factor", the gain of all forces.
     free : Measurement or MeasuredResponse, optional
-        Response without damper. Damping, frequency and force gain are fitted to it first and then
+        Response without a damper. Damping, frequency and force gain are fitted to it first and then
         held constant; ``vary`` may give their ranges.
     noise : float, optional
         Relative standard deviation of a measured amplitude, force or damping ratio, and standard

@@ -277,7 +277,7 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
                 "Remedy: fit again with more harmonics, modes and contact points (widen); the true "
                 "constants may lie outside the intervals"
             )
-        remarks.append(f"Valid only for {self._settings_text()}")
+        remarks.append(f"Use these values only with {self._settings_text()}")
         if self.doubts:
             remarks.append(f"The fit is incomplete: {self.doubts}")
         return Statement([verdict], self._estimate_rows(), checks, remarks)

@@ -135,14 +135,14 @@ class FittedLoop(Result, Plottable):
                 amount(self.kt, "N/m"),
                 f"standard error {amount(kt, 'N/m')}",
             ),
-            Row("Spread of the limits", f"{self.spread:.2g}", f"standard error {spread:.2g}"),
+            Row("Spread of slip limits", f"{self.spread:.2g}", f"standard error {spread:.2g}"),
         ]
         if self.backlash:
             deviation = f"standard error {amount(clearance, 'm')}"
             rows.append(Row("Backlash", amount(self.backlash, "m"), deviation))
-        rows.append(Row("Misfit", percent(self.misfit), "above the noise"))
+        rows.append(Row("Misfit", percent(self.misfit), "beyond the measurement noise"))
         found = f"friction coefficient {self.mu:.3g}, stiffness {amount(self.kt, 'N/m')}"
-        verdict = f"Fitted to {percent(self.misfit)} above the noise: {found}"
+        verdict = f"Fitted with a misfit of {percent(self.misfit)}: {found}"
         if self.reason:
             verdict = f"Not fitted: {self.reason}"
         return Statement([verdict], rows, remarks=[sentence(note) for note in self.notes])
@@ -220,7 +220,9 @@ def fit_loop(
     misfit = _misfit(fitted.residual, x, y, noise)
     reason = ""
     if misfit > POOR:
-        reason = f"the model does not describe this loop (misfit {percent(misfit)} above the noise)"
+        reason = (
+            f"the model does not describe this loop (misfit {percent(misfit)} beyond the noise)"
+        )
     return FittedLoop(
         kt=float(np.exp(p[0])),
         mu=float(np.exp(p[1])),

@@ -514,7 +514,7 @@ def mode_points(
 ) -> tuple[Equations[Mode], list[Correction | None]]:
     """Return the equations of a mode, and its motions at response amplitudes (m) above ``low``.
 
-    A motion is None without success.
+    A motion that was not found is None.
     """
     system, omega = mode_system(problem, preload, mode, low)
     high = (1.0 + REACH) * float(amplitude.max())
@@ -529,7 +529,7 @@ def mode_points(
 
 
 def _motion_between(branch: _Branch, y: NDArray, parameter: float) -> Correction | None:
-    """Return the first motion at a parameter between two points of a branch; None without one."""
+    """Return the first motion at a parameter between two points of a branch, or None."""
     distance = y[:, -1] - parameter
     crossings = np.flatnonzero(distance[:-1] * distance[1:] <= 0.0)
     if not len(crossings):

@@ -69,7 +69,7 @@ FARTHEST = 1e4
 the search ends.
 """
 STEP = 1e-5
-"""Relative step of the finite differences of the resonance without damper."""
+"""Relative step of the finite differences of the resonance without a damper."""
 BESIDE = 0.1
 """Relative margin of the curves beyond the frequencies measured under phase control."""
 EDGE = 1e-6
@@ -521,7 +521,8 @@ class _ControlledPoint:
 class _OtherControl(_Control):
     """Residuals of a response under response or phase control.
 
-    The residuals compare the force, and the phase or the frequency.
+    The amplitude is prescribed, so the residuals compare the force and either the phase (response
+    control) or the frequency (phase control).
     """
 
     def __init__(
@@ -727,7 +728,7 @@ class _Swept:
         return solution
 
     def held(self, frequency: float, target: complex, free_frequency: bool) -> _Held | None:
-        """Return the solution with a given response; None without success.
+        """Return the solution with a given response, or None if the search fails.
 
         With ``free_frequency`` the response equals the target (m) in amplitude and phase, and the
         frequency is unknown. Otherwise it equals the target in amplitude at the given frequency

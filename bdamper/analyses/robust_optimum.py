@@ -420,9 +420,7 @@ class OptimalCurveUncertainty(
         if at_end:
             remarks.append(END_REMEDY)
         too_few = _too_few_text(95.0, n_counted)
-        rows = [
-            Row("Draws", str(n_counted), f"of {settings}{too_few}"),
-        ]
+        rows = [Row("Sample", counted(n_counted, "draw"), f"random {settings}{too_few}")]
         return Statement([verdict], rows, remarks=remarks, table=table)
 
 

@@ -418,7 +418,7 @@ class SweepResult(WithRowStatus, Plottable, Tabular, Recorded, Storable, kind="b
         highest = int(np.nanargmax(values))
         place = as_words(row_of(self.points, lowest))
         verdict = f"Lowest {spaced(name)} {value_text(lowest)}: {place}"
-        rows = [Row("Points", points)]
+        rows = [Row("Sweep", points)]
         if highest != lowest:
             place = as_words(row_of(self.points, highest))
             rows.insert(0, Row("Highest", value_text(highest), place))

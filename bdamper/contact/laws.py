@@ -145,7 +145,7 @@ class AFT(validation.Checked):
 def check_evaluation(contact_forces: str | AFT, harmonics: int) -> None:
     """Raise SettingError unless ``contact_forces`` is a method that resolves all harmonics.
 
-    The methods are "event_driven", and AFT with enough samples.
+    These methods are "event_driven" and AFT with enough samples.
     """
     if isinstance(contact_forces, AFT):
         least = 4 * harmonics + 4
@@ -472,7 +472,7 @@ class ContactLaw:
             found = one_line(
                 f"{name!r}, of which a file has no function; create the study again with this law"
             )
-            raise SettingError(f"friction_law: expected a law of {tuple(SHIPPED)}, found {found}")
+            raise SettingError(f"friction_law: expected a name in {tuple(SHIPPED)}, found {found}")
         # incomplete records of a file reach the checks of the constructor
         data: Any = record
         return cls(
@@ -714,6 +714,6 @@ def refuse(own: OwnLaws | None, what: str) -> None:
     if own is not None:
         names = sorted({point.law.name for point in own.points if point is not None})
         raise SettingError(
-            f"friction_law: {what} expected laws of the C core, since it needs their events, "
+            f"friction_law: {what} needs the slip and contact events of the laws in the C core, "
             f"found {', '.join(names)}"
         )

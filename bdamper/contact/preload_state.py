@@ -131,7 +131,13 @@ class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="con
             verdict = f"All {points} {verbs[of_all[0]]}"
         else:
             verdict = f"{counts[1]} of {points} slip"
-        rows = [Row("Points", ", ".join(map(str, counts)), "stick, slip, open")]
+        rows = [
+            Row(
+                f"{self._kind_of_points.capitalize()} points",
+                ", ".join(map(str, counts)),
+                "stick, slip, open",
+            )
+        ]
         rows += [
             Row(name, amount(force, "N"), self._contact_text(name, force))
             for name, force in self.normal_force.items()

@@ -90,9 +90,9 @@ def over_cycle(coefficients: NDArray, theta: NDArray) -> NDArray:
 
 
 def _derivatives(coefficients: NDArray, theta: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Evaluate cycles (n, m, H + 1) at one angle (n,) each.
+    """Evaluate each of n cycles (n, m, H + 1) at its own angle (n,).
 
-    Return values, first and second derivatives (n, m).
+    Return values, first and second derivatives, (n, m).
     """
     l = np.arange(coefficients.shape[-1])
     wave = coefficients * np.exp(1j * l * theta[:, None])[:, None]

@@ -167,7 +167,7 @@ def stress(
 
 
 def selected(solutions: Solutions, rows: list[int] | NDArray) -> Solutions:
-    """Return the solutions with the given indices, or for which a mask is true."""
+    """Return the solutions with the given indices, or those for which a mask is true."""
     return Solutions(
         unknowns=solutions.unknowns[rows],
         frequency=solutions.frequency[rows],

@@ -75,9 +75,10 @@ class SectorFaces:
         return phase, rotation
 
     def among(self, known: NDArray) -> SectorFaces:
-        """Keep the dependent nodes that are known and determined by known independent nodes.
+        """Return the faces with fewer dependent nodes.
 
-        ``known`` (n_nodes,) is bool.
+        A dependent node remains if it and all independent nodes that determine it are ``known``,
+        (n_nodes,) bool.
         """
         unknown_independent = (~known[self.independent]).astype(float)
         depends_on_unknown = abs(self.weights) @ unknown_independent > 0.0

@@ -160,7 +160,7 @@ def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
 
 
 def _of_part(settings: Mapping[str, Any], part: str) -> dict[str, Any]:
-    """Return the settings of the excitation or of the response, without the name of this part."""
+    """Return the settings that begin with "excitation." or "response.", without this prefix."""
     prefix = part + "."
     return {
         name.removeprefix(prefix): value

@@ -785,7 +785,8 @@ class LoadCase:
         return self.static
 
     def stuck_springs(self, *, touching: bool = False) -> NDArray:
-        """Return linear springs (n_points, 3) for stick: points closed by the preload do not slip.
+        """Return the springs (n_points, 3) of stuck points, N/m: the stick stiffness where the preload
+        closes the contact, and zero elsewhere.
 
         With ``touching``, points in contact at assembly also count as closed, with a warning, if
         their interface has no free body and no point closed by the preload.

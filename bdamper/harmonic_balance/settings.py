@@ -510,8 +510,8 @@ class Settings(validation.Answering):
         values_of_model = values and self.contact_stiffness_factor == 1.0
         if self.holds_preload and not values_of_model:
             raise SettingError(
-                "contact_stiffness: expected the values in the model, since the preload of its "
-                "contacts does not depend on them; create the model with other contacts instead"
+                "contact_stiffness: the preload in this model belongs to the contact stiffness in the "
+                "model; create the model with other contacts instead"
             )
 
     @property

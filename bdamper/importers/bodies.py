@@ -689,8 +689,8 @@ def blade_part(
     for name, interface in interfaces.items():
         if interface.body_a == interface.body_b == body.name:
             raise SettingError(
-                f"blade_nodes: expected blades that touch dampers, found '{name}', "
-                "where blades touch"
+                f"blade_nodes: expected contacts between blades and dampers only, found '{name}' "
+                "between blades"
             )
     nodes = body.node_set(blade, "blade_nodes")
     expected = "the nodes of a blade from root to tip, with all its contact faces and locations"

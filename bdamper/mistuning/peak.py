@@ -173,12 +173,18 @@ class DiskPeak(Result, Plottable, Recorded, Storable, kind="bdamper-wheel-peak")
             verdict = f"Not for design: a higher blade may exist, found {peak}: {subject}"
         else:
             verdict = f"Highest blade {peak}: {subject}"
-        factor = f"{self.amplitude / self.tuned_amplitude:.3g} times"
-        at_least = "at least, " if is_lower_bound else ""
-        tuned = f"{at_least}the tuned disk, {amount(self.tuned_amplitude, 'm')}"
+        factor = f"{self.amplitude / self.tuned_amplitude:.3g}"
+        at_least = "at least; " if is_lower_bound else ""
+        tuned = f"{at_least}relative to the tuned disk, {amount(self.tuned_amplitude, 'm')}"
         rows = [Row("Amplification", factor, tuned)]
         if self.error:
-            rows.append(Row("Error", percent(self.error), "estimated, may be higher by this much"))
+            rows.append(
+                Row(
+                    "Error",
+                    percent(self.error),
+                    "estimate; the highest amplitude may be higher by this much",
+                )
+            )
         remarks = []
         if not self.ok:
             remarks.append(f"{self.status.capitalize()}: {self.reason}")

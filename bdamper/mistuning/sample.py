@@ -150,7 +150,7 @@ class Audit(Summarised, Tabular, row="search"):
             Row("", str(n_beyond_error), "by more than the estimated error of the first search"),
         ]
         if numbers:
-            rows.append(Row("Numbers of disks", "", numbers))
+            rows.append(Row("Affected disks", "", numbers))
         interval = f"95 % confidence: {low:.3g} to {high:.3g} %"
         verdict = f"A thorough search finds higher peaks in {share:.3g} % of the disks ({interval})"
         remarks = [MISSED_REMEDY] if missed.any() else []

@@ -714,7 +714,8 @@ def damper_drag(
         warn(
             f"damping of the damper: a rate of up to {largest_rate:.3g} 1/s exceeds "
             f"omega = {lowest:.3g} rad/s of the lowest mode; "
-            "the damper cannot move freely relative to the rotor"
+            "the damper cannot move freely relative to the rotor; reduce damper_damping_ratio or "
+            "damper_drag"
         )
     return rates
 

@@ -130,9 +130,9 @@ def read_model(file: h5py.Group) -> Model:
 
 
 def _with_bases(model: Model, change: Callable[[str, ModalBasis], ModalBasis]) -> Model:
-    """Return the model with bases changed by ``change``.
+    """Return the model with each basis replaced by ``change(path, basis)``.
 
-    Its arguments are the path of a basis in the file, and the basis.
+    ``path`` is the path of the basis in the file.
     """
     bodies = dict(model.bodies)
     for name, body in bodies.items():

@@ -90,7 +90,10 @@ def broken(branch: NDArray, *columns: NDArray) -> list[NDArray]:
 
 
 class Picture(Figure):
-    """Figure that a notebook shows once, although inline figures appear by themselves."""
+    """Figure that a notebook shows only once.
+
+    The inline backend would show it again at the end of the cell.
+    """
 
     def _ipython_display_(self) -> None:
         if "inline" in plt.get_backend():

@@ -436,7 +436,10 @@ def plot_static(state: PreloadState, quantity: str = "pressure") -> NDArray:
 
 
 def _used_friction(force: NDArray, friction: NDArray) -> NDArray:
-    """Return the larger friction force of each point over its limit; 0 for a limit of 0."""
+    """Return the larger friction component of each point relative to its slip limit.
+
+    The ratio is 0 if the limit is 0.
+    """
     limit = (friction * force[:, 2])[:, None]
     unused = np.zeros((len(force), 2))
     used = np.divide(np.abs(force[:, :2]), limit, out=unused, where=limit > 0.0)

@@ -309,9 +309,9 @@ class OptimalCurve(
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Failed checks, with which the statement begins.
+        """Descriptions of the failed checks; they begin the printed result.
 
-        Empty if none failed or the preload does not matter.
+        Empty if no check has failed, or if the amplitude does not depend on the preload.
         """
         return tuple(check.failure for check in failed(self))
 

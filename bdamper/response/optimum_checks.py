@@ -142,7 +142,7 @@ def _verified(curve: OptimalCurve) -> Check:
     interrupted = INTERRUPTED in best.status_text
     return Check(
         colour=colour,
-        name="Optimum verified",
+        name="Search for the optimum",
         found=found,
         rule="red if a lower value may exist at another preload, amber above "
         f"{percent(GOOD)} of uncertainty",
@@ -344,10 +344,7 @@ def _errors_by_source(curve: OptimalCurve) -> Check:
     preload = _rounded(curve.recommended_preload, 3)
     n_curves = _rounded(_curves_per_estimate(curve), 1)
     call = f"study.estimate_errors(study.peak({preload}))"
-    time = (
-        f"the computing time of about {n_curves} response curves (the optimal curve: {len(curve)})"
-    )
-    found = f"{call} takes {time}"
+    found = f"{call} takes as long as about {n_curves} response curves (this result: {len(curve)})"
     return Check("white", "Errors by source", found, "white, not part of an optimal curve")
 
 

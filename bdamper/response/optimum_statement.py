@@ -103,7 +103,7 @@ def _preload_rows(curve: OptimalCurve) -> list[Row]:
     within = f"{span(low, high, 'N')}: within {percent(NEAR_BEST - 1.0)} by harmonic balance"
     steeper = _steeper(curve)
     if steeper:
-        within += f"; {steeper} this range"
+        within += f"; the amplitude {steeper} this range"
     remarks = [within]
     shares = loads_text(curve.settings.get("load_per_preload"))
     if shares:

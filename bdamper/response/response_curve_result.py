@@ -505,7 +505,7 @@ class ResponseCurve(
         peak = peak_text(self.amplitude[i], self.frequency[i])
         peak += first_harmonic_text(self.half_range, float(self.amplitude[i]))
         if self.peak_at_end:
-            kind = "No peak; the response is highest, "
+            kind = "No peak; highest point"
             end = self._end_of_interval
             peak += f", at the {end[0]} end of the curve" if end else ", at a gap of the curve"
         elif self.may_be_higher:
@@ -518,7 +518,7 @@ class ResponseCurve(
         if self.blades is not None:
             place.append(f"blade {np.argmax(np.abs(self.blades[i, :, 1]))}")
         preload = self.preload if self.kind == "response" else np.nan
-        return f"{kind.strip()} {peak}{about(self.settings, preload, *place)}"
+        return f"{kind} {peak}{about(self.settings, preload, *place)}"
 
     def _quantity_rows(self) -> list[Row]:
         """Return the computed range, the state at the highest point, and jumps of a slow sweep."""

@@ -122,7 +122,7 @@ class AllBlades(Result):
         return [Row("Different blades", span(*self.spread, "m"), "lowest to highest, means")]
 
     def _facts(self) -> tuple[Fact, ...]:
-        """Return facts of the time integration, with the energy of a period and the waves."""
+        """Return the rows of the summary, with the energy balance of a period and the waves."""
         facts: list[Fact] = []
         # blades of a mistuned disk have numbers, equal blades have waves
         if self.blades.size and not self.waves.size:
@@ -337,7 +337,9 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         if self.answers:
             outcome = "pass" if self.ok else "FAIL"
             means = extent(min(self.answers.values()), max(self.answers.values()), "m")
-            rows.append(Row("Other integrations", outcome, f"{means}: {', '.join(self.answers)}"))
+            rows.append(
+                Row("Other integrations", outcome, f"mean {means} with {', '.join(self.answers)}")
+            )
         if self.starts:
             outcome = "uncertain" if self.elsewhere else "pass"
             finding = f"{self.elsewhere} of {len(self.starts)} lead to a different motion"

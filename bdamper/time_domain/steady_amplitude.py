@@ -94,11 +94,11 @@ class BalanceCurve:
         return min(flanks, key=lambda f: abs(f - self.tip), default=float("nan"))
 
     def _side(self, sign: float) -> tuple[float, float]:
-        """Return the signed half width (Hz) on one side of the tip, and the first frequency beyond
-        half of it with one solution.
+        """Return the signed half-power width (Hz) on one side of the tip, and a frequency there.
 
-        A value is NaN if the branch ends before it.  If the response does not decrease to half its
-        power, the width is twice the distance to that frequency.
+        The frequency is the first one, beyond half of this width, at which there is only one
+        solution.  If the response does not decrease to half its power, the width is twice the
+        distance from the tip to this frequency.  Both values are NaN if the branch ends earlier.
         """
         tip = self.tip
         height = self.amplitude[self.top]

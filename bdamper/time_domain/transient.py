@@ -544,14 +544,14 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
     last = float(off[-look:].mean())
     if n < 3 * look:
         periods = min(n, look)
-        few = f"mean of {periods} periods {_in_percent(last)} %; {3 * look} periods are needed"
+        few = f"{_in_percent(last)} % on average in {periods} periods; {3 * look} periods are required"
         return Verdict(UNDECIDED, few, periods)
 
     # left
     distances = np.abs(off[-2 * look :])
     before = float(off[-2 * look : -look].mean())
     if (distances > 2.0 * tolerance).all() and abs(last) >= abs(before):
-        left = f"{_in_percent(last)} %, and no way back within {look} periods"
+        left = f"{_in_percent(last)} %, not approaching the solution within {look} periods"
         return Verdict(DIFFERS, left, look)
     if n < span + look:
         few = f"{_in_percent(last)} % so far; {span + look} periods show whether it has settled"

@@ -35,7 +35,7 @@ def some(values: NDArray) -> tuple[float, float]:
 
 
 def largest(values: NDArray) -> tuple[float, float]:
-    """Return the largest magnitude twice, for measured values that pass through 0."""
+    """Return the largest magnitude as both limits, for measured values that may be close to 0."""
     size = float(np.abs(values).max())
     return size or np.inf, size
 
@@ -529,7 +529,7 @@ def _item_of(item: str, key: object) -> str:
 
 
 def _leading(values: object, count: int | None) -> object:
-    """Return the first ``count`` values of a sequence; all for None."""
+    """Return the first ``count`` values of a sequence, or all values if ``count`` is None."""
     is_sequence = isinstance(values, Sequence | np.ndarray)
     return values[:count] if is_sequence else values  # type: ignore[index]
 

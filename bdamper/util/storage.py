@@ -229,7 +229,7 @@ class Recorded:
 
 
 def as_path(path: FilePath) -> Path:
-    """Return a path; raise SettingError if it is neither a text nor a path."""
+    """Return a path; raise SettingError if it is neither a string nor a path."""
     return Path(validation.instance("path", path, (str, os.PathLike), "the path of a file"))
 
 

@@ -451,7 +451,10 @@ def numbers(name: str, value: Any, n: int | None = None, **limits: Any) -> NDArr
 
 
 def _plain_numbers(value: Any) -> list[float | None]:
-    """Return the items of a sequence as finite numbers, None for others; [None] for no sequence."""
+    """Return the items of a sequence as numbers, with None for items that are not finite numbers.
+
+    Return [None] if the value is not a sequence.
+    """
     is_sequence = isinstance(value, Sequence | np.ndarray) and not isinstance(value, str | bytes)
     if not is_sequence or np.ndim(value) == 0:
         return [None]

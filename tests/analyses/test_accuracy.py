@@ -73,7 +73,7 @@ def test_an_optimal_curve_names_the_estimate_and_its_price():
     curve = study.optimal_curve((90.0, 120.0), 2, check=False)
     preload = f"{curve.recommended_preload:.3g}"
     call = rf"study\.estimate_errors\(study\.peak\({preload}\)\)"
-    price = rf"{call} takes the computing time of about (\d+) response curves \(the optimal curve: {len(curve)}\)"
+    price = rf"{call} takes as long as about (\d+) response curves \(this result: {len(curve)}\)"
     (found,) = re.findall(price, said(curve))
     reference = richer_study(with_stand_ins(study.problem, 3), "residual flexibility").problem
     expected = (reference.n_unknowns / study.problem.n_unknowns) ** 2
@@ -83,7 +83,7 @@ def test_an_optimal_curve_names_the_estimate_and_its_price():
     assert said(replace(curve, settings=options)) == said(curve)
     # stored curves may lack their unknowns
     without = replace(curve, unknowns=np.empty((len(curve), 0)))
-    assert "takes the computing time of about 7 response curves" in said(without)
+    assert "takes as long as about 7 response curves" in said(without)
 
 
 def test_a_model_that_has_no_more_modes_gives_no_number(study, place, peak):

@@ -604,7 +604,7 @@ def test_no_crossing_in_the_range(study, speeds, where):
 
 
 def test_a_range_whose_end_is_highest_is_named(study):
-    end = r"rpm; No peak; the response is highest, .*, at the (upper|lower) end of the curve: 4058.5 rpm, engine order 5"
+    end = r"rpm; No peak; highest point .*, at the (upper|lower) end of the curve: 4058.5 rpm, engine order 5"
     with pytest.raises(bd.BdamperError, match=end):
         study.run_up(np.array([400.0, 425.0]))
 

@@ -694,7 +694,7 @@ class TestMistakes:
         assert again.values == pytest.approx(found.values)
         with pytest.raises(bd.SettingError, match="harmonics 1"):
             again.apply(jenkins.replace(harmonics=3))
-        assert "Valid only for" in said(found)
+        assert "Use these values only with" in said(found)
 
     def test_what_the_data_cannot_tell_apart(self, jenkins, tests):
         with pytest.raises(bd.SettingError, match="a test without load"):

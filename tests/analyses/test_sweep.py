@@ -794,8 +794,8 @@ class TestUncertainty:
         assert not found.complete
         text = said(found)
         assert text.startswith(
-            "Best preload 1 N, an end of the range: all 8 draws reach at most 8 m Draws 8 of friction "
-            "coefficient (a 95 % statement"
+            "Best preload 1 N, an end of the range: all 8 draws reach at most 8 m Sample 8 draws random "
+            "friction coefficient (a 95 % statement"
         )
         assert " 1 N 5 m 8 m " in text
         assert "7 of 8 draws have no peak at some preloads" in text

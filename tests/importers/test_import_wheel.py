@@ -111,7 +111,8 @@ def test_blades_that_touch_each_other_are_refused_before_the_work(bodies, monkey
     monkeypatch.setattr(sector_inside, "factorise", lambda matrix: pytest.fail("work was done"))
     shroud = ContactFaces("shroud", "HIGH", "LOW", "blade", "blade", points=2)
     with pytest.raises(
-        BdamperError, match="blade_nodes: expected blades that touch dampers, found 'shroud'"
+        BdamperError,
+        match="blade_nodes: expected contacts between blades and dampers only, found 'shroud'",
     ):
         build(
             *bodies,

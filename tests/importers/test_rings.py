@@ -222,7 +222,7 @@ def test_from_deck_to_an_optimum_with_its_checks(bodies):
     assert best.status == "complete" and best.amplitude < 0.2 * curve.free.amplitude
     text = str(curve)
     assert "Optimum within the range pass" in " ".join(text.split())
-    assert "Optimum verified pass" in " ".join(text.split())
+    assert "Search for the optimum pass" in " ".join(text.split())
     assert "Time integration" in text
 
 

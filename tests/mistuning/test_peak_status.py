@@ -45,7 +45,9 @@ def test_a_part_of_the_band_without_solutions_leaves_a_lower_bound(monkeypatch, 
     assert "no solution found between" in part.reason
     doubt = "Not for design: a higher blade may exist, found "
     assert part._headline().startswith(doubt)
-    assert "times at least, the tuned" in said(part) and "DiskPeakOptions(least=240)" in said(part)
+    assert "at least; relative to the tuned" in said(part) and "DiskPeakOptions(least=240)" in said(
+        part
+    )
     with pytest.warns(
         BdamperWarning, match="amplification: a lower bound, since the peak is incomplete"
     ):

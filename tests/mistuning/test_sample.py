@@ -126,7 +126,7 @@ def test_the_audit_finds_what_the_search_has_missed(study, quick):
     assert 0.0036 < found.share.low < 0.0037 and 0.57 < found.share.high < 0.58
     assert "14.3 % of the disks" in str(found).replace("\n", " ") and found.covered.sum() == 42
     assert " 0 by more than the estimated error of the first search " in said(found)
-    assert "Thorough searches 48 " in said(found) and "Numbers of disks 3 " in said(found)
+    assert "Thorough searches 48 " in said(found) and "Affected disks 3 " in said(found)
     rows = {name: column.values for name, column in found.columns().items()}
     assert rows["missed"].sum() == 6 and rows["run_reason"][rows["disk"] == 5][0].startswith(
         "not found"

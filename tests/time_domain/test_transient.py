@@ -219,8 +219,8 @@ class TestWanders:
 
 def test_reasons_name_the_distance():
     told = {
-        "+30 %, and no way back within 16 periods": constant(0.3, 48),
-        "mean of 16 periods -30 %; 48 periods are needed": constant(-0.3, 16),
+        "+30 %, not approaching the solution within 16 periods": constant(0.3, 48),
+        "-30 % on average in 16 periods; 48 periods are required": constant(-0.3, 16),
         "+4 % so far; 96 periods show whether it has settled": constant(0.04, 48),
         "mean of 80 periods +4 %": constant(0.04, 96),
     }

@@ -74,9 +74,7 @@ class TestHighestAtTheEnd:
         told = {fact.name: fact.to_digits(6) for fact in curve._facts()}
         assert told["peak status"] == "incomplete: highest at an end of the interval"
         assert (told["peak amplitude"], told["peak frequency"]) == ("223.667 µm", "360 Hz")
-        assert curve.summary().startswith(
-            "No peak; the response is highest, 224 µm at 360 Hz, at the lower"
-        )
+        assert curve.summary().startswith("No peak; highest point 224 µm at 360 Hz, at the lower")
 
     def test_a_maximum_is_a_peak(self, study):
         curve = study.frequency_response(2000.0, (330.0, 365.0))
@@ -89,7 +87,7 @@ class TestHighestAtTheEnd:
     def test_of_linear_limits(self, study):
         assert not study.free(INTERVAL).peak_at_end
         assert study.free((300.0, 380.0)).peak_at_end
-        assert str(study.free((300.0, 380.0))).startswith("No peak; the response is highest")
+        assert str(study.free((300.0, 380.0))).startswith("No peak; highest point")
 
 
 class TestOptimum:
@@ -180,7 +178,8 @@ class TestBottomLine:
         assert low == 200.0, "the first preload: the amplitude has not risen there"
         assert "rises faster" not in text
         shares = o.preload * np.array([0.5, 0.8, 0.9, 1.0, 1.2, 2.0])
-        below, above = "; rises faster below this range", "; rises faster above this range"
+        below = "; the amplitude rises faster below this range"
+        above = "; the amplitude rises faster above this range"
         for ends, side in (((1.5, 1.6), ""), ((9.0, 1.6), below), ((1.5, 9.0), above)):
             values = o.amplitude * np.array([ends[0], 1.1, 1.0, 1.0, 1.1, ends[1]])
             unknown = np.full(6, np.nan)
@@ -359,7 +358,7 @@ class TestBottomLine:
         curve = study.optimal_curve((200.0, 5e3), 4, frequency=INTERVAL, check=False)
         o = replace(curve.optimum, kind="jump", status="complete", uncertainty=0.24)
         uncertain = replace(curve, optimum=o)
-        (check,) = [c for c in checks(uncertain) if c.name == "Optimum verified"]
+        (check,) = [c for c in checks(uncertain) if c.name == "Search for the optimum"]
         assert (check.colour, check.found) == ("amber", "complete, preload uncertain by 24 %")
         assert ("", "", "preload uncertain by 24 %") in uncertain._statement().rows
         assert (
