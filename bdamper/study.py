@@ -84,10 +84,10 @@ from bdamper.time_domain.frequency_sweep import TimeSweep
 from bdamper.time_domain.transient import CRITERIA
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Fact
-from bdamper.util.errors import BdamperError, SettingError, warn
+from bdamper.util.errors import BdamperError, SettingError, check_sentence, warn
 from bdamper.util.formatting import UNITS, aligned, short_repr, spaced, text_of
 from bdamper.util.progress import one_thread, shows_progress
-from bdamper.util.records import new_group, read_attribute
+from bdamper.util.records import new_group, place, read_attribute
 from bdamper.util.storage import INSTALLED, FilePath, read_hdf5, register_reader, write_hdf5
 
 ALWAYS_SHOWN = (
@@ -1710,6 +1710,8 @@ def load_study(path: FilePath, model: Model | None = None) -> Study:
         if "model_hash" in file.attrs:
             digest = read_attribute(file, "model_hash")
         if digest:
+            missing = "the group or dataset is missing"
+            check_sentence("settings" in file, place(file, "settings"), missing)
             settings = json.loads(file["settings"][()])
         if digest and "model" in file:
             stored_model = read_model(file["model"])

@@ -169,9 +169,9 @@ def load(path: FilePath) -> Any:
 
 
 def _written_by(file: h5py.File) -> str:
-    made_with = Versions()
-    if "made_with" in file:
-        made_with = read_record(subgroup(file, "made_with"), Versions)
+    if "made_with" not in file:
+        return "written by an unknown version of bdamper"
+    made_with = read_record(subgroup(file, "made_with"), Versions)
     return f"written by {made_with}"
 
 
@@ -417,6 +417,9 @@ def _read(cls: type[Storable], path: FilePath) -> Any:
         # invalid fields, or those of another version of bdamper
         except Exception as error:
             reason = one_line(error) or type(error).__name__
+            # an error that names the file and the faulty place in it is complete
+            if reason.startswith(f"{file.filename}: "):
+                raise BdamperError(f"{error} ({_written_by(file)})") from error
             raise ValueError(f"{_written_by(file)}: {reason}") from error
 
 
