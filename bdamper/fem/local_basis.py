@@ -400,7 +400,9 @@ def local_shapes(
     if wanted.static_shapes and wanted.locations:
         forces = location_loads(blade.body, wanted.locations.values())
         static = blade.contact_columns(forces.T.tocsr())
-        _, residual = residual_shapes(blade.body, np.hstack([modes, attached]), forces, static)
+        _, residual = residual_shapes(
+            blade.body, np.hstack([modes, attached]), forces.toarray(), static
+        )
         attached = np.hstack([attached, residual])
     return omega2, np.hstack([modes, attached, carried]), stiffness, mass
 

@@ -285,6 +285,44 @@ def compare_known(body: PreparedBody, d: int, omega2: NDArray, ring: CyclicStruc
             body.passed(f"{item}: frequencies agree with {source} to {100 * error:.2g} %")
 
 
+EXACT_FREQUENCIES = 1e-6
+"""Relative error of frequencies that does not show in print."""
+
+
+def check_second_speed(
+    body: PreparedBody, bases: Mapping[int, ModalBasis], ring: CyclicStructure
+) -> None:
+    """Compare the frequencies at both rotor speeds with the frequencies of the matrices.
+
+    They are compared with the modes in the file of the second speed as well.
+    """
+    faster = body.faster
+    if faster is None:
+        return
+    first, last = body.raw.rotor_speed, faster.raw.rotor_speed
+    for d, basis in bases.items():
+        assert basis.speed is not None and basis.speed.error is not None
+        speeds = f"nodal diameter {d}, {first:g} and {last:g} rad/s"
+        error = f"{basis.speed.error:.1g}"
+        with body.report.comparison():
+            expected = f"the frequencies of the matrices within {EXACT_FREQUENCIES:g}"
+            body.require(basis.speed.error <= EXACT_FREQUENCIES, speeds, expected, error)
+            body.passed(
+                f"{body.name}: frequencies at {speeds} are those of the matrices within {error}"
+            )
+        at_last, _ = basis.at_speed(last)
+        of_diameter = [modes for modes in faster.raw.modes if modes.nodal_diameter == d]
+        for modes in of_diameter:
+            item = f"{body.name}, nodal diameter {d} at {last:g} rad/s"
+            source = modes.source or "the modes"
+            with body.report.comparison():
+                index = _waves(faster, modes, ring).index
+                in_file = np.asarray(modes.frequency, float)[index]
+                computed = np.sqrt(at_last.omega2[: basis.n_natural]) / (2.0 * np.pi)
+                difference = compare_frequencies(computed, in_file, item, source)
+                body.passed(f"{item}: frequencies agree with {source} to {100 * difference:.2g} %")
+
+
 def check_reached(body: PreparedBody, wanted: Wanted, absent: NDArray, content: str) -> None:
     """Raise ModelError if a contact face or location includes nodes (n,) that lack ``content``."""
     nodes_of_part = {"contact faces": wanted.contact.indices // 3}
@@ -531,6 +569,7 @@ def constrained_from_matrices(
         found = f"squared frequencies {low:.3g} to {high:.3g} rad2/s2"
         body.require(held, f"nodal diameter {d}", "a sector that is held (fixed nodes)", found)
     body.passed("stiffness symmetric and positive definite at every nodal diameter, mass symmetric")
+    check_second_speed(body, built.bases, ring)
     if n_modes < wanted.n_modes:
         body.passed(
             f"{n_modes} modes instead of {wanted.n_modes}: the matrices have too few rows for more"
