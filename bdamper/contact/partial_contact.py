@@ -3,7 +3,7 @@ r"""Linear test of residual modes: shift of the first mode by bonded parts of th
 The contact points of a part are bonded and the others free.  With the flexibility :math:`R` that
 residual modes represent, and its rows :math:`S` of the part, the stiffness of the modes is
 :math:`\Omega^2 + G_S^H R_{SS}^{-1} G_S`.  All residual modes give the reference of the shift of
-mode 1.  Only eigenvalue problems are solved.
+mode 1, and the shift of the next modes.  Only eigenvalue problems are solved.
 """
 
 from __future__ import annotations
@@ -38,25 +38,33 @@ GROUND = 1.0
 """Stiffness against rigid motions, s^-2: a frequency of 0.16 Hz."""
 DEFAULT_MODES = 10
 """Blade modes of a study by default."""
+SHOWN_SHIFTS = 6
+"""Lowest modes whose shift by bonded faces is computed: a damper acts on those that it shifts."""
 FRICTION = 0.3
 """The vectors depend only on where friction is possible, and no friction is known at import."""
 
 
 @dataclass(frozen=True)
 class PartialContact:
-    """Errors of the shift of mode 1 by bonded parts of the faces.
+    """Shift of the lowest modes by bonded faces, and errors of the shift of mode 1 by parts.
 
     Parameters
     ----------
-    shift : float
-        Relative shift of mode 1 by the whole faces.
+    shifts : tuple of float
+        Relative shift of the lowest frequencies by the whole faces, in ascending order of the
+        frequencies.
     errors : mapping of str to float
         Relative error of the shift for the whole faces and each part that shifts mode 1; positive
         if too stiff.
     """
 
-    shift: float
+    shifts: tuple[float, ...]
     errors: Mapping[str, float]
+
+    @property
+    def shift(self) -> float:
+        """Relative shift of mode 1 by the whole faces."""
+        return self.shifts[0]
 
     @property
     def worst_part(self) -> str:
@@ -94,19 +102,21 @@ def partial_contact(coupling: Coupling, options: ResidualModes) -> PartialContac
 
     basis = coupling.basis(1)
     elastic = basis.omega2 > RIGID * basis.omega2.max()
-    free = np.sqrt(basis.omega2[elastic].min())
+    free = np.sqrt(np.sort(basis.omega2[elastic]))
     numbers = np.arange(3 * coupling.n_points).reshape(-1, 3)
-    shift = 0.0
+    shifts: tuple[float, ...] = (0.0,)
     errors = {}
     for part, points in bonded_parts(coupling).items():
         rows = numbers[points][active[points]]
-        exact = _bonded(basis, complete, rows) - free
+        bonded = _bonded(basis, complete, rows)
         if part == WHOLE:
-            shift = float(exact / free)
-        if exact > LEAST_SHIFT * free:
-            found = _bonded(basis, represented, rows) - free
+            relative = bonded[:SHOWN_SHIFTS] / free[:SHOWN_SHIFTS] - 1.0
+            shifts = tuple(relative.tolist())
+        exact = bonded[0] - free[0]
+        if exact > LEAST_SHIFT * free[0]:
+            found = _bonded(basis, represented, rows)[0] - free[0]
             errors[part] = float(found / exact - 1.0)
-    return PartialContact(shift, errors)
+    return PartialContact(shifts, errors)
 
 
 def _represented(coupling: Coupling, options: ResidualModes) -> tuple[NDArray, NDArray]:
@@ -119,8 +129,8 @@ def _represented(coupling: Coupling, options: ResidualModes) -> tuple[NDArray, N
     return residual.active, diagonal + (columns / modes.omega2) @ columns.conj().T
 
 
-def _bonded(basis: HarmonicBasis, flexibility: NDArray, rows: NDArray) -> float:
-    """Return the lowest frequency (rad/s) with rows bonded and rigid bodies without mass."""
+def _bonded(basis: HarmonicBasis, flexibility: NDArray, rows: NDArray) -> NDArray:
+    """Return the frequencies (rad/s), ascending, with rows bonded and rigid bodies without mass."""
     of_rows = flexibility[np.ix_(rows, rows)]
     F = force_patterns(of_rows, "flexibility of a part", RESOLVED_HIGHER)
     G = F.conj().T @ basis.G.reshape(-1, basis.n_modes)[rows]
@@ -129,9 +139,10 @@ def _bonded(basis: HarmonicBasis, flexibility: NDArray, rows: NDArray) -> float:
     # a part may leave motions of a rigid body free
     stiffness[rigid, rigid] += GROUND
     mass = np.diag(np.where(rigid, 0.0, 1.0))
-    # the largest eigenvalue of M x = mu K x is 1 / omega^2, also with coordinates without mass
-    mu = scipy.linalg.eigh(mass, stiffness, eigvals_only=True)[-1]
-    return float(mu**-0.5)
+    # the eigenvalues of M x = mu K x are 1 / omega^2, and 0 for coordinates without mass
+    mu = scipy.linalg.eigh(mass, stiffness, eigvals_only=True)
+    n_elastic = int((~rigid).sum())
+    return np.asarray(mu[::-1][:n_elastic] ** -0.5)
 
 
 def coupling_of_default(model: Model, nodal_diameter: int) -> Coupling | None:

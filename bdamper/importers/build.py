@@ -59,7 +59,7 @@ from bdamper.importers.options import (
 )
 from bdamper.importers.plausibility import check_bodies, check_lowest
 from bdamper.importers.prepared_body import CyclicStructure, ImportReport, PreparedBody
-from bdamper.importers.stress_sets import stress_rows
+from bdamper.importers.stress_sets import check_surface, stress_rows
 from bdamper.model.loads import BASE
 from bdamper.model.model_file import save_model
 from bdamper.model.structure import Body, Location, ModalBasis, Model
@@ -369,6 +369,8 @@ def build_model(
     if checks.check_units:
         for name, body in bodies.items():
             check_lowest(body, made[name])
+    for row in rows:
+        check_surface(bodies["blade"], row.name, row.largest(ring.pictured[0]))
     bases = list(_origins(bodies, ring))
     bases += [_largest_stress(bodies["blade"], row, ring) for row in rows]
     return _assembled(bodies, laid, places, made, shapes, rows, ring, report, bases)
@@ -877,7 +879,7 @@ def _largest_stress(body: PreparedBody, rows: StressRows, ring: CyclicStructure)
 
 
 def _check_partial_contact(model: Model, nodal_diameter: int, report: ImportReport) -> None:
-    """Add the error of residual modes for bonded parts of the faces to the report."""
+    """Add the shifts of modes by bonded faces, and the error of residual modes, to the report."""
     coupling = coupling_of_default(model, nodal_diameter)
     if coupling is None:
         return
@@ -887,6 +889,11 @@ def _check_partial_contact(model: Model, nodal_diameter: int, report: ImportRepo
     except ModelError as error:
         report.missing.append(f"shift of mode 1 by parts of the faces: {error}")
         return
+    by_mode = ", ".join(percent(shift) for shift in found.shifts)
+    report.checks.append(
+        f"dampers: bonded faces raise the lowest {counted(len(found.shifts), 'frequency')} of nodal "
+        f"diameter {nodal_diameter} by {by_mode}; a damper hardly acts on a mode that it does not shift"
+    )
     if WHOLE not in found.errors:
         report.checks.append("residual modes: bonded faces do not shift mode 1")
         return

@@ -14,7 +14,7 @@ from bdamper.importers.options import Sector
 from bdamper.importers.prepared_body import CyclicStructure, PreparedBody
 from bdamper.model.structure import turn
 from bdamper.util import validation
-from bdamper.util.errors import import_extra
+from bdamper.util.errors import import_extra, warn_implausible
 
 if TYPE_CHECKING:
     from bdamper.fem.element_stress import Solids, StressRows
@@ -71,6 +71,22 @@ def stress_rows(
             out.append(StressRows(name, solids, body.nodes, nodes, near))
         body.passed(f"{item}: {len(nodes)} nodes, {int(near.sum())} of them next to a contact face")
     return out
+
+
+def check_surface(body: PreparedBody, name: str, largest: int) -> None:
+    """Warn if the largest stress of a set is at a node inside the body, node index ``largest``.
+
+    The stress inside is as accurate as at the surface, but a set whose largest stress is inside
+    does not contain the surface where the stress is larger.  A section through the body may
+    contain nodes inside.
+    """
+    if largest in body.boundary.nodes:
+        return
+    item = f"stress '{name}'"
+    found = f"node {body.raw.numbers[largest]} inside the body"
+    remedy = "the set lacks the surface near it, where the stress is larger; add its nodes"
+    body.report.missing.append(f"{item}: the largest stress is at {found}; {remedy}")
+    warn_implausible(item, "the largest stress at a surface node", f"{found}; {remedy}")
 
 
 def _contact_patches(

@@ -91,6 +91,27 @@ def test_shift_is_that_of_the_coordinates_with_springs():
         assert found.errors[part] == pytest.approx(expected - 1.0, abs=2e-3)
 
 
+def test_shifts_of_several_modes_are_those_of_the_stuck_damper():
+    """Interlaced frequencies of the coordinates with springs at all points, for each of the lowest modes."""
+    made = coupling("bladed_disk")
+    found = partial_contact(made, ResidualModes())
+    residual = ResidualSet.make(made, np.full(made.n_points, 0.3), ResidualModes("all"))
+    whole = joined(made.basis(1), residual.basis(1))
+    springs = np.where(residual.active, 1.0 / residual.flexibility, 0.0).ravel()
+    rows = whole.G.reshape(len(springs), -1)
+    stiffness = np.diag(whole.omega2) + rows.conj().T @ (springs[:, None] * rows)
+    basis = made.basis(1)
+    # neither the damper nor residual coordinates have mass here
+    has_mass = np.arange(whole.n_modes) < basis.n_modes
+    has_mass[: basis.n_modes] &= basis.omega2 > 0.0
+    masses = np.diag(np.where(has_mass, 1.0, 0.0))
+    mu = scipy.linalg.eigh(masses, stiffness, eigvals_only=True)[::-1]
+    free = np.sqrt(np.sort(basis.omega2[basis.omega2 > 0.0]))
+    expected = mu[: len(found.shifts)] ** -0.5 / free[: len(found.shifts)] - 1.0
+    assert len(found.shifts) == 6
+    np.testing.assert_allclose(found.shifts, expected, atol=2e-3)
+
+
 def test_worst_part_and_limits():
     found = partial_contact(coupling("turbine_blade"), ResidualModes())
     assert found.worst_part == "outer front corner"

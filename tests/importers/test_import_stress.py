@@ -15,7 +15,7 @@ from bdamper.importers.abaqus import read_inp
 from bdamper.importers.contact_faces import lay_contacts
 from bdamper.importers.plausibility import check_material
 from bdamper.importers.prepared_body import ImportReport, Placement, PreparedBody
-from bdamper.util.errors import BdamperError, ModelError
+from bdamper.util.errors import BdamperError, ModelError, PlausibilityWarning
 from examples.calculix.decks import run_job
 from tests.fe_bodies import FIRST_NUMBER, contacts
 from tests.imports import build
@@ -148,6 +148,33 @@ def test_points_at_a_contact_face_and_on_the_cut_faces(fe, bodies):
         f"stress 'root': {len(np.unique(given)) - len(inner)} nodes on the sector faces are left out"
         in said(built)
     )
+
+
+def test_nodes_inside_the_body_without_its_surface_draw_a_warning(bodies):
+    """A section with its surface draws none: bending has its largest stress at the surface."""
+    blade, damper = bodies
+    (elements,) = blade.elements
+    corners = np.searchsorted(blade.numbers, elements)
+    inside = inner_corners(corners[:, :8], len(blade.numbers))
+    assert len(inside) > 3
+    around = np.unique(corners[np.isin(corners, inside[:3]).any(axis=1)])
+    cut = np.concatenate([blade.node_sets["LOW"], blade.node_sets["HIGH"]])
+    alone, complete = blade.numbers[inside[:3]], np.setdiff1d(blade.numbers[around], cut)
+    words = r"stress 'root': plausible the largest stress at a surface node, found node \d+ inside the body; .* add"
+    with pytest.warns(PlausibilityWarning, match=words):
+        built = build(blade, damper, **SETTINGS, stress={"root": alone})
+    assert "the set lacks the surface near it" in said(built)
+    built = build(blade, damper, **SETTINGS, stress={"root": complete})
+    assert not any("inside the body" in line for line in built.missing)
+
+
+def inner_corners(hexahedra, n_nodes):
+    """Corners of hexahedra of which no face lies on the surface, from the number of elements at each corner."""
+    sides = [(0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
+    faces = np.sort(np.concatenate([hexahedra[:, side] for side in sides]), axis=1)
+    unique, count = np.unique(faces, axis=0, return_counts=True)
+    outer = np.unique(unique[count == 1])
+    return np.setdiff1d(np.unique(hexahedra), outer)
 
 
 @pytest.mark.parametrize(
