@@ -85,7 +85,7 @@ from bdamper.time_domain.transient import CRITERIA
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Fact
 from bdamper.util.errors import BdamperError, SettingError, check_sentence, warn
-from bdamper.util.formatting import UNITS, aligned, short_repr, spaced, text_of
+from bdamper.util.formatting import UNITS, aligned, counted, short_repr, spaced, text_of
 from bdamper.util.progress import one_thread, shows_progress
 from bdamper.util.records import new_group, place, read_attribute
 from bdamper.util.storage import INSTALLED, FilePath, read_hdf5, register_reader, write_hdf5
@@ -317,7 +317,7 @@ class Study(Comparable):
         coupling = self.problem.coupling
         excitation = settings.excitation
         friction = ", ".join(f"{mu:g}" for mu in settings.friction_values())
-        n_modes = sum(len(retained) for retained in coupling.modes.values())
+        n_coordinates = sum(len(retained) for retained in coupling.modes.values())
         neglected = ""
         if settings.speed:
             effects = settings.model.neglected_over_speed(settings.needed_diameters)
@@ -337,7 +337,7 @@ class Study(Comparable):
             Fact("friction coefficient", friction or "none"),
             Fact("contact stiffness", self._stiffness_text()),
             Fact("contact points", coupling.n_points),
-            Fact("modes", n_modes, f"({', '.join(self._retained_modes())})"),
+            Fact("coordinates", n_coordinates, f"({', '.join(self._retained_modes())})"),
             Fact("modal damping ratio", self.problem.damping_text),
             Fact("damper mass", settings.model.masses_text),
             Fact("unknowns", self.problem.n_unknowns),
@@ -364,12 +364,20 @@ class Study(Comparable):
         return f"{force.amplitude:g} {unit} {force.shown}, order {order}"
 
     def _retained_modes(self) -> list[str]:
-        """Return the number of retained modes of each body, and how many the model contains."""
+        """Return the number of retained modes of each body, and how many the model contains.
+
+        The residual vectors of forces and responses are coordinates in addition to the modes.
+        """
         texts = []
         for name, retained in self.problem.coupling.modes.items():
             # taken from the first nodal diameter
             basis = next(iter(self.model.bodies[name].bases.values()))
-            texts.append(f"{name} {len(retained)} of {basis.n_modes}")
+            n_modes = int((retained < basis.n_natural).sum())
+            text = f"{name} {n_modes} of {counted(basis.n_natural, 'mode')}"
+            n_vectors = len(retained) - n_modes
+            if n_vectors:
+                text += f" and {counted(n_vectors, 'residual vector')}"
+            texts.append(text)
         return texts
 
     def _changed_settings(self) -> list[Fact]:

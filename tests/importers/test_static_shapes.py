@@ -118,6 +118,16 @@ def test_a_sector(fe, built, nodes, d):
     assert alone.max() > 0.05 and alone.min() > 0.01
 
 
+def test_a_study_counts_modes_and_residual_vectors_apart(built):
+    """Two places, each with a vector; the static shapes of the model are no modes."""
+    asked = study(built.model, PAIRS[0], 2)
+    n_vectors = sum(len(kept) for kept in asked.problem.coupling.modes.values()) - MODES - 6
+    n_natural = built.model.bodies["blade"].bases[2].n_natural
+    assert n_vectors > 0 and built.model.bodies["blade"].bases[2].n_modes > n_natural
+    vectors = f"{n_vectors} residual vector{'s' if n_vectors > 1 else ''}"
+    assert f"(blade {MODES} of {n_natural} modes and {vectors}, damper 6 of " in str(asked)
+
+
 def test_at_speed(fe, nodes):
     """Stiffness linear in the squared speed; full matrices at a speed between those given."""
     blade, damper = blade_and_damper(fe)
