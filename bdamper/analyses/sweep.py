@@ -76,6 +76,8 @@ from bdamper.util.tables import Column, Tabular, concatenate
 Values = Mapping[str, Any]
 SEPARATOR = "; "
 """Text between two warnings of a point."""
+MOST_FAILURES = 3
+"""Failed points that an error names."""
 Task = Callable[[Any, float | None], Values]
 """Function of a study (or problem) and a preload (None if the sweep has none) that returns named
 numbers, texts or lists of numbers.
@@ -309,8 +311,10 @@ class SweepResult(WithRowStatus, Plottable, Tabular, Recorded, Storable, kind="b
         Raises
         ------
         SettingError
-            If there is no such quantity.
+            If there is no such quantity, or no point has a result.
         """
+        if not self.quantities:
+            raise SettingError(self._without_results(quantity))
         validation.choice("quantity", quantity, self.quantities)
         column = self.values[quantity]
         if column.dtype != object:
@@ -325,6 +329,20 @@ class SweepResult(WithRowStatus, Plottable, Tabular, Recorded, Storable, kind="b
         missing = np.full(example.shape, np.nan)
         rows = [missing if value is None else np.asarray(value, float) for value in column]
         return np.array(rows).reshape(*self.shape, *example.shape)
+
+    def _without_results(self, quantity: str) -> str:
+        """Return the error for a quantity if no point has a result, with the first failures."""
+        failures = [
+            f"{as_words(row_of(self.points, i))}: {self.status_text[i]}"
+            for i in range(min(len(self), MOST_FAILURES))
+        ]
+        if len(self) > MOST_FAILURES:
+            failures.append(f"and {len(self) - MOST_FAILURES} more")
+        return (
+            f"quantity: expected a result at one point or more to return '{quantity}', "
+            f"found none ({SEPARATOR.join(failures)}); "
+            "change the settings that these reasons name, and compute again"
+        )
 
     def _grid(self) -> dict[str, Any]:
         # a list of points has no grid, and lists and mappings are no coordinates

@@ -61,6 +61,22 @@ def test_an_order_that_the_model_has_no_modes_for_fails_alone(study, found):
     assert both.warnings == ("", "")
 
 
+def test_crossings_that_all_failed_are_named_with_the_remedy(study, monkeypatch):
+    """No crossing has a speed then, and the list of quantities is empty."""
+
+    def fails(*_):
+        raise bd.BdamperError("no static state at 400 rad/s")
+
+    monkeypatch.setattr(crossings, "follow_mode", fails)
+    none = study.resonance_crossings(SPEEDS, [5])
+    words = (
+        r"quantity: expected a result .* 'speed', found none "
+        r"\(damper mass factor 1, engine order 5: failed: no static state at 400 rad/s\); change"
+    )
+    with pytest.raises(bd.SettingError, match=words):
+        none.array("speed")
+
+
 NOT_RUN = "Mass factor Order Speed Preload Frequency Peak"
 
 
