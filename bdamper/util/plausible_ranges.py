@@ -152,6 +152,13 @@ NOT_A_NUMBER = "a description, whose parts have ranges"
 
 DAMPING = Range(0.0, 0.1, "of critical damping", PER_CENT)
 STIFFNESS = Range(0.0, 1e13, "N/m", "possibly given in N/mm or GN/m")
+STRENGTH = Range(
+    1e6,
+    1e10,
+    "Pa",
+    "possibly converted from MPa to Pa twice",
+    "possibly given in MPa; 1 MPa is 1e6 Pa",
+)
 PRELOAD = Range(
     lambda s, _: s.amplitude,
     lambda s, _: 1e6 * s.amplitude or np.inf,
@@ -168,7 +175,6 @@ DEVIATION = Range(
     "possibly given in per cent or Hz",
     "possibly given in per cent or Hz",
 )
-FACTOR = "possibly a value with a unit; a factor is expected"
 
 WITHOUT_RANGE = {
     "Study.excitation": NOT_A_NUMBER,
@@ -213,7 +219,12 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
         "possibly given in N/mm or per area",
         "at a point in the mean, 0.01 to 100 times that of the bodies there",
     ),
-    "Study.contact_stiffness_factor": Range(1e-3, 1e3, above=FACTOR, below=FACTOR),
+    "Study.contact_stiffness_factor": Range(
+        1e-3,
+        1e3,
+        above="possibly given in N/m; a factor is expected",
+        below="possibly a flexibility in m/N; a factor on the stiffness is expected",
+    ),
     "Study.damping_ratio": DAMPING,
     "Study.damper_damping_ratio": Range(0.0, 0.5, "of critical damping", PER_CENT),
     "Study.damper_drag": Range(
@@ -272,20 +283,39 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
         "by the size of its faces",
     ),
     # settings that a study varies by name
-    "Study.friction_factor": Range(0.1, 10.0, above=FACTOR, below=FACTOR),
-    "Study.damping_factor": Range(0.02, 50.0, above=FACTOR, below=FACTOR),
+    "Study.friction_factor": Range(
+        0.1,
+        10.0,
+        above="possibly given in per cent; a factor is expected",
+        below="possibly a friction coefficient; a factor on it is expected",
+    ),
+    "Study.damping_factor": Range(
+        0.02,
+        50.0,
+        above="possibly given in N s/m; a factor is expected",
+        below="possibly a damping ratio; a factor on it is expected",
+    ),
     "Study.damper_inertia_factor": Range(
         0.02, 15.0, above=GRAMS, below="possibly given in kilograms"
     ),
     "Study.damper_mass_factor": Range(0.02, 15.0, above=GRAMS, below="possibly given in kilograms"),
     "Study.frequency_factor": Range(
-        0.5, 2.0, above="possibly given in Hz; a factor is expected", below=FACTOR
+        0.5,
+        2.0,
+        above="possibly given in Hz; a factor is expected",
+        below="possibly given in kHz; a factor is expected",
     ),
     "Study.gap_factor": Range(
-        1e-3, 1e3, above=FACTOR, below="possibly given in metres; a factor is expected"
+        1e-3,
+        1e3,
+        above="possibly given in micrometres; a factor is expected",
+        below="possibly given in metres; a factor is expected",
     ),
     "Study.force_factor": Range(
-        1e-2, 1e2, above="possibly given in newtons; a factor is expected", below=FACTOR
+        1e-2,
+        1e2,
+        above="possibly given in newtons; a factor is expected",
+        below="possibly given in kN; a factor is expected",
     ),
     "Study.excitation.amplitude": Range(
         1e-6, 1e6, "N", "possibly given in mN", "possibly given in MN"
@@ -327,27 +357,9 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "friction": Range(0.05, 1.5, above=PER_CENT),
     "excitation": Range(1e-6, 1e6, "N", "possibly given in mN", "possibly given in MN"),
     # material
-    "Material.endurance_limit": Range(
-        1e6,
-        1e10,
-        "Pa",
-        "possibly given in MPa; 1 MPa is 1e6 Pa",
-        "possibly given in MPa; 1 MPa is 1e6 Pa",
-    ),
-    "Material.ultimate_strength": Range(
-        1e6,
-        1e10,
-        "Pa",
-        "possibly given in MPa; 1 MPa is 1e6 Pa",
-        "possibly given in MPa; 1 MPa is 1e6 Pa",
-    ),
-    "Material.yield_strength": Range(
-        1e6,
-        1e10,
-        "Pa",
-        "possibly given in MPa; 1 MPa is 1e6 Pa",
-        "possibly given in MPa; 1 MPa is 1e6 Pa",
-    ),
+    "Material.endurance_limit": STRENGTH,
+    "Material.ultimate_strength": STRENGTH,
+    "Material.yield_strength": STRENGTH,
     "Material.findley_k": Range(0.05, 1.0, above=PER_CENT),
     "Material.youngs_modulus": Range(1e8, 2e12, "Pa", below="possibly given in MPa or GPa"),
     "Material.density": Range(500.0, 3e4, "kg/m3", below="possibly given in g/cm3 or t/mm3"),

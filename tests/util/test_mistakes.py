@@ -357,6 +357,10 @@ DOUBTED = {
         lambda s: Material(300.0, 1200.0, 900.0),
         "ultimate_strength: .*found 1200 Pa; .*1 MPa is",
     ),
+    "strength converted twice": (
+        lambda s: Material(3e8, 9e14, 8e8),
+        "ultimate_strength: .*found 9e.14 Pa; possibly converted from MPa to Pa twice",
+    ),
     "30 for 0.3": (
         lambda s: s.replace(friction_coefficient=30.0),
         "friction_coefficient: .*found 30; possibly given in per cent",

@@ -74,6 +74,17 @@ def test_entries_are_ranges_or_reasons():
                 assert isinstance(own, Names) or own in vars(plausible_ranges).values(), name
 
 
+def test_each_end_of_a_range_has_its_own_suspicion():
+    """A value in a wrong unit is too small or too large; only a range of both signs may have one suspicion."""
+    unspecific = Range(0.0, 1.0).above
+    for name, known in TABLE.items():
+        for own in known if isinstance(known, tuple) else (known,):
+            if not isinstance(own, Range) or own.above == unspecific:
+                continue
+            has_both_signs = name == "Study.gap" or (not callable(own.low) and own.low < 0.0)
+            assert own.above != own.below or has_both_signs, name
+
+
 def nested():
     """Return two checked functions, of which the second calls a function that it is given."""
 
