@@ -90,7 +90,7 @@ class _Equations:
         share: NDArray[np.float64],
     ) -> int: ...
 
-class Sector(_Equations):
+class SectorEquations(_Equations):
     def __init__(
         self,
         n_mode: NDArray[np.intc],
@@ -109,7 +109,7 @@ class Sector(_Equations):
         evaluation: int = 0,
         n_time: int = 0,
         load: NDArray[np.float64] | None = None,
-        nodes: tuple[Sector, ...] | None = None,
+        nodes: tuple[SectorEquations, ...] | None = None,
         squares: NDArray[np.float64] | None = None,
         order: float = 0.0,
         row_scale: NDArray[np.float64] | None = None,
@@ -120,7 +120,7 @@ class Sector(_Equations):
 class Eased(_Equations):
     def __init__(
         self,
-        sector: Sector,
+        sector: SectorEquations,
         omega: float,
         ramp: NDArray[np.float64],
         support: NDArray[np.float64] | None = None,
@@ -129,7 +129,7 @@ class Eased(_Equations):
 class Modes(_Equations):
     def __init__(
         self,
-        sector: Sector,
+        sector: SectorEquations,
         re: NDArray[np.float64],
         im: NDArray[np.float64],
         weight: float,
@@ -202,7 +202,7 @@ def evaluate_contact(
     own: _Laws = None,
 ) -> tuple[tuple[float, float, float, float, float], tuple[_Parts, _Parts]]: ...
 
-class Ring:
+class TimeIntegration:
     def __init__(
         self,
         n_sector: int,

@@ -26,7 +26,7 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.plot import plot_accuracy, save_figure
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.peak import Peak
-from bdamper.time_domain.integration import STEPS, Motion, Ring
+from bdamper.time_domain.integration import STEPS, AllSectors, Motion
 from bdamper.util.formatting import percent
 from bdamper.util.progress import CostMeter
 from benchmarks import PLAIN, convergence_scenes, estimate_scenes
@@ -320,7 +320,7 @@ def time_integration() -> str:
     limit = balance.pop()[1]
     resting, own = rung.problem.system(PRELOAD_9), y
     system = study.problem.system(PRELOAD_9)
-    ring = Ring(system, study.model.n_blades, 5)
+    ring = AllSectors(system, study.model.n_blades, 5)
     steps = STEPS
     rest = np.zeros(system.n_unknowns)
     rest[: system.n_mean] = study.static(PRELOAD_9).q[: system.n_mean]

@@ -34,7 +34,7 @@ import bdamper as bd
 from bdamper.contact.residual_flexibility import RESIDUAL
 from bdamper.plot import save_figure
 from bdamper.plot.axes import STYLE
-from bdamper.time_domain.integration import IntegrationFailed, Motion, Ring, ring_of
+from bdamper.time_domain.integration import AllSectors, IntegrationFailed, Motion, all_sectors
 from bdamper.time_domain.transient import Transient
 from bdamper.util.errors import BdamperError, BdamperWarning
 
@@ -99,14 +99,16 @@ def mean(transient: Transient, periods: int) -> float:
     return float(transient.amplitude[-periods:].mean())
 
 
-def hold(ring: Ring, frequency: float, motion: Motion) -> tuple[float, float, float, Motion, bool]:
+def hold(
+    ring: AllSectors, frequency: float, motion: Motion
+) -> tuple[float, float, float, Motion, bool]:
     """Mean, lowest and highest mean of a window, final motion, and whether the motion keeps its amplitude."""
     transient = Transient(ring, 2.0 * np.pi * frequency, ring.seeded(motion, 0.01, 0))
     before = np.inf
     for _ in range(4):
         transient.run(len(transient.harmonics) + HOLD)
         windows = (
-            np.abs(transient.blades[-HOLD:]).reshape(-1, WINDOW, transient.ring.n).mean(axis=1)
+            np.abs(transient.blades[-HOLD:]).reshape(-1, WINDOW, transient.sectors.n).mean(axis=1)
         )
         best = windows[:, windows[-1].argmax()]
         if np.ptp(best) <= AWAY * best[-1] or best[-1] < 0.7 * before:
@@ -115,14 +117,16 @@ def hold(ring: Ring, frequency: float, motion: Motion) -> tuple[float, float, fl
     steady = bool(np.ptp(best) <= AWAY * best[-1])
     if not steady and len(transient.harmonics) >= 4 * HOLD:  # a motion that beats
         windows = (
-            np.abs(transient.blades[-2 * HOLD :]).reshape(-1, WINDOW, transient.ring.n).mean(axis=1)
+            np.abs(transient.blades[-2 * HOLD :])
+            .reshape(-1, WINDOW, transient.sectors.n)
+            .mean(axis=1)
         )
         best = windows[:, windows.mean(axis=0).argmax()]
     return float(best.mean()), float(best.min()), float(best.max()), transient.motion, steady
 
 
 def swept(
-    ring: Ring, begin: float, end: float, pace: float, motion: Motion
+    ring: AllSectors, begin: float, end: float, pace: float, motion: Motion
 ) -> tuple[list[tuple[float, float, Motion]], int]:
     """Frequency, mean amplitude and motion every 8 periods of a slow sweep until the motion falls, and its periods."""
     transient = Transient(ring, 2.0 * np.pi * begin, ring.seeded(motion, 0.01, 0))
@@ -139,7 +143,7 @@ def swept(
     return places, periods
 
 
-def settled(ring: Ring, places: list[tuple[float, float, Motion]]) -> dict[str, Any]:
+def settled(ring: AllSectors, places: list[tuple[float, float, Motion]]) -> dict[str, Any]:
     """Highest steady motion at places of a sweep."""
     k, found, fell = int(np.argmax([p[1] for p in places])), None, []
     stays, falls, back = -1, k + 1, 1
@@ -174,7 +178,7 @@ def reference(number: int, preload: float) -> dict[str, Any]:
             "no peak": f"highest at {curve.peak.frequency:.6g} Hz, the end of the band",
         }
     width, sides = flanks(curve)
-    ring, small = ring_of(whole.problem, preload), ring_of(base.problem, preload)
+    ring, small = all_sectors(whole.problem, preload), all_sectors(base.problem, preload)
     tip = curve.peak.frequency
     starts: dict[str, dict[str, Any]] = {}
     sweeps: list[list[tuple[float, float, Motion]]] = []
@@ -236,7 +240,7 @@ def reference(number: int, preload: float) -> dict[str, Any]:
     return out | {"starts": starts, "seconds": round(time.process_time() - begin, 1)}
 
 
-def carried(source: Ring, motion: Motion, target: Ring) -> Motion:
+def carried(source: AllSectors, motion: Motion, target: AllSectors) -> Motion:
     """The same motion in the coordinates of another structure with the same contact points; other coordinates are zero."""
     n, m = source.n_coordinates, target.n_coordinates
     where = {d: s for d, (_, s, *_) in zip(source.families, source.blocks)}
@@ -265,9 +269,9 @@ def answer(number: int, preload: float, start: int = 0) -> dict[str, Any]:
     curve = base.frequency_response(preload, BANDS[name])
     if curve.peak_at_end:
         return {"status": "no peak"}
-    seeded = Ring.seeded
+    seeded = AllSectors.seeded
     with patch.object(
-        Ring,
+        AllSectors,
         "seeded",
         lambda ring, motion, share, seed: seeded(ring, motion, share, seed + 101 * start),
     ):

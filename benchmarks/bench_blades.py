@@ -29,7 +29,7 @@ from matplotlib.patches import Rectangle
 import bdamper as bd
 from bdamper.plot import save_figure
 from bdamper.plot.axes import STYLE
-from bdamper.time_domain.integration import STEPS, ring_of
+from bdamper.time_domain.integration import STEPS, all_sectors
 from bdamper.time_domain.steady_amplitude import BalanceCurve
 from bdamper.time_domain.time_response import of_blades
 from bdamper.time_domain.transient import CRITERIA, Transient
@@ -57,7 +57,7 @@ def down() -> None:
         bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, friction_coefficient=0.23
     )
     curve = study.frequency_response(78.6, (285.0, 380.0))
-    ring, begin = ring_of(study.problem, 78.6), time.process_time()
+    ring, begin = all_sectors(study.problem, 78.6), time.process_time()
     start = ring.start(BalanceCurve(curve).solution(DOWN[0]), tau * DOWN[0], STEPS)
     transient = Transient(ring, tau * DOWN[0], ring.seeded(start, CRITERIA.seed, 0))
     transient.run(120)

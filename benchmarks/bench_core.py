@@ -67,9 +67,9 @@ class Case:
 
     def system(
         self, contact_forces: int = 0, n_time: int = 0, law: int = SEPARABLE
-    ) -> _core.Sector:
+    ) -> _core.SectorEquations:
         arrays = {**self.arrays, "law": np.full(self.points, law, np.intc)}
-        return _core.Sector(**arrays, evaluation=contact_forces, n_time=n_time)
+        return _core.SectorEquations(**arrays, evaluation=contact_forces, n_time=n_time)
 
     def _half_slip(self, u: NDArray) -> float:
         """Factor on u at which half of the points slip or open."""
@@ -85,7 +85,7 @@ class Case:
                 low = middle
         return 1.001 * high
 
-    def seconds(self, system: _core.Sector, jacobian: bool = True) -> float:
+    def seconds(self, system: _core.SectorEquations, jacobian: bool = True) -> float:
         y, r, J = np.append(self.u, 0.7), np.empty(self.n), np.empty((self.n, self.n))
         return best(lambda: system.evaluate(y, r, J) if jacobian else system.evaluate(y, r))
 

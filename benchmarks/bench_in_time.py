@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import bdamper as bd
-from bdamper.time_domain.integration import STEPS, ring_of
+from bdamper.time_domain.integration import STEPS, all_sectors
 from bdamper.time_domain.transient import CRITERIA, Transient
 
 SEED, POINTS = 20261121, 50
@@ -63,7 +63,7 @@ def random(curves: dict[tuple[float, int], bd.ResponseCurve]) -> list[tuple[floa
 def long_integration(made: bd.Study, curve: bd.ResponseCurve, i: int) -> tuple[bool, float, int]:
     """Whether the motion stays, its mean amplitude over that of the point, and the integrated periods."""
     omega, u = 2.0 * np.pi * float(curve.frequency[i]), curve.unknowns[i]
-    ring = ring_of(made.problem, curve.preload)
+    ring = all_sectors(made.problem, curve.preload)
     transient = Transient(
         ring,
         omega,

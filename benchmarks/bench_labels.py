@@ -22,7 +22,7 @@ from math import tau
 import numpy as np
 
 import bdamper as bd
-from bdamper.time_domain.integration import IntegrationFailed, Ring, ring_of
+from bdamper.time_domain.integration import AllSectors, IntegrationFailed, all_sectors
 from bdamper.time_domain.time_response import disturbed
 from bdamper.time_domain.transient import CRITERIA, outside
 from benchmarks import PLAIN
@@ -47,7 +47,9 @@ def random(number: int) -> tuple[bd.Study, str, float, np.random.Generator]:
     return made, name, preload, rng
 
 
-def truth(ring: Ring, u: np.ndarray, omega: float, expected: float) -> tuple[float, float, int]:
+def truth(
+    ring: AllSectors, u: np.ndarray, omega: float, expected: float
+) -> tuple[float, float, int]:
     """Lowest and highest mean of the blades over the point's amplitude, and periods; NaN if an integration fails."""
     transient = disturbed(ring, u, omega)
     try:
@@ -73,7 +75,7 @@ def main(first: int = 0, last: int = 20) -> None:
         made, name, preload, rng = random(number)
         curve, ring = (
             made.frequency_response(preload, BANDS[name], stability=True),
-            ring_of(made.problem, preload),
+            all_sectors(made.problem, preload),
         )
         near_peak = np.flatnonzero(curve.amplitude > 0.5 * curve.amplitude.max())
         for i in np.sort(rng.choice(near_peak, POINTS, replace=False)):

@@ -22,7 +22,7 @@ import numpy as np
 import bdamper as bd
 from bdamper.plot import save_figure
 from bdamper.plot.axes import MARKERS, STYLE, colours, fit_units, legend_beside
-from bdamper.time_domain.integration import STEPS, Ring
+from bdamper.time_domain.integration import STEPS, AllSectors
 
 RESULTS = Path(__file__).parent / "results" / "paper.json"
 PICTURE = Path(__file__).parents[1] / "docs" / "images" / "paper.png"
@@ -91,7 +91,7 @@ def sweep(settings: dict[str, Any]) -> dict[str, Any]:
     curve = asked.frequency_response(preload, DRIVEN[1][2])
     start = int(np.argmin(np.abs(curve.frequency - first)))
     omega, end = 2.0 * np.pi * curve.frequency[start], 2.0 * np.pi * last
-    ring, steps = Ring(asked.problem.system(preload), asked.model.n_blades, 5), 2 * STEPS
+    ring, steps = AllSectors(asked.problem.system(preload), asked.model.n_blades, 5), 2 * STEPS
     settled = ring.integrate(ring.start(curve.unknowns[start], omega, steps), omega, steps, 60)
     found = ring.integrate(settled.motion, omega, steps, periods, omega_end=end)
     amplitude = np.abs(found.harmonics[:, 0, 1])

@@ -21,7 +21,7 @@ from math import tau
 import numpy as np
 
 from bdamper.time_domain import time_response
-from bdamper.time_domain.integration import IntegrationFailed, Motion, ring_of
+from bdamper.time_domain.integration import IntegrationFailed, Motion, all_sectors
 from bdamper.time_domain.transient import Transient
 from bdamper.util.errors import BdamperError
 from benchmarks.bench_labels import BANDS, random
@@ -43,7 +43,7 @@ def random_starts(scenes: int = 20) -> None:
     for number in range(FIRST, FIRST + scenes):
         made, name, preload, rng = random(number)
         peak = made.frequency_response(preload, BANDS[name]).peak.amplitude
-        ring = ring_of(made.problem, preload)
+        ring = all_sectors(made.problem, preload)
         like = ring.start(
             np.zeros(made.problem.system(preload).n_unknowns), tau * BANDS[name][0], 256
         )
@@ -101,7 +101,7 @@ def scenes(first: int, last: int) -> None:
             continue
         between = time.process_time()
         omega = tau * (found.frequency if found.frequency > 0.0 else curve.peak.frequency)
-        ring = motions[-1].ring if motions else ring_of(made.problem, preload)
+        ring = motions[-1].sectors if motions else all_sectors(made.problem, preload)
         start = motions[-1].motion if motions else ring.start(curve.peak.y[:-1], omega, 256)
         periods, window = (
             (100, 80) if found.highest_period > 1.05 * found.mean else (15, 8)

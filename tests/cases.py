@@ -127,7 +127,7 @@ def random_arrays(
     massless: int = 0,
     constraint_points: int = 0,
 ) -> dict:
-    """Arguments of ``_core.Sector``; the last modes are massless, the last points frictionless stops with a gap."""
+    """Arguments of ``_core.SectorEquations``; the last modes have no mass, the last points are stops with a gap."""
     n_mode = np.array(n_mode, np.intc)
     total = int(n_mode.sum())
     unknowns = int(n_mode[0] + 2 * n_mode[1:].sum())

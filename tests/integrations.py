@@ -5,45 +5,45 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bdamper.time_domain.integration import Ring
+from bdamper.time_domain.integration import AllSectors
 from bdamper.time_domain.time_response import compare_with_solution
 from bdamper.time_domain.transient import Transient
 
 
 def fails_after(monkeypatch, calls):
     """Let every integration of a ring after the first ones start so far away that it overflows."""
-    own, done = Ring.integrate, itertools.count()
+    own, done = AllSectors.integrate, itertools.count()
 
     def failing(ring, motion, omega, *given, **asked):
         if next(done) >= calls:
             motion = motion._replace(q=np.full_like(motion.q, 1e308))
         return own(ring, motion, omega, *given, **asked)
 
-    monkeypatch.setattr(Ring, "integrate", failing)
+    monkeypatch.setattr(AllSectors, "integrate", failing)
 
 
 def interrupted_at(monkeypatch, call):
     """Let one integration of a ring, counted from 0, be interrupted by Ctrl-C."""
-    own, done = Ring.integrate, itertools.count()
+    own, done = AllSectors.integrate, itertools.count()
 
     def stopped(ring, *given, **asked):
         if next(done) == call:
             raise KeyboardInterrupt
         return own(ring, *given, **asked)
 
-    monkeypatch.setattr(Ring, "integrate", stopped)
+    monkeypatch.setattr(AllSectors, "integrate", stopped)
 
 
 def spent_at(monkeypatch, call):
     """Let the processor time be spent before one integration of a ring, counted from 0."""
-    own, done = Ring.integrate, itertools.count()
+    own, done = AllSectors.integrate, itertools.count()
 
     def limited(ring, *given, **asked):
         if next(done) == call:
             ring.limit.take(ring.limit.seconds)
         return own(ring, *given, **asked)
 
-    monkeypatch.setattr(Ring, "integrate", limited)
+    monkeypatch.setattr(AllSectors, "integrate", limited)
 
 
 class Compared(NamedTuple):
@@ -73,6 +73,6 @@ def compared(system, u, omega, n_blades, engine_order, steps, **asked):
 
 def integrated(system, omega, n_blades, engine_order, start, periods, steps):
     """The motion after some periods."""
-    transient = Transient(Ring(system, n_blades, engine_order), omega, start, steps)
+    transient = Transient(AllSectors(system, n_blades, engine_order), omega, start, steps)
     transient.run(periods)
     return transient

@@ -6,7 +6,7 @@ import numpy as np
 
 from bdamper.contact.laws import PointArrays
 from bdamper.harmonic_balance.equations import Equations
-from bdamper.harmonic_balance.sector import Sector
+from bdamper.harmonic_balance.sector import SectorData
 from bdamper.model.kinematics import Coordinate, HarmonicBasis
 
 
@@ -25,7 +25,7 @@ def oscillator(
     n0,
     mean=True,
     contact_forces="event_driven",
-) -> Equations[Sector]:
+) -> Equations[SectorData]:
     """``m x'' + c x' + K x + contact force = force cos(omega t) + contact^T (0, 0, n0)``, m and c numbers.
 
     Parameters
@@ -67,4 +67,4 @@ def oscillator(
     )
     rows = [np.asarray(response, float) @ modes[:, : len(b.omega2)] for b in bases]
     size = float(np.abs(excitation).max())
-    return Sector(bases, points, forces, rows, contact_forces, (size, size)).equations
+    return SectorData(bases, points, forces, rows, contact_forces, (size, size)).equations

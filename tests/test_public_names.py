@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import bdamper as bd
+import bdamper.fem
 import bdamper.importers
 from bdamper.harmonic_balance.settings import Settings
 
@@ -55,6 +56,13 @@ def found(path):
 def test_an_unknown_name_is_an_ordinary_error():
     with pytest.raises(AttributeError, match="Stduy"):
         bd.Stduy  # noqa: B018
+
+
+def test_the_former_name_of_the_elastic_material_names_both_classes():
+    with pytest.raises(
+        AttributeError, match=r"now ElasticMaterial; bdamper\.fatigue\.Material has"
+    ):
+        bdamper.fem.Material  # noqa: B018
 
 
 def test_the_version_stands_in_one_place():

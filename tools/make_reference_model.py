@@ -35,7 +35,7 @@ from bdamper.fem.generated_models import (
     paper_disk,
     reference_disk,
 )
-from bdamper.fem.meshes import Geometry, Material, MeshDensity
+from bdamper.fem.meshes import ElasticMaterial, Geometry, MeshDensity
 from bdamper.fem.reduced_bodies import needed_nodal_diameters
 from bdamper.fem.reference_models import CONTACT_POINTS
 from bdamper.model.model_file import load_model, save_model
@@ -63,7 +63,7 @@ TURBINE = Geometry(
     root_thickness=0.008, tip_thickness=0.003, camber=0.003, twist=np.radians(20),
 )  # fmt: skip
 """A damper of 20 g between blades of 100 mm; faces so steep that neither edge opens near the optimum."""
-NICKEL_ALLOY = Material(2.0e11, 0.3, 8200.0)
+NICKEL_ALLOY = ElasticMaterial(2.0e11, 0.3, 8200.0)
 
 
 def build(fe: SectorFE, points: int, stored: Model | None = None) -> Model:

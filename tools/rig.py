@@ -30,8 +30,8 @@ from bdamper.fem.cyclic_symmetry import CyclicSector
 from bdamper.fem.generated_models import averaging_matrix, damper_body, damper_patches
 from bdamper.fem.meshes import (
     Discretisation,
+    ElasticMaterial,
     Geometry,
-    Material,
     MeshDensity,
     blade_nodes,
     clamped_segment,
@@ -63,7 +63,7 @@ def rig_mesh(g: Geometry, n: MeshDensity) -> MeshHex:
 
 
 def rig_structure(
-    g: Geometry, density: MeshDensity, material: Material
+    g: Geometry, density: MeshDensity, material: ElasticMaterial
 ) -> tuple[Discretisation, CyclicSector]:
     """The test blade between its dummies, held at the bore and at the cut faces of the segment."""
     body = discretise(rig_mesh(g, density), material)
@@ -77,7 +77,7 @@ def rig(
     n_damper_modes: int = 10,
     damping_ratio: float = 0.002,
     geometry: Geometry | None = None,
-    material: Material | None = None,
+    material: ElasticMaterial | None = None,
 ) -> Model:
     """Build the model of the test rig.
 
@@ -94,7 +94,11 @@ def rig(
         Of all elastic modes.
     geometry, material : optional
     """
-    g, steel, density = geometry or Geometry(), material or Material(), MeshDensity.preset(mesh)
+    g, steel, density = (
+        geometry or Geometry(),
+        material or ElasticMaterial(),
+        MeshDensity.preset(mesh),
+    )
     blades, structure = rig_structure(g, density, steel)
     # The damper at the right stands between sector 0 and 1; the one at the left is the same, a pitch back.
     damper = FreeBody(discretise(damper_mesh(g, density), steel), turn(0.5 * g.pitch).T)

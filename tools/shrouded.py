@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 
-from bdamper.fem.meshes import Material, discretise, join_blocks, local_order
+from bdamper.fem.meshes import ElasticMaterial, discretise, join_blocks, local_order
 from bdamper.importers import ContactFaces, Reduction, Sector, build_model, read_arrays
 
 N = 36
@@ -33,7 +33,7 @@ def mirrored(*angles):
 
 
 def body(blocks):
-    made = discretise(join_blocks(blocks), Material())
+    made = discretise(join_blocks(blocks), ElasticMaterial())
     nodes = made.nodes
     theta, r, z = (
         np.arctan2(nodes[:, 0], nodes[:, 1]),

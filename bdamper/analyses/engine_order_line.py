@@ -41,7 +41,7 @@ from bdamper.harmonic_balance.rotor_speed import (
     responses,
     under,
 )
-from bdamper.harmonic_balance.sector import Sector
+from bdamper.harmonic_balance.sector import SectorData
 from bdamper.model.validation import as_checked
 from bdamper.response.branches import Coverage, ending, evaluation_budget, first_point
 from bdamper.response.continuation import TWO_PI
@@ -121,7 +121,7 @@ class SpeedFamily:
         """Return the preload (N) at a speed (rad/s)."""
         return preload_at(self.whole, omega)
 
-    def system(self, omega: float, mass: float = 1.0) -> Equations[Sector]:
+    def system(self, omega: float, mass: float = 1.0) -> Equations[SectorData]:
         """Return the equations at a speed (rad/s).
 
         ``mass`` multiplies load and inertia of the free bodies.

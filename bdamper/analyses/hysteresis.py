@@ -41,7 +41,7 @@ from bdamper.harmonic_balance.checks import Solutions, solutions_of
 from bdamper.harmonic_balance.contact_cycle import bodily_motion, energies, histories
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.sector import Sector
+from bdamper.harmonic_balance.sector import SectorData
 from bdamper.harmonic_balance.study_boundary import accepts_study
 from bdamper.model.loads import direction_vector
 from bdamper.model.structure import Interface
@@ -333,7 +333,7 @@ def _solutions(problem: Problem, result: Solved) -> tuple[Solutions, NDArray]:
     return Solutions(*(column[solved] for column in solutions)), branch[solved]
 
 
-def _on_points(problem: Problem, system: Equations[Sector], values: NDArray) -> NDArray:
+def _on_points(problem: Problem, system: Equations[SectorData], values: NDArray) -> NDArray:
     """Sum values of the contact elements at each contact point of the model."""
     index = system.structure.points.index
     if index is None:
@@ -388,7 +388,7 @@ def _identity(problem: Problem) -> dict[str, Any]:
     return {"interface": tuple(names), **problem.recorded()}
 
 
-def _in_contacts(problem: Problem, system: Equations[Sector]) -> NDArray:
+def _in_contacts(problem: Problem, system: Equations[SectorData]) -> NDArray:
     """Return which contact elements (n,) belong to contacts; springs between bodies do not."""
     faces = _faces(problem)
     is_contact = [face.kind in ("friction", "constraint") for face in faces]
@@ -465,7 +465,7 @@ def _most_interesting(result: Solved) -> int | None:
 
 
 def _whole(
-    system: Equations[Sector], u: NDArray, F: NDArray, theta: NDArray, in_contacts: NDArray
+    system: Equations[SectorData], u: NDArray, F: NDArray, theta: NDArray, in_contacts: NDArray
 ) -> NDArray:
     """Return the force (n_theta,) at the response location that is equivalent to all contacts."""
     response = complex(system.response(u)[1])

@@ -26,7 +26,7 @@ from bdamper.harmonic_balance.checks import warn_of_small_slip
 from bdamper.harmonic_balance.contact_cycle import at_angles
 from bdamper.harmonic_balance.equations import OK, Correction, Equations, Rows, norm2
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.sector import Sector
+from bdamper.harmonic_balance.sector import SectorData
 from bdamper.model.kinematics import HarmonicBasis
 from bdamper.response.branches import Piece, evaluation_budget, in_order
 from bdamper.response.continuation import TWO_PI, follow
@@ -293,7 +293,7 @@ class Mode:
         Response amplitude A_0 below all computed amplitudes, so that the parameter is positive.
     """
 
-    driven: Equations[Sector]
+    driven: Equations[SectorData]
     stuck: NDArray
     reference: float
 
@@ -334,7 +334,7 @@ class Mode:
 
 
 def mode_equations(
-    driven: Equations[Sector], omega: float, shape: NDArray, reference: float
+    driven: Equations[SectorData], omega: float, shape: NDArray, reference: float
 ) -> Equations[Mode]:
     """Return the equations of a mode.
 
@@ -349,7 +349,7 @@ def mode_equations(
         Reference amplitude.
     """
     sector = driven.core
-    assert isinstance(sector, _core.Sector)
+    assert isinstance(sector, _core.SectorEquations)
     n_mean = driven.n_mean
     row = np.asarray(driven.response_rows[1])
     stuck = np.asarray(shape) * (reference / (row @ shape))

@@ -41,7 +41,7 @@ from bdamper.analyses.nonlinear_mode import mode_points, mode_system
 from bdamper.harmonic_balance.equations import OK, Correction, Equations, Plane, norm2
 from bdamper.harmonic_balance.parameters import vary, with_aligned_modes
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.sector import Sector
+from bdamper.harmonic_balance.sector import SectorData
 from bdamper.importers.measured_modes import MeasuredMode
 from bdamper.importers.measurements import Measured, Measurement
 from bdamper.response.events import ContinuationOptions
@@ -206,7 +206,7 @@ class MeasuredResponse(Summarised, validation.Checked):
         return replace(measured, rows=rows)
 
 
-def forced(system: Equations[Sector], factor: float) -> Equations[Sector]:
+def forced(system: Equations[SectorData], factor: float) -> Equations[SectorData]:
     """Return the equations with a factor on the excitation, under the same static load."""
     if factor == 1.0:
         return system
@@ -273,7 +273,7 @@ class Variations:
         amplitude = self.ratio(force) * self.own.settings.excitation.amplitude
         return vary(problem or self.own, {"excitation.amplitude": amplitude})
 
-    def system(self, force: float | None, preload: float) -> Equations[Sector]:
+    def system(self, force: float | None, preload: float) -> Equations[SectorData]:
         """Return the equations at one preload under the force amplitude of a test."""
         return forced(self.own.system(preload), self.ratio(force))
 

@@ -15,15 +15,15 @@ from bdamper.fem.reduced_bodies import Wanted
 
 if TYPE_CHECKING:
     from bdamper.fem.generated_models import SectorFE, blade_to_ground, bladed_disk
-    from bdamper.fem.meshes import Geometry, Material, MeshDensity
+    from bdamper.fem.meshes import ElasticMaterial, Geometry, MeshDensity
 
 __all__ = [
-    "BladePart", "Geometry", "LocalSizes", "Material", "MeshDensity", "SectorFE", "Wanted", "blade_to_ground",
+    "BladePart", "ElasticMaterial", "Geometry", "LocalSizes", "MeshDensity", "SectorFE", "Wanted", "blade_to_ground",
     "bladed_disk", "local_basis",
 ]  # fmt: skip
 
 _GENERATORS = {
-    "Geometry": "meshes", "Material": "meshes", "MeshDensity": "meshes", "SectorFE": "generated_models",
+    "ElasticMaterial": "meshes", "Geometry": "meshes", "MeshDensity": "meshes", "SectorFE": "generated_models",
     "blade_to_ground": "generated_models", "bladed_disk": "generated_models",
 }  # fmt: skip
 
@@ -36,4 +36,8 @@ def __getattr__(name: str) -> Any:
             raise ImportError(
                 f"bdamper.fem.{name} needs scikit-fem: install the extra bdamper[fe]"
             ) from error
+    if name == "Material":
+        raise AttributeError(
+            "bdamper.fem: Material is now ElasticMaterial; bdamper.fatigue.Material has strength data"
+        )
     raise AttributeError(f"module 'bdamper.fem' has no attribute {name!r}")

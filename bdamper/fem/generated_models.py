@@ -57,8 +57,8 @@ from bdamper.fem.element_stress import Solids, StressRows, near_patches
 from bdamper.fem.local_basis import BladePart, LocalSizes, damper_motion, local_basis
 from bdamper.fem.meshes import (
     Discretisation,
+    ElasticMaterial,
     Geometry,
-    Material,
     MeshDensity,
     airfoil_points,
     blade_nodes,
@@ -196,7 +196,7 @@ class SectorFE:
     ----------
     geometry : Geometry
     density : MeshDensity
-    material : Material
+    material : ElasticMaterial
     keep_factors : bool
         Keep the matrices of all nodal diameters instead of only the last one used; all of them
         share one factorisation.
@@ -204,7 +204,7 @@ class SectorFE:
 
     geometry: Geometry = field(default_factory=Geometry)
     density: MeshDensity = field(default_factory=lambda: MeshDensity.preset("coarse"))
-    material: Material = field(default_factory=Material)
+    material: ElasticMaterial = field(default_factory=ElasticMaterial)
     keep_factors: bool = True
 
     def __post_init__(self) -> None:
@@ -499,7 +499,7 @@ MAKERS = {"bladed_disk": reference_disk, "paper_disk": paper_disk}
 
 
 def blade_structure(
-    g: Geometry, density: MeshDensity, material: Material
+    g: Geometry, density: MeshDensity, material: ElasticMaterial
 ) -> tuple[Discretisation, CyclicSector]:
     """Return the sector of one blade, clamped at the bore and at its cut faces, as an acyclic
     structure."""
@@ -513,7 +513,7 @@ def blade_to_ground(
     n_modes: int = 40,
     damping_ratio: float = 0.002,
     geometry: Geometry | None = None,
-    material: Material | None = None,
+    material: ElasticMaterial | None = None,
 ) -> Model:
     """Generate the model of a blade in friction contact with the ground.
 
@@ -526,7 +526,7 @@ def blade_to_ground(
     damping_ratio : float
         Damping ratio of all modes.
     geometry : Geometry, optional
-    material : Material, optional
+    material : ElasticMaterial, optional
 
     Returns
     -------
@@ -534,7 +534,7 @@ def blade_to_ground(
         Bodies "blade" and "ground" with the interface "platform" between them.
     """
     g = geometry or Geometry()
-    body, structure = blade_structure(g, MeshDensity.preset(mesh), material or Material())
+    body, structure = blade_structure(g, MeshDensity.preset(mesh), material or ElasticMaterial())
 
     # underside in the axes of the blade: t1 up the slope as on the damper, normal toward the ground
     face = wedge_patches(g, "left", points)

@@ -81,7 +81,7 @@ from bdamper.util import validation
 
 @validation.check_arguments
 @dataclass(frozen=True)
-class Material(validation.Checked):
+class ElasticMaterial(validation.Checked):
     """Isotropic linear elastic material.
 
     Parameters
@@ -449,12 +449,12 @@ class Discretisation(Structure):
     mesh : MeshHex
     elements : (n_elements, 20) int
         Nodes of each element in the local order of scikit-fem.
-    material : Material
+    material : ElasticMaterial
     """
 
     mesh: MeshHex
     elements: NDArray
-    material: Material
+    material: ElasticMaterial
 
     @cached_property
     def surface(self) -> Facets:
@@ -471,7 +471,7 @@ def _assembled(blocks: NDArray, rows: NDArray, n: int) -> sp.coo_matrix:
     return sp.coo_matrix((blocks.ravel(), (line, column)), shape=(n, n))
 
 
-def discretise(mesh: MeshHex, material: Material) -> Discretisation:
+def discretise(mesh: MeshHex, material: ElasticMaterial) -> Discretisation:
     """Assemble stiffness and mass of ``mesh``."""
     basis = Basis(mesh, ElementHexS2(), intorder=5)
     n_elements = mesh.t.shape[1]

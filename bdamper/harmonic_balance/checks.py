@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from bdamper.contact.stiffness import PerArea
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.problem import LoadCase, Problem
-from bdamper.harmonic_balance.sector import Sector
+from bdamper.harmonic_balance.sector import SectorData
 from bdamper.harmonic_balance.settings import FRICTION
 from bdamper.harmonic_balance.study_boundary import A, P, R, problem_of
 from bdamper.model.loads import Response
@@ -431,7 +431,7 @@ def check_interval(case: LoadCase, frequency: tuple[float, float]) -> None:
     _check_far(case.problem, resonances, frequency)
 
 
-def _strongest(sector: Sector, resonances: Sequence[_Resonance]) -> float:
+def _strongest(sector: SectorData, resonances: Sequence[_Resonance]) -> float:
     """Return the largest linear response at resonances, 0 if there are none."""
     row = sector.response_rows[1]
     responses = [
@@ -464,7 +464,7 @@ def _check_far(
     )
 
 
-def _check_direction(problem: Problem, sector: Sector, frequency: tuple[float, float]) -> None:
+def _check_direction(problem: Problem, sector: SectorData, frequency: tuple[float, float]) -> None:
     """Warn of a force perpendicular to the motion of all modes in an interval (Hz).
 
     The modes are those without contact.

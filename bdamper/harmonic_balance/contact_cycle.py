@@ -37,7 +37,7 @@ from bdamper.contact.laws import (
 from bdamper.contact.preload_state import OPEN, SLIP_MINUS, SLIP_PLUS, STICK
 from bdamper.contact.residual_flexibility import RESIDUAL
 from bdamper.harmonic_balance.equations import Equations
-from bdamper.harmonic_balance.sector import Sector, segments
+from bdamper.harmonic_balance.sector import SectorData, segments
 
 MOST_PERIODS = 100
 """Largest number of periods until the sliders of a coupled law are periodic under a given
@@ -45,13 +45,13 @@ motion."""
 
 
 def energies(
-    system: Equations[Sector], u: NDArray, omega: float, contacts: NDArray | None = None
+    system: Equations[SectorData], u: NDArray, omega: float, contacts: NDArray | None = None
 ) -> dict[str, Any]:
     """Compute the work of the excitation and the losses of one sector in one cycle, J.
 
     Parameters
     ----------
-    system : Equations[Sector]
+    system : Equations[SectorData]
     u : (n_unknowns,) float
         Solution.
     omega : float, rad/s
@@ -109,7 +109,7 @@ def energies(
     }
 
 
-def bodily_motion(system: Equations[Sector], u: NDArray) -> NDArray:
+def bodily_motion(system: Equations[SectorData], u: NDArray) -> NDArray:
     """Return the fundamental harmonic (n_points, 3) of the relative motion from the modes of the
     bodies, complex, m.
 
@@ -131,13 +131,13 @@ def at_angles(coefficients: NDArray, theta: NDArray) -> NDArray:
     return np.asarray(coefficients[..., :1] + coefficients[..., 1:] @ waves)
 
 
-def histories(system: Equations[Sector], u: NDArray, theta: NDArray) -> tuple[NDArray, NDArray]:
+def histories(system: Equations[SectorData], u: NDArray, theta: NDArray) -> tuple[NDArray, NDArray]:
     """Compute relative motion (m) and force (N) at all contact points of the equations over a
     cycle.
 
     Parameters
     ----------
-    system : Equations[Sector]
+    system : Equations[SectorData]
     u : (n_unknowns,) float
         Solution.
     theta : (n_theta,) float, rad
@@ -177,7 +177,7 @@ def histories(system: Equations[Sector], u: NDArray, theta: NDArray) -> tuple[ND
     return X, F
 
 
-def _integrate_user_laws(system: Equations[Sector], X: NDArray, F: NDArray) -> None:
+def _integrate_user_laws(system: Equations[SectorData], X: NDArray, F: NDArray) -> None:
     """Integrate user-defined contact laws over the cycle until their state variables are
     periodic."""
     laws = system.structure.points.own

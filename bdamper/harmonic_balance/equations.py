@@ -122,7 +122,7 @@ STATUS_TEXT = {
     SINGULAR: "the equations are singular",
     NOT_FINITE: "not finite",
 }
-Core = _core.Sector | _core.Eased | _core.Modes | _core.Wheel
+Core = _core.SectorEquations | _core.Eased | _core.Modes | _core.Wheel
 WheelCore = _core.Wheel
 """Core object of all sectors of a bladed disk (``csrc/bladed_disk/wheel_equations.h``), for
 :mod:`bdamper.mistuning.disk_equations`."""

@@ -34,7 +34,7 @@ from bdamper.harmonic_balance.contact_setup import (
 )
 from bdamper.harmonic_balance.equations import Equations, Layout
 from bdamper.harmonic_balance.model_sizes import Sizes
-from bdamper.harmonic_balance.sector import Sector
+from bdamper.harmonic_balance.sector import SectorData
 from bdamper.harmonic_balance.settings import Settings, check_history
 from bdamper.model.contact_points import unite_contact_points
 from bdamper.model.gauges import ALONG_GAUGE, GAUGE, with_gauge
@@ -752,7 +752,7 @@ class Problem:
             self._load_cases[preload] = LoadCase(self, preload)
         return self._load_cases[preload]
 
-    def system(self, preload: float) -> Equations[Sector]:
+    def system(self, preload: float) -> Equations[SectorData]:
         """Return the harmonic balance equations at one preload (N): ``at(preload).equations``."""
         return self.at(preload).equations
 
@@ -824,12 +824,12 @@ class LoadCase:
         return touch
 
     @property
-    def equations(self) -> Equations[Sector]:
+    def equations(self) -> Equations[SectorData]:
         """Harmonic balance equations, one object for each thread."""
         return self.sector.equations
 
     @made_once
-    def sector(self) -> Sector:
+    def sector(self) -> SectorData:
         """Data of the equations.
 
         Raises StaticError if there is no static state, and SettingError if nothing is excited or
@@ -861,7 +861,7 @@ class LoadCase:
             f"static forces on the modes up to {most:g}",
             f"{static:.3g}",
         )
-        return Sector(
+        return SectorData(
             bases=bases,
             points=points,
             force=force,

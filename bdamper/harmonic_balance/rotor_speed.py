@@ -27,7 +27,7 @@ from bdamper import _core
 from bdamper.contact.laws import refuse
 from bdamper.harmonic_balance.equations import Equations, Rows
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.sector import Sector
+from bdamper.harmonic_balance.sector import SectorData
 from bdamper.model.kinematics import HarmonicBasis, centrifugal_load
 from bdamper.model.validation import as_checked
 from bdamper.util import validation
@@ -285,7 +285,7 @@ class Family:
 
     Parameters
     ----------
-    sectors : sequence of Sector
+    sectors : sequence of SectorData
         Sectors at two or more speeds.
     speeds : (n,) float, rad/s
     rows : Rows
@@ -294,7 +294,7 @@ class Family:
         Matrix from values at the speeds to coefficients of Chebyshev polynomials.
     """
 
-    sectors: tuple[Sector, ...]
+    sectors: tuple[SectorData, ...]
     speeds: NDArray
     rows: Rows
     weights: NDArray
@@ -309,7 +309,7 @@ class Family:
         """Modes of each harmonic at the middle speed."""
         return self.sectors[len(self.sectors) // 2].bases
 
-    def at(self, omega: float) -> Equations[Sector]:
+    def at(self, omega: float) -> Equations[SectorData]:
         """Return the equations at the speed that belongs to a frequency (rad/s), with the frequency
         as a free parameter."""
         weights = self.rows.basis(omega, len(self.speeds)) @ self.weights
@@ -383,7 +383,7 @@ def responses(system: Equations[Family], y: NDArray) -> NDArray:
 
 
 def family_equations(
-    systems: Sequence[Equations[Sector]], speeds: NDArray, engine_order: int
+    systems: Sequence[Equations[SectorData]], speeds: NDArray, engine_order: int
 ) -> Equations[Family]:
     """Create the equations along an engine order line.
 
@@ -404,7 +404,9 @@ def family_equations(
     speeds = np.asarray(speeds, float)
     refuse(middle.structure.points.own, "a curve over speed")
     squares = speeds**2
-    nodes = tuple(system.core for system in systems if isinstance(system.core, _core.Sector))
+    nodes = tuple(
+        system.core for system in systems if isinstance(system.core, _core.SectorEquations)
+    )
     try:
         core = middle.structure.core(nodes=nodes, squares=squares, order=float(engine_order))
     except ValueError as error:

@@ -204,7 +204,7 @@ def around(low: float, high: float) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, eq=False)
-class Sector:
+class SectorData:
     """Data of the equations of a sector.
 
     Parameters
@@ -293,12 +293,12 @@ class Sector:
             return None
         return laws.core(memory)
 
-    def core(self, **over_speed: Any) -> _core.Sector:
+    def core(self, **over_speed: Any) -> _core.SectorEquations:
         """Create the equations in the C core; ``over_speed`` contains further arrays of a family
         over rotor speed."""
         mode, n_time = self.evaluation_code
         arguments: dict[str, Any] = self.arrays | over_speed | {"own": self.own}
-        return _core.Sector(
+        return _core.SectorEquations(
             **arguments,
             evaluation=mode,
             n_time=n_time,
@@ -335,7 +335,7 @@ class Sector:
         return threading.local()
 
     @property
-    def equations(self) -> Equations[Sector]:
+    def equations(self) -> Equations[SectorData]:
         """Equations of the harmonic balance; each thread has its own object, because the core
         counts its evaluations."""
         if not hasattr(self._of_thread, "equations"):
@@ -350,7 +350,7 @@ class Sector:
                 n_points=len(self.points.kn),
                 work=self.work,
             )
-        equations: Equations[Sector] = self._of_thread.equations
+        equations: Equations[SectorData] = self._of_thread.equations
         return equations
 
 
@@ -363,21 +363,21 @@ def row_scale(layout: Layout, force_scale: tuple[float, float]) -> NDArray:
 
 
 def excitation_ramp(
-    system: Equations[Sector], omega: float, support: NDArray | None = None
-) -> Equations[Sector]:
+    system: Equations[SectorData], omega: float, support: NDArray | None = None
+) -> Equations[SectorData]:
     """Return the equations at fixed omega (rad/s) with a factor on the excitation as the parameter.
 
     The parameter scales the excitation of the harmonics and fades out the linear force ``support``
     (n_unknowns, n_unknowns).
     """
-    assert isinstance(system.core, _core.Sector)
+    assert isinstance(system.core, _core.SectorEquations)
     ramp = np.array(system.structure.force, float)
     ramp[: system.n_mean] = 0.0
     eased = _core.Eased(system.core, float(omega), ramp, support)
     return replace(system, core=eased, supported=support is not None, watched=())
 
 
-def supported_coordinates(sector: Sector) -> list[NDArray]:
+def supported_coordinates(sector: SectorData) -> list[NDArray]:
     """Return masks (n_modes,) of the coordinates that the homotopy supports, for each harmonic:
     free bodies, or all."""
     free = [basis.omega2 == 0.0 for basis in sector.bases]
@@ -387,8 +387,8 @@ def supported_coordinates(sector: Sector) -> list[NDArray]:
 
 
 def supported_by(
-    system: Equations[Sector], omega: float, drag: float, spring: float
-) -> Equations[Sector]:
+    system: Equations[SectorData], omega: float, drag: float, spring: float
+) -> Equations[SectorData]:
     """Return the equations at fixed omega (rad/s) with free bodies on a support that fades out as
     the parameter s approaches 1.
 

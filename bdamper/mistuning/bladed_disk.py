@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from bdamper.analyses.sweep import SweepResult, sweep
 from bdamper.harmonic_balance.checks import check_contacts
 from bdamper.harmonic_balance.equations import OK, Fixed
-from bdamper.harmonic_balance.sector import Sector
+from bdamper.harmonic_balance.sector import SectorData
 from bdamper.harmonic_balance.study_boundary import problem_of
 from bdamper.mistuning.disk_equations import DiskSystem
 from bdamper.mistuning.disk_problem import DiskProblem
@@ -39,7 +39,7 @@ from bdamper.response.events import ContinuationOptions
 from bdamper.response.response_curve import as_curve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import TimeResponse
-from bdamper.time_domain.integration import STEPS, IntegrationFailed, Ring
+from bdamper.time_domain.integration import STEPS, AllSectors, IntegrationFailed
 from bdamper.time_domain.time_response import error_range
 from bdamper.time_domain.transient import CRITERIA, SteadyPoint, Transient, settle, step_error
 from bdamper.util import validation
@@ -252,8 +252,8 @@ class OneStructure:
         rows = np.einsum("i,bik->bk", scene.response_row, self.modes[:, :n])
         force = self._projected(scene.force, self.modes)
         n_harmonics = n_coef // 2 + 1
-        one = Sector([basis] * n_harmonics, scene.points, force, [rows[blade]] * n_harmonics)
-        self.ring = Ring(one.equations, 1, 0, rows=np.hstack([rows, np.zeros_like(rows)]))
+        one = SectorData([basis] * n_harmonics, scene.points, force, [rows[blade]] * n_harmonics)
+        self.sectors = AllSectors(one.equations, 1, 0, rows=np.hstack([rows, np.zeros_like(rows)]))
 
     def _projected(self, u: NDArray, rows: NDArray) -> NDArray:
         """Return unknowns from unknowns of the disk and rows (n_blades, n_sector, n_modes)."""
@@ -361,7 +361,7 @@ def time_response(
     )
 
     one = OneStructure(system, peak.blade)
-    ring = one.ring
+    ring = one.sectors
     omega = tau * peak.frequency
     start = one.start(system.structure.flat(peak.unknowns))
     window = 2 * CRITERIA.window
@@ -417,7 +417,7 @@ def time_response(
 
 
 def _settle_twice(
-    ring: Ring, omega: float, start: NDArray, steps: int, expected: float
+    ring: AllSectors, omega: float, start: NDArray, steps: int, expected: float
 ) -> tuple[SteadyPoint, SteadyPoint, int]:
     """Return the motion with ``steps`` time steps, that with twice the number, and all periods.
 

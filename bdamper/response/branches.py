@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from bdamper.contact.preload_state import PreloadState
 from bdamper.harmonic_balance.equations import OK, STATUS_TEXT, Correction, Equations
-from bdamper.harmonic_balance.sector import Sector, excitation_ramp, supported_by
+from bdamper.harmonic_balance.sector import SectorData, excitation_ramp, supported_by
 from bdamper.response.continuation import DRIFTED_OFF, TWO_PI, Follower, follow
 from bdamper.response.events import SIDE_POINTS, ContinuationOptions, Path
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND
@@ -493,7 +493,7 @@ that also raises the excitation succeeded.
 
 
 def first_point(
-    system: Equations[Sector],
+    system: Equations[SectorData],
     state: PreloadState,
     springs: NDArray,
     omega: float,
@@ -504,7 +504,7 @@ def first_point(
 
     Parameters
     ----------
-    system : Equations[Sector]
+    system : Equations[SectorData]
     state : PreloadState
         Converged static state.
     springs : (n_points, 3) float, N/m
@@ -551,7 +551,7 @@ def first_point(
 
 
 def _by_homotopy(
-    system: Equations[Sector],
+    system: Equations[SectorData],
     omega: float,
     options: ContinuationOptions,
     meter: CostMeter,
@@ -598,7 +598,7 @@ def _by_homotopy(
 
 
 def _homotopy(
-    system: Equations[Sector], start: NDArray, options: ContinuationOptions, meter: CostMeter
+    system: Equations[SectorData], start: NDArray, options: ContinuationOptions, meter: CostMeter
 ) -> Path:
     """Follow the curve in the last unknown, from its initial value to 1."""
     level = float(start[-1])

@@ -42,7 +42,7 @@ from bdamper.contact.laws import LAW_BONDED
 from bdamper.harmonic_balance.checks import check_solution, warn_of_small_slip
 from bdamper.harmonic_balance.equations import NOT_FINITE, STATUS_TEXT, Correction, Equations
 from bdamper.harmonic_balance.problem import LoadCase, Problem
-from bdamper.harmonic_balance.sector import Sector, reach
+from bdamper.harmonic_balance.sector import SectorData, reach
 from bdamper.model.kinematics import Coordinate
 from bdamper.model.structure import Model
 from bdamper.response.branches import (
@@ -95,7 +95,7 @@ def _drift_ranges(points: Sequence[Correction]) -> list[tuple[int, int]]:
 
 
 def notes(
-    system: Equations[Sector],
+    system: Equations[SectorData],
     model: Model,
     coordinates: Sequence[Coordinate],
     points: Sequence[Correction],
@@ -129,7 +129,7 @@ def notes(
 
 
 def neutral_directions(
-    system: Equations[Sector], coordinates: Sequence[Coordinate], y: NDArray
+    system: Equations[SectorData], coordinates: Sequence[Coordinate], y: NDArray
 ) -> list[str]:
     """Return the names of the mean coordinates that no equation determines at a solution.
 
@@ -152,7 +152,7 @@ def neutral_directions(
 
 
 def why_no_solution(
-    system: Equations[Sector], model: Model, coordinates: Sequence[Coordinate], y: NDArray
+    system: Equations[SectorData], model: Model, coordinates: Sequence[Coordinate], y: NDArray
 ) -> str:
     """Describe the unbalanced mean force on a free body at the last iterate, or return ""."""
     try:

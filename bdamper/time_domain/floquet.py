@@ -58,12 +58,12 @@ from bdamper.contact.laws import (
 from bdamper.contact.preload_state import OPEN, SLIP_MINUS, SLIP_PLUS, STICK
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.sector import Sector, segments
+from bdamper.harmonic_balance.sector import SectorData, segments
 from bdamper.model.kinematics import HarmonicBasis
 from bdamper.response.continuation import TWO_PI
 from bdamper.response.response_curve import check_curve
 from bdamper.response.response_curve_result import ResponseCurve
-from bdamper.time_domain.integration import IntegrationFailed, Ring, ring_of
+from bdamper.time_domain.integration import AllSectors, IntegrationFailed, all_sectors
 from bdamper.time_domain.time_response import compare_with_solution, disturbed
 from bdamper.time_domain.transient import AGREES, CRITERIA, UNDECIDED, step_error
 from bdamper.util import validation
@@ -82,7 +82,7 @@ determinant without sign.
 """
 
 
-def real_basis(system: Equations[Sector]) -> HarmonicBasis | None:
+def real_basis(system: Equations[SectorData]) -> HarmonicBasis | None:
     """Return the real set of modes with mass that all harmonics share, so that they describe one
     motion from time integration.
     """
@@ -126,7 +126,7 @@ class _SliderEvent(NamedTuple):
 
 
 def cycles(
-    system: Equations[Sector], x: NDArray
+    system: Equations[SectorData], x: NDArray
 ) -> tuple[tuple[NDArray, ...], tuple[NDArray, ...]]:
     """Return the contact states over the cycle.
 
@@ -149,7 +149,7 @@ def cycles(
     return _columns(pieces), _columns(events)
 
 
-def _parts_of_point(system: Equations[Sector], x: NDArray, point: int) -> list[list[_Part]]:
+def _parts_of_point(system: Equations[SectorData], x: NDArray, point: int) -> list[list[_Part]]:
     """Return the segments of a point over the cycle in both tangential directions; none without
     friction.
     """
@@ -174,14 +174,14 @@ def _parts_of_point(system: Equations[Sector], x: NDArray, point: int) -> list[l
     )
 
 
-def _sliding_axes(system: Equations[Sector], point: int) -> list[int]:
+def _sliding_axes(system: Equations[SectorData], point: int) -> list[int]:
     """Return the tangential directions in which a point has stiffness."""
     kt = system.structure.points.kt[point]
     return [axis for axis in range(2) if kt[axis] > 0.0]
 
 
 def _normal_pieces(
-    system: Equations[Sector], x: NDArray, point: int, parts: list[list[_Part]]
+    system: Equations[SectorData], x: NDArray, point: int, parts: list[list[_Part]]
 ) -> list[_Piece]:
     """Return the segments in which the normal spring of a point acts."""
     p = system.structure.points
@@ -202,7 +202,7 @@ def _normal_pieces(
 
 
 def _tangential_pieces(
-    system: Equations[Sector], x: NDArray, point: int, parts: list[list[_Part]]
+    system: Equations[SectorData], x: NDArray, point: int, parts: list[list[_Part]]
 ) -> tuple[list[_Piece], list[_SliderEvent]]:
     """Return the segments in stick and in slip of a point, and the events that set its sliders."""
     p = system.structure.points
@@ -251,7 +251,7 @@ def _columns(rows: Sequence[_Piece | _SliderEvent]) -> tuple[NDArray, ...]:
     return (table[0].astype(int), table[1].astype(int), *table[2:])
 
 
-def rests(system: Equations[Sector], u: NDArray) -> bool:
+def rests(system: Equations[SectorData], u: NDArray) -> bool:
     """Return whether no slider moves, no contact state changes, and all springs and dampers are
     passive.
     """
@@ -269,12 +269,12 @@ def rests(system: Equations[Sector], u: NDArray) -> bool:
     return not (slips.any() or changes.any())
 
 
-def monodromy(system: Equations[Sector], u: NDArray, omega: float) -> NDArray:
+def monodromy(system: Equations[SectorData], u: NDArray, omega: float) -> NDArray:
     """Return the monodromy matrix of (q, q', sliders that are set) over one period from angle 0.
 
     Parameters
     ----------
-    system : Equations[Sector]
+    system : Equations[SectorData]
         With one real basis, uncoupled law, event-driven contact forces.
     u : (n_unknowns,) float
     omega : float, rad/s
@@ -342,7 +342,7 @@ def monodromy(system: Equations[Sector], u: NDArray, omega: float) -> NDArray:
     return M
 
 
-def multipliers(system: Equations[Sector], u: NDArray, omega: float) -> NDArray:
+def multipliers(system: Equations[SectorData], u: NDArray, omega: float) -> NDArray:
     """Return the Floquet multipliers in descending order of the modulus; see :func:`monodromy`."""
     values = np.linalg.eigvals(monodromy(system, u, omega))
     descending = np.argsort(-np.abs(values))
@@ -350,13 +350,13 @@ def multipliers(system: Equations[Sector], u: NDArray, omega: float) -> NDArray:
 
 
 def unstable_solutions(
-    system: Equations[Sector], unknowns: NDArray, omega: NDArray
+    system: Equations[SectorData], unknowns: NDArray, omega: NDArray
 ) -> tuple[NDArray, str]:
     """Determine which of several solutions of one system are unstable.
 
     Parameters
     ----------
-    system : Equations[Sector]
+    system : Equations[SectorData]
     unknowns : (n, n_unknowns) float
     omega : (n,) float, rad/s
 
@@ -382,13 +382,13 @@ def unstable_solutions(
     return np.array(unstable, bool), note
 
 
-def _multiplier_outside(system: Equations[Sector], u: NDArray, omega: float) -> bool:
+def _multiplier_outside(system: Equations[SectorData], u: NDArray, omega: float) -> bool:
     """Return whether a disturbance grows from period to period."""
     largest = np.abs(multipliers(system, u, omega)).max(initial=0.0)
     return bool(largest > 1.0 + NEUTRAL)
 
 
-def _negative_determinant(system: Equations[Sector], u: NDArray, omega: float) -> bool:
+def _negative_determinant(system: Equations[SectorData], u: NDArray, omega: float) -> bool:
     """Return whether the determinant of the Jacobian is negative; not if it is singular."""
     _, J, _ = system.evaluate(u, omega)
     row_size = np.maximum(np.abs(J).max(axis=1, keepdims=True), 1e-300)
@@ -402,7 +402,7 @@ def _negative_determinant(system: Equations[Sector], u: NDArray, omega: float) -
 # ---- stability by time integration ----
 
 
-def judged_in_time(ring: Ring, curve: ResponseCurve, progress: bool) -> ResponseCurve:
+def judged_in_time(sectors: AllSectors, curve: ResponseCurve, progress: bool) -> ResponseCurve:
     """Return a curve with stability by time integration in addition to the stability by the
     harmonics.
 
@@ -410,7 +410,7 @@ def judged_in_time(ring: Ring, curve: ResponseCurve, progress: bool) -> Response
 
     Parameters
     ----------
-    ring : Ring
+    sectors : AllSectors
         All sectors at the preload of the curve.
     curve : ResponseCurve
     progress : bool
@@ -418,7 +418,7 @@ def judged_in_time(ring: Ring, curve: ResponseCurve, progress: bool) -> Response
     watch = CostMeter()
     unstable = np.array(curve.unstable, bool)
     n_judged = 0
-    moving = np.array([not rests(ring.system, u) for u in curve.unknowns], bool)
+    moving = np.array([not rests(sectors.system, u) for u in curve.unknowns], bool)
     # without slip and separation the structure is linear and passive, so the motion is stable
     unstable[~moving] = False
     ratios = np.where(moving, np.nan, 1.0)
@@ -426,7 +426,7 @@ def judged_in_time(ring: Ring, curve: ResponseCurve, progress: bool) -> Response
     with LongWork() as work:
         for i in with_progress(indices, progress, "motion in time", "point"):
             omega = TWO_PI * float(curve.frequency[i])
-            verdict, ratio = judged_at(ring, curve.unknowns[i], omega)
+            verdict, ratio = judged_at(sectors, curve.unknowns[i], omega)
             n_judged += 1
             if verdict != UNDECIDED:
                 unstable[i] = verdict != AGREES
@@ -445,16 +445,16 @@ def judged_in_time(ring: Ring, curve: ResponseCurve, progress: bool) -> Response
     return replace(curve, unstable=unstable, stability_note=note, in_time=ratios)
 
 
-def judged_at(ring: Ring, u: NDArray, omega: float) -> tuple[str, float]:
+def judged_at(sectors: AllSectors, u: NDArray, omega: float) -> tuple[str, float]:
     """Return the verdict on a solution, and the ratio of the mean amplitude by time integration to
     the amplitude of the solution.
     """
-    expected = ring.system.response(u)
+    expected = sectors.system.response(u)
     expected_amplitude = abs(expected[1])
     if not expected_amplitude > 0.0:
         return UNDECIDED, np.nan
     try:
-        transient = disturbed(ring, u, omega, CRITERIA.steps)
+        transient = disturbed(sectors, u, omega, CRITERIA.steps)
         verdict, _ = compare_with_solution(transient, expected)
     except IntegrationFailed:
         return UNDECIDED, np.nan
@@ -476,11 +476,11 @@ def with_stability(
     system = problem.system(curve.preload)
     progress = shows_progress(progress)
     validation.flag("in_time", in_time)
-    ring = ring_of(problem, curve.preload) if in_time else None
+    sectors = all_sectors(problem, curve.preload) if in_time else None
     watch = CostMeter()
     unstable, note = unstable_solutions(system, curve.unknowns, TWO_PI * curve.frequency)
     note = f"{note}; {watch.read().seconds:.2f} s, {curve.cost.seconds:.2f} s for the curve"
     judged = replace(curve, unstable=unstable, stability_note=note, in_time=None)
-    if ring is None:
+    if sectors is None:
         return judged
-    return judged_in_time(ring, judged, progress)
+    return judged_in_time(sectors, judged, progress)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.continuation import TWO_PI
 from bdamper.response.response_curve import Jump, frequency_response
-from bdamper.time_domain.integration import TimeLimit, TimeSpent, ring_of
+from bdamper.time_domain.integration import TimeLimit, TimeSpent, all_sectors
 from bdamper.time_domain.transient import CRITERIA, Transient, energy_error
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable, Result
@@ -211,11 +211,11 @@ def frequency_sweep(
     watch = CostMeter()
     first, last = (low, high) if up else (high, low)
     solution, solution_frequency = _start(problem, preload, first)
-    ring = ring_of(problem, preload, limit=limit)
-    transient = Transient(ring, TWO_PI * solution_frequency, solution, steps_per_period)
+    sectors = all_sectors(problem, preload, limit=limit)
+    transient = Transient(sectors, TWO_PI * solution_frequency, solution, steps_per_period)
 
     # twice the decay rate, 1/s, of the least damped mode
-    damping = ring.least_damping
+    damping = sectors.least_damping
     if not 0.0 < damping < np.inf:
         raise SettingError(
             "frequency_sweep: every mode of the structure needs damping, and one is undamped"
@@ -247,10 +247,10 @@ def frequency_sweep(
         rate=rate if up else -rate,
         memory=memory,
         steps_per_period=transient.steps,
-        sectors=ring.n,
+        sectors=sectors.n,
         status=status,
         reason=reason,
-        cost=watch.read(ring.cost),
+        cost=watch.read(sectors.cost),
         settings=problem.record(),
         model_hash=problem.model.hash,
     )
@@ -301,7 +301,7 @@ def _integrated(
     last = TWO_PI * ends[1]
     periods = settling + turns
     # without periods, if the user interrupts while the motion settles
-    sweep = Transient(transient.ring, first, transient.motion, transient.steps)
+    sweep = Transient(transient.sectors, first, transient.motion, transient.steps)
     with (
         LongWork(),
         progress_counter(progress, periods, 0, "time integration", "period") as count,
@@ -309,7 +309,7 @@ def _integrated(
         transient.omega = first
         try:
             transient.sweep(first, settling, count)
-            sweep = Transient(transient.ring, first, transient.motion, transient.steps)
+            sweep = Transient(transient.sectors, first, transient.motion, transient.steps)
             sweep.sweep(last, turns, count)
         except TimeSpent as spent:
             return sweep, str(spent)

@@ -40,7 +40,7 @@ from bdamper.contact.laws import AFT, LAW_BONDED, LAW_COUPLED, LAW_CUBIC, LAW_NO
 from bdamper.contact.residual_flexibility import RESIDUAL
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.sector import Sector
+from bdamper.harmonic_balance.sector import SectorData
 from bdamper.model.kinematics import HarmonicBasis
 from bdamper.response.continuation import TWO_PI
 from bdamper.util import validation
@@ -182,7 +182,7 @@ class Trajectory(NamedTuple):
         work on the contacts, and rise of kinetic and strain energy.  The remainder of their balance
         is the numerical loss.
     trace : (n_steps, 2 n_coordinates) float
-        Coordinates at the start of each time step, if requested; ``Ring.rows`` gives their
+        Coordinates at the start of each time step, if requested; ``AllSectors.rows`` gives their
         responses.
     first : int
         Time step within the period at which the integration ended.
@@ -203,7 +203,7 @@ class Block(NamedTuple):
     harmonic : int
         Harmonic whose modes describe the nodal diameter.
     part : slice
-        Its coordinates within those of the ring.
+        Its coordinates within those of all sectors.
     phases : (n_sectors,) complex
         Phases of its wave at the sectors.
     factor : float
@@ -216,22 +216,22 @@ class Block(NamedTuple):
     factor: float
 
 
-class Ring:
+class AllSectors:
     """Equations of motion of all sectors with their contacts.
 
     Parameters
     ----------
-    system : Equations[Sector]
+    system : Equations[SectorData]
         Each harmonic has the modes of its nodal diameter.
     n_blades, engine_order : int
-    wide : Equations[Sector], optional
+    wide : Equations[SectorData], optional
         Equations with more harmonics, for all nodal diameters to integrate.
     radius : float, optional
         Spectral radius of a time step at infinite frequency, 1 for no numerical damping.  Default:
         :data:`RADIUS`, or :data:`RADIUS_WITHOUT_MASS` with massless coordinates.
     wide_order : int, optional
-        Engine order of ``wide``; the same by default.  A divisor of it gives a larger ring, whose
-        sectors this order distinguishes.
+        Engine order of ``wide``; the same by default.  A divisor of it gives more sectors, which
+        this order distinguishes.
     rows : (n_blades, 2 n_coordinates) float, optional
         Rows that give the responses of all blades.
 
@@ -248,10 +248,10 @@ class Ring:
 
     def __init__(
         self,
-        system: Equations[Sector],
+        system: Equations[SectorData],
         n_blades: int,
         engine_order: int,
-        wide: Equations[Sector] | None = None,
+        wide: Equations[SectorData] | None = None,
         radius: float | None = None,
         wide_order: int | None = None,
         rows: NDArray | None = None,
@@ -320,7 +320,7 @@ class Ring:
                 families[d] = harmonic
         return families
 
-    def _find_turns(self, excited: Equations[Sector]) -> dict[int, NDArray]:
+    def _find_turns(self, excited: Equations[SectorData]) -> dict[int, NDArray]:
         turns = {}
         for harmonic, basis in enumerate(excited.structure.bases):
             if len(basis.omega2):
@@ -363,12 +363,12 @@ class Ring:
         """Modes of the nodal diameters, one basis for each block."""
         return [self.wide.structure.bases[block.harmonic] for block in self.blocks]
 
-    def _core(self) -> _core.Ring:
+    def _core(self) -> _core.TimeIntegration:
         """Return the core object with modes, points, excitation and response."""
         bases = self._bases
         orders, force = self.forcing()
         arrays = self.wide.structure.arrays
-        return _core.Ring(
+        return _core.TimeIntegration(
             self.n,
             np.array([len(basis.omega2) for basis in bases], np.intc),
             np.array(list(self.families), np.intc),
@@ -849,7 +849,7 @@ def _residual(basis: HarmonicBasis) -> NDArray:
     return np.array([coordinate.body == RESIDUAL for coordinate in basis.coordinates], bool)
 
 
-def transfer(source: Ring, motion: Motion, target: Ring) -> Motion:
+def transfer(source: AllSectors, motion: Motion, target: AllSectors) -> Motion:
     """Return a motion in the coordinates of another structure with the same contact points.
 
     Modes that the source does not have are at rest, and also the residual modes, which differ
@@ -923,9 +923,9 @@ def _sampling(problem: Problem, highest: int) -> str | AFT:
     return AFT(8 * highest + 128)
 
 
-def ring_of(
+def all_sectors(
     problem: Problem, preload: float, blades: int | None = None, limit: TimeLimit | None = None
-) -> Ring:
+) -> AllSectors:
     """Return the equations of motion of all sectors at a preload (N).
 
     They have every nodal diameter of the model.
@@ -935,27 +935,27 @@ def ring_of(
     problem : Problem
     preload : float, N
     blades : int, optional
-        Number of blades of the ring; by default the smallest number after which the excitation
+        Number of blades; by default the smallest number after which the excitation
         repeats.
     limit : TimeLimit, optional
-        Processor time of the ring and its integrations.
+        Processor time of the integrations.
 
     Raises
     ------
     SettingError
         If the number of blades of the disk is not a multiple of ``blades``, if ``blades`` is not a
-        multiple of the period of the excitation, if the model lacks nodal diameters of the ring, or
-        if the response is absolute.
+        multiple of the period of the excitation, if the model lacks nodal diameters of these
+        sectors, or if the response is absolute.
     """
     if limit is None:
-        return _unlimited_ring(problem, preload, blades)
+        return _without_time_limit(problem, preload, blades)
     with limit.counted():
-        ring = _unlimited_ring(problem, preload, blades)
-    ring.limit = limit
-    return ring
+        sectors = _without_time_limit(problem, preload, blades)
+    sectors.limit = limit
+    return sectors
 
 
-def _unlimited_ring(problem: Problem, preload: float, blades: int | None) -> Ring:
+def _without_time_limit(problem: Problem, preload: float, blades: int | None) -> AllSectors:
     is_relative = not problem.settings.response_location.absolute
     expected = "a response relative to the base"
     found = "an absolute one; integrate study.replace(response=bd.Response(location, direction))"
@@ -967,7 +967,7 @@ def _unlimited_ring(problem: Problem, preload: float, blades: int | None) -> Rin
     if blades is None or blades == least:
         same_order = every_diameter(problem)
         wide = system if same_order is problem else same_order.system(preload)
-        return Ring(system, N, order, wide=wide)
+        return AllSectors(system, N, order, wide=wide)
     if not order or N % blades or blades % least:
         sizes = [n for n in range(least, N + 1, least) if N % n == 0]
         raise validation.invalid(
@@ -976,7 +976,7 @@ def _unlimited_ring(problem: Problem, preload: float, blades: int | None) -> Rin
             blades,
         )
 
-    # an engine order that distinguishes all sectors of the larger ring
+    # an engine order that distinguishes all sectors of the larger disk
     distinguishing = N // blades
     larger = problem.replace(
         engine_order=distinguishing,
@@ -989,4 +989,4 @@ def _unlimited_ring(problem: Problem, preload: float, blades: int | None) -> Rin
     if contact.residual is not None and residual is not None:
         residual = replace(residual, flexibility=contact.residual.flexibility, _bases={})
     larger = larger.given(contact=replace(contact, residual=residual))
-    return Ring(system, N, order, wide=larger.system(preload), wide_order=distinguishing)
+    return AllSectors(system, N, order, wide=larger.system(preload), wide_order=distinguishing)

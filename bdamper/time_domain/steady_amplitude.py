@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 
 from bdamper.response.continuation import TWO_PI
 from bdamper.response.response_curve_result import ResponseCurve, crossed
-from bdamper.time_domain.integration import Motion, Ring, transfer
+from bdamper.time_domain.integration import AllSectors, Motion, transfer
 from bdamper.time_domain.transient import CRITERIA, SteadyPoint, Transient, settle
 from bdamper.util.formatting import amount
 
@@ -164,9 +164,9 @@ class SteadySearch:
 
     Parameters
     ----------
-    ring : Ring
+    sectors : AllSectors
         All sectors of the structure in time.
-    source : Ring
+    source : AllSectors
         All sectors of the structure of the response curve.
     balance : BalanceCurve
     steps : int
@@ -189,8 +189,10 @@ class SteadySearch:
         Called with every frequency (Hz) of a motion.
     """
 
-    def __init__(self, ring: Ring, source: Ring, balance: BalanceCurve, steps: int) -> None:
-        self.ring = ring
+    def __init__(
+        self, sectors: AllSectors, source: AllSectors, balance: BalanceCurve, steps: int
+    ) -> None:
+        self.sectors = sectors
         self.source = source
         self.balance = balance
         self.steps = steps
@@ -281,7 +283,7 @@ class SteadySearch:
 
     def _place_at_tip(self, tip: float) -> Place:
         """Return the motion some periods after the solution at the tip (Hz)."""
-        transient = Transient(self.ring, TWO_PI * tip, self.start(tip), self.steps)
+        transient = Transient(self.sectors, TWO_PI * tip, self.start(tip), self.steps)
         transient.advance(CRITERIA.fewest)
         self.periods += CRITERIA.fewest
         return _latest_place(tip, transient)
@@ -310,8 +312,10 @@ class SteadySearch:
         # the motion has left the tip within the first periods
         if best is not None and start.mean < CRITERIA.jump * best.mean:
             return
-        motion = self.ring.seeded(start.motion, CRITERIA.seed, 0)
-        point = self.settle_apart(self.ring, start.frequency, motion, start.mean, parting=parting)
+        motion = self.sectors.seeded(start.motion, CRITERIA.seed, 0)
+        point = self.settle_apart(
+            self.sectors, start.frequency, motion, start.mean, parting=parting
+        )
         # the tip may belong to another level than the sweep, so its fall says nothing about the
         # motion of the sweep
         if not point.stays:
@@ -330,15 +334,15 @@ class SteadySearch:
         """
         solution = self.balance.solution(frequency)
         motion = self.source.start(solution, TWO_PI * frequency, self.steps)
-        in_ring = transfer(self.source, motion, self.ring)
-        return self.ring.seeded(in_ring, CRITERIA.seed, 0)
+        in_sectors = transfer(self.source, motion, self.sectors)
+        return self.sectors.seeded(in_sectors, CRITERIA.seed, 0)
 
     def sweep(self, motion: Motion, frequency: float, way: float) -> list[Place]:
         """Sweep slowly from a frequency (Hz), upward if ``way`` is 1 or downward if it is -1;
         return the stored motions.
         """
         low, high = self.ends
-        transient = Transient(self.ring, TWO_PI * frequency, motion, self.steps)
+        transient = Transient(self.sectors, TWO_PI * frequency, motion, self.steps)
         transient.advance(CRITERIA.fewest)
         places = [_latest_place(frequency, transient)]
         while True:
@@ -351,7 +355,7 @@ class SteadySearch:
                 self.periods += CRITERIA.fewest + CRITERIA.stride * (len(places) - 1)
                 return places
             # a new integration has only the amplitudes of this part of the sweep
-            transient = Transient(self.ring, transient.omega, transient.motion, self.steps)
+            transient = Transient(self.sectors, transient.omega, transient.motion, self.steps)
             transient.sweep(TWO_PI * frequency, CRITERIA.stride)
             places.append(Place(frequency, float(transient.amplitude.mean()), transient.motion))
 
@@ -369,7 +373,7 @@ class SteadySearch:
         back = 1
         while index >= 0:
             place = places[index]
-            motion = self.ring.seeded(place.motion, CRITERIA.seed, 0)
+            motion = self.sectors.seeded(place.motion, CRITERIA.seed, 0)
             point = self.settle(place.frequency, motion, place.mean, parting=parting)
             if point.stays:
                 self.failure = ""
@@ -394,7 +398,7 @@ class SteadySearch:
 
         The result is added to ``points``, or its frequency to ``fell``.
         """
-        point = self.settle_apart(self.ring, frequency, motion, expected, parting=parting)
+        point = self.settle_apart(self.sectors, frequency, motion, expected, parting=parting)
         if point.stays:
             self.points.append(point)
         else:
@@ -403,7 +407,7 @@ class SteadySearch:
 
     def settle_apart(
         self,
-        ring: Ring,
+        sectors: AllSectors,
         frequency: float,
         motion: Motion,
         expected: float,
@@ -414,7 +418,7 @@ class SteadySearch:
         keeping the result.
         """
         self.on_frequency(frequency)
-        transient = Transient(ring, TWO_PI * frequency, motion, step_factor * self.steps)
+        transient = Transient(sectors, TWO_PI * frequency, motion, step_factor * self.steps)
         point = settle(transient, expected, parting)
         # refinements settle on several threads
         with self._counting:
@@ -429,7 +433,7 @@ class SteadySearch:
 
     def follow(self, point: SteadyPoint, frequency: float) -> SteadyPoint:
         """Change the frequency of a steady motion slowly, and settle there."""
-        moving = Transient(self.ring, point.transient.omega, point.transient.motion, self.steps)
+        moving = Transient(self.sectors, point.transient.omega, point.transient.motion, self.steps)
         periods = max(CRITERIA.stride, round(abs(frequency - point.frequency) / self.pace))
         moving.sweep(TWO_PI * frequency, periods)
         self.periods += periods

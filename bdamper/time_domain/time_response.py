@@ -42,12 +42,12 @@ from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
 from bdamper.response.verification import MotionInTime, TimeResponse, energy_change
 from bdamper.time_domain.integration import (
     STEPS,
+    AllSectors,
     EnergyGained,
     IntegrationFailed,
-    Ring,
     TimeLimit,
     TimeSpent,
-    ring_of,
+    all_sectors,
     transfer,
 )
 from bdamper.time_domain.steady_amplitude import BalanceCurve, SteadySearch
@@ -283,15 +283,15 @@ def time_response(
         why = "next to the tip there are several solutions at all frequencies; widen the interval"
         return replace(without_amplitude, status=NOT_FOUND, reason=why)
 
-    source = ring_of(problem, preload, blades, limit)
-    ring = source if structure is problem else ring_of(structure, preload, blades, limit)
+    source = all_sectors(problem, preload, blades, limit)
+    sectors = source if structure is problem else all_sectors(structure, preload, blades, limit)
     progress = shows_progress(progress)
-    search = SteadySearch(ring, source, balance, steps)
+    search = SteadySearch(sectors, source, balance, steps)
     integrations = _integrate(search, structure, preload, blades, starts, progress)
     if integrations.step_error and not integrations.stopped:
         # shorter steps resolve the contacts better, so the search begins again
         first = integrations
-        search = SteadySearch(ring, source, balance, 4 * steps)
+        search = SteadySearch(sectors, source, balance, 4 * steps)
         integrations = _integrate(search, structure, preload, blades, starts, progress)
         search.periods += first.search.periods
         integrations = replace(integrations, cost=first.cost + integrations.cost)
@@ -306,8 +306,8 @@ def time_response(
     without_amplitude = replace(
         without_amplitude,
         periods=search.periods,
-        diameters=ring.nodal_diameters,
-        cost=watch.read(ring.cost + integrations.cost),
+        diameters=sectors.nodal_diameters,
+        cost=watch.read(sectors.cost + integrations.cost),
         jump_frequency=search.fall,
     )
     doubt_about_curve = ""
@@ -364,7 +364,7 @@ def _integrate(
     richer: _RicherRing | None = None
     error = ""
     time_spent = ""
-    what = f"time integration at {amount(preload, 'N')}, {counted(search.ring.n, 'blade')}"
+    what = f"time integration at {amount(preload, 'N')}, {counted(search.sectors.n, 'blade')}"
     with LongWork() as work, progress_stages(progress, what, "step") as report:
         # three runs with different steps, one with the more detailed structure, one for each start
         search.on_frequency = lambda frequency: report(f"{frequency:.6g} Hz", len(runs), 3 + starts)
@@ -377,7 +377,7 @@ def _integrate(
                 structure_and_name = richer_structure(structure)
                 if structure_and_name is not None:
                     richer_problem, name = structure_and_name
-                    of_richer = ring_of(richer_problem, preload, blades, search.ring.limit)
+                    of_richer = all_sectors(richer_problem, preload, blades, search.sectors.limit)
                     richer = _RicherRing(name, of_richer)
                 _add_refinements(search, best, richer, starts, runs, others)
         except TimeSpent as spent:
@@ -391,7 +391,7 @@ def _integrate(
     names = [_steps_name(search, factor) for factor in (1, 2, 4)]
     names += [name for name in runs if name not in names]
     in_order = {name: runs[name] for name in names if name in runs}
-    cost = Cost() if richer is None else richer.ring.cost
+    cost = Cost() if richer is None else richer.sectors.cost
     return _Integrations(search, in_order, others, error, time_spent, work.interrupted, cost)
 
 
@@ -400,7 +400,7 @@ class _RicherRing:
     """Name of a more detailed structure, and all its sectors."""
 
     name: str
-    ring: Ring
+    sectors: AllSectors
 
 
 def _steps_name(search: SteadySearch, factor: int) -> str:
@@ -426,14 +426,14 @@ def _add_refinements(
     points = highest_first[:3]
 
     def with_shorter_steps() -> None:
-        shorter = _refine(search, points, search.ring, 2)
+        shorter = _refine(search, points, search.sectors, 2)
         runs[_steps_name(search, 2)] = shorter
-        runs[_steps_name(search, 4)] = _refine(search, [shorter, *points], search.ring, 4)
+        runs[_steps_name(search, 4)] = _refine(search, [shorter, *points], search.sectors, 4)
         others.update(_other_starts(search, best, starts))
 
     def in_richer_structure() -> None:
         if richer is not None:
-            runs[richer.name] = _refine(search, points, richer.ring, 1)
+            runs[richer.name] = _refine(search, points, richer.sectors, 1)
 
     on_threads([with_shorter_steps, in_richer_structure])
 
@@ -461,7 +461,7 @@ def _curve_of_peak(problem: Problem, peak: Peak) -> ResponseCurve:
 
 
 def _refine(
-    search: SteadySearch, points: list[SteadyPoint], ring: Ring, step_factor: int
+    search: SteadySearch, points: list[SteadyPoint], sectors: AllSectors, step_factor: int
 ) -> SteadyPoint:
     """Return the highest motion with ``step_factor`` times the steps, or in a richer structure.
 
@@ -472,9 +472,9 @@ def _refine(
     EnergyGained
         If the steps are too long even if they are four times shorter.
     """
-    refined = _with_steps(search, points, ring, step_factor)
+    refined = _with_steps(search, points, sectors, step_factor)
     if step_error(refined.transient):
-        refined = _with_steps(search, points, ring, 4 * step_factor)
+        refined = _with_steps(search, points, sectors, 4 * step_factor)
     return _balanced(refined)
 
 
@@ -487,7 +487,7 @@ def _balanced(point: SteadyPoint) -> SteadyPoint:
 
 
 def _with_steps(
-    search: SteadySearch, points: list[SteadyPoint], ring: Ring, step_factor: int
+    search: SteadySearch, points: list[SteadyPoint], sectors: AllSectors, step_factor: int
 ) -> SteadyPoint:
     """Return the highest motion that stays with ``step_factor`` times the steps, tried from
     ``points`` in this order.
@@ -496,17 +496,17 @@ def _with_steps(
         if not point.stays:
             continue
         motion = point.transient.motion
-        if ring is not search.ring:
-            motion = transfer(search.ring, motion, ring)
+        if sectors is not search.sectors:
+            motion = transfer(search.sectors, motion, sectors)
         # accelerations belong to the steps and the structure that they were computed with
         motion = motion._replace(a=None)
-        refined = search.settle_apart(ring, point.frequency, motion, point.mean, step_factor)
+        refined = search.settle_apart(sectors, point.frequency, motion, point.mean, step_factor)
         # a beat that the longer steps had damped needs more periods to show its full range
         moved = abs(refined.mean / point.mean - 1.0) > 0.5 * CRITERIA.drift
         if refined.stays and moved:
             latest = refined.transient.motion
             refined = search.settle_apart(
-                ring, point.frequency, latest, refined.mean, step_factor, parting=True
+                sectors, point.frequency, latest, refined.mean, step_factor, parting=True
             )
         if refined.stays:
             break
@@ -533,15 +533,15 @@ def _other_starts(search: SteadySearch, best: SteadyPoint, starts: int) -> dict[
     """Return the amplitudes (m) that other disturbances and tractions of the highest motion lead
     to.
     """
-    tractions = search.ring.tractions(best.transient.motion)
+    tractions = search.sectors.tractions(best.transient.motion)
     traction_names = list(tractions)
     amplitudes = {}
     # start 0 is the highest motion itself
     for start in range(1, starts):
         name = traction_names[(start - 1) % len(traction_names)]
         undisturbed = best.transient.motion._replace(w=tractions[name])
-        motion = search.ring.seeded(undisturbed, CRITERIA.seed, start)
-        point = search.settle_apart(search.ring, best.frequency, motion, best.mean)
+        motion = search.sectors.seeded(undisturbed, CRITERIA.seed, start)
+        point = search.settle_apart(search.sectors, best.frequency, motion, best.mean)
         amplitudes[f"start {start}, {name}"] = _balanced(point).mean
     return amplitudes
 
@@ -600,7 +600,7 @@ def _stated(
 
 def _after_limit(integrations: _Integrations) -> str:
     """Return the missing part of the work if the processor time is spent, with a remedy, or ""."""
-    limit = integrations.search.ring.limit
+    limit = integrations.search.sectors.limit
     if not integrations.time_spent or limit is None:
         return ""
     if integrations.search.best is None:
@@ -623,8 +623,8 @@ def _remarks(search: SteadySearch, best: SteadyPoint) -> str:
     if search.below < best.mean:
         below = amount(search.below, "m")
         remarks.append(f"from the tip; a sweep from the flank has at most {below}")
-    n_integrated = len(search.ring.nodal_diameters)
-    n_diameters = search.ring.n // 2 + 1
+    n_integrated = len(search.sectors.nodal_diameters)
+    n_diameters = search.sectors.n // 2 + 1
     if n_integrated < n_diameters:
         remarks.append(f"{n_integrated} of {n_diameters} nodal diameters were integrated")
     return "; ".join(remarks)
@@ -678,7 +678,7 @@ def of_blades(transient: Transient, periods: int) -> dict[str, Any]:
     return {
         "blade": transient.blade,
         "blades": np.abs(blades),
-        "waves": transient.ring.waves(blades),
+        "waves": transient.sectors.waves(blades),
         "energy": tuple(float(value) for value in mean_energy),
         "growth": growth,
     }
@@ -745,13 +745,13 @@ def _not_integrated(preload: float) -> TimeResponse:
 # ---- one motion ----
 
 
-def disturbed(ring: Ring, u: NDArray, omega: float, steps: int | None = None) -> Transient:
+def disturbed(sectors: AllSectors, u: NDArray, omega: float, steps: int | None = None) -> Transient:
     """Return a time integration from a solution (n_unknowns,) with a disturbance of every nodal
     diameter.
     """
-    solution = Transient(ring, omega, u, steps)
-    motion = ring.seeded(solution.motion, CRITERIA.seed, 0)
-    return Transient(ring, omega, motion, solution.steps)
+    solution = Transient(sectors, omega, u, steps)
+    motion = sectors.seeded(solution.motion, CRITERIA.seed, 0)
+    return Transient(sectors, omega, motion, solution.steps)
 
 
 def compare_with_solution(
@@ -865,13 +865,13 @@ def motion_in_time(
         steps = steps_per_period
 
     watch = CostMeter()
-    ring = ring_of(problem, curve.preload, limit=limit)
+    sectors = all_sectors(problem, curve.preload, limit=limit)
     solution = curve.unknowns[point]
     expected = problem.system(curve.preload).response(solution)
     omega = TWO_PI * frequency
 
     def with_steps(steps: int) -> _MotionRun:
-        transient = disturbed(ring, solution, omega, steps)
+        transient = disturbed(sectors, solution, omega, steps)
         if free:
             return _without_decision(transient, n_periods, progress)
         return _with_decision(transient, expected, tolerance, n_periods, progress)
@@ -902,10 +902,10 @@ def motion_in_time(
         preload=curve.preload,
         harmonics=response,
         repeats_after=repeats_after(response),
-        diameters=ring.nodal_diameters,
+        diameters=sectors.nodal_diameters,
         status=end.status,
         reason=end.reason,
-        cost=watch.read(ring.cost),
+        cost=watch.read(sectors.cost),
         **run.decision,
         **fields_of_blades,
         **problem.recorded(),
@@ -976,7 +976,7 @@ def _spent_after(transient: Transient, spent: TimeSpent, fewest: int) -> str:
         If fewer than ``fewest`` periods are known, which are no result.
     """
     n = len(transient.harmonics)
-    limit = transient.ring.limit
+    limit = transient.sectors.limit
     remedy = "" if limit is None else limit.remedy
     if n < fewest:
         raise TimeSpent(f"{spent} before {counted(fewest, 'period')} ended; {remedy}")

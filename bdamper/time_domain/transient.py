@@ -50,7 +50,7 @@ from numpy.typing import NDArray
 
 from bdamper.response.continuation import TWO_PI
 from bdamper.response.motion_range import half_range
-from bdamper.time_domain.integration import STEPS, EnergyGained, Motion, Ring
+from bdamper.time_domain.integration import STEPS, AllSectors, EnergyGained, Motion
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import amount, percent
@@ -155,7 +155,7 @@ class Transient:
 
     Parameters
     ----------
-    ring : Ring
+    sectors : AllSectors
     omega : float, rad/s
     start : (n_unknowns,) float or Motion
         Harmonic-balance solution at any frequency, or the end of another time integration.
@@ -187,7 +187,7 @@ class Transient:
 
     def __init__(
         self,
-        ring: Ring,
+        sectors: AllSectors,
         omega: float,
         start: NDArray | Motion,
         steps: int | None = None,
@@ -197,21 +197,21 @@ class Transient:
             self.steps = STEPS
         else:
             self.steps = validation.integer("steps_per_period", steps, least=16)
-        self.ring = ring
+        self.sectors = sectors
         self.omega = omega
         self._blade = blade
         if isinstance(start, Motion):
-            _check_motion(ring, start)
+            _check_motion(sectors, start)
             self.motion = start
         else:
-            self.motion = ring.start(start, omega, self.steps)
+            self.motion = sectors.start(start, omega, self.steps)
         self.harmonics: list[NDArray] = []
         self.energy: list[NDArray] = []
-        self.memory = float(omega / (np.pi * max(ring.least_damping, 1e-9 * omega)))
+        self.memory = float(omega / (np.pi * max(sectors.least_damping, 1e-9 * omega)))
         # energy of the motion, and its bound: initial energy, work of excitation and damping
-        self._energy_now = ring.energy(self.motion)
+        self._energy_now = sectors.energy(self.motion)
         self._energy_supplied = self._energy_now
-        self.stored: list[tuple[int, float]] = [(0, ring.contact_energy(self.motion))]
+        self.stored: list[tuple[int, float]] = [(0, sectors.contact_energy(self.motion))]
 
     @property
     def blades(self) -> NDArray:
@@ -224,7 +224,7 @@ class Transient:
 
         It has the phases of the first blade.
         """
-        turn = 2.0 * np.pi * self.blade * self.ring.wave / self.ring.n
+        turn = 2.0 * np.pi * self.blade * self.sectors.wave / self.sectors.n
         amplitudes = np.array(self.harmonics)[:, self.blade]
         return np.asarray(amplitudes * np.exp(-1j * turn * np.arange(amplitudes.shape[1])))
 
@@ -256,11 +256,11 @@ class Transient:
             end = None
         else:
             begin, end = ends
-        path = self.ring.integrate(self.motion, begin, self.steps, periods, omega_end=end)
+        path = self.sectors.integrate(self.motion, begin, self.steps, periods, omega_end=end)
         self.motion = path.motion
         self.harmonics.extend(path.harmonics)
         self.energy.extend(path.energy)
-        self.stored.append((len(self.harmonics), self.ring.contact_energy(self.motion)))
+        self.stored.append((len(self.harmonics), self.sectors.contact_energy(self.motion)))
         for work, damping, _, rise in path.energy:
             self._energy_now = self._energy_now + rise
             self._energy_supplied = self._energy_supplied + abs(work) + abs(damping)
@@ -309,12 +309,12 @@ class Transient:
         self.omega = end
 
 
-def _check_motion(ring: Ring, motion: Motion) -> None:
-    """Raise SettingError if a motion does not have the coordinates and sliders of the ring."""
-    laws = ring.system.structure.points.own
+def _check_motion(sectors: AllSectors, motion: Motion) -> None:
+    """Raise SettingError if a motion does not have the coordinates and sliders of the sectors."""
+    laws = sectors.system.structure.points.own
     width = 2 if laws is None else 2 + laws.width
-    coordinates = (2 * ring.n_coordinates,)
-    sliders = (ring.n, ring.system.n_points, width)
+    coordinates = (2 * sectors.n_coordinates,)
+    sliders = (sectors.n, sectors.system.n_points, width)
     if motion.q.shape != coordinates or motion.w.shape != sliders:
         raise SettingError(
             "start: the motion belongs to another study; its coordinates and sliders have the "
@@ -456,7 +456,7 @@ class OtherWaves(NamedTuple):
 
 def outside(transient: Transient, periods: int) -> OtherWaves:
     """Return the motion in other waves than the excited wave, in the last periods."""
-    away = transient.ring.departure(transient.blades[-2 * periods :])
+    away = transient.sectors.departure(transient.blades[-2 * periods :])
     first_half, second = np.array_split(away, 2)
     before = float(np.sqrt((first_half**2).mean()))
     last = float(np.sqrt((second**2).mean()))
@@ -496,7 +496,9 @@ def energy_error(transient: Transient, periods: int = CRITERIA.balanced) -> floa
     supplied = float(given[given > 0.0].sum())
     # far from a resonance little energy is supplied; a thousandth of the energy of the vibration is
     # the loss of a damping ratio of 1e-4
-    vibration = (end - begin) * transient.ring.vibration_energy(transient.motion, transient.omega)
+    vibration = (end - begin) * transient.sectors.vibration_energy(
+        transient.motion, transient.omega
+    )
     return float(max(abs(numerical), -dissipated) / max(supplied + 1e-3 * vibration, 1e-300))
 
 
@@ -509,12 +511,12 @@ def step_error(transient: Transient) -> str:
     # also if the error is NaN
     if not error <= CRITERIA.energy:
         return f"the time steps change its energy by {percent(error)} per period; {remedy}"
-    bound = transient.ring.amplitude_bound(transient.omega)
+    bound = transient.sectors.amplitude_bound(transient.omega)
     mean = np.abs(second_half(transient.blades)).mean(axis=0)
-    if transient.ring.n > 1:
+    if transient.sectors.n > 1:
         amplitude = float(np.sqrt((mean**2).mean()))
     else:
-        # a ring of one sector may contain all blades of a mistuned disk
+        # one sector may contain all blades of a mistuned disk
         amplitude = float(mean.max())
     if not amplitude <= (1.0 + CRITERIA.tolerance) * bound:
         return (

@@ -361,8 +361,8 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "Material.ultimate_strength": STRENGTH,
     "Material.yield_strength": STRENGTH,
     "Material.findley_k": Range(0.05, 1.0, above=PER_CENT),
-    "Material.youngs_modulus": Range(1e8, 2e12, "Pa", below="possibly given in MPa or GPa"),
-    "Material.density": Range(500.0, 3e4, "kg/m3", below="possibly given in g/cm3 or t/mm3"),
+    "ElasticMaterial.youngs_modulus": Range(1e8, 2e12, "Pa", below="possibly given in MPa or GPa"),
+    "ElasticMaterial.density": Range(500.0, 3e4, "kg/m3", below="possibly given in g/cm3 or t/mm3"),
     # lumped masses
     "lumped.mass": Range(1e-9, 1e7, "kg", GRAMS, "possibly given in tonnes"),
     "lumped.damping": Range(1e-12, 1e10, "N s/m"),

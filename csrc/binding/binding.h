@@ -102,7 +102,7 @@ extern PyGetSetDef core_equations_getset[];
 /* ---- parts of the module ---- */
 
 extern PyType_Spec core_sector_spec, core_eased_spec, core_modes_spec; /* sector_types.c */
-extern PyType_Spec core_ring_spec;                                     /* integration_type.c */
+extern PyType_Spec core_time_integration_spec;                         /* integration_type.c */
 extern PyType_Spec core_wheel_spec;                                    /* wheel_type.c */
 int core_add_results(PyObject *module, core_state *state);
 /* contact_functions.c */

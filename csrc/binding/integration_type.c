@@ -1,4 +1,4 @@
-/* bdamper._core.Ring: time integration of all sectors of one structure.
+/* bdamper._core.TimeIntegration: time integration of all sectors of one structure.
  *
  * As in equations_type.c, computation runs without the GIL, under the lock of the object that owns
  * the workspace. */
@@ -12,9 +12,9 @@ typedef struct {
     PyObject_HEAD bd_time time;
     PyThread_type_lock lock;
     PyObject *point_law; /* owner of the user laws' memory */
-} RingObject;
+} TimeIntegrationObject;
 
-static void Ring_dealloc(RingObject *self) {
+static void TimeIntegration_dealloc(TimeIntegrationObject *self) {
     PyTypeObject *type = Py_TYPE(self);
     bd_time_destroy(&self->time);
     if (self->lock) PyThread_free_lock(self->lock);
@@ -23,7 +23,7 @@ static void Ring_dealloc(RingObject *self) {
     Py_DECREF(type);
 }
 
-/* Arguments of Ring(), in order. */
+/* Arguments of TimeIntegration(), in order. */
 typedef struct {
     PyObject *n_mode, *diameter, *stiffness, *mass, *damping, *G, *kt, *kn, *mu, *n0, *load, *shift,
         *law, *held, *order, *force, *row, *point_law;
@@ -112,17 +112,18 @@ static int read_points(core_arguments *arguments, const ring_objects *o, bd_time
     return (in->fixed_slider = integers(arguments, o->held, "held", 2, by2, 1)) != NULL;
 }
 
-static PyObject *Ring_new(PyTypeObject *type, PyObject *args, PyObject *kwargs) {
+static PyObject *TimeIntegration_new(PyTypeObject *type, PyObject *args, PyObject *kwargs) {
     static char *names[] = {"n_sector", "n_mode", "diameter", "stiffness", "mass", "damping", "G",
                             "kt",       "kn",     "mu",       "n0",        "load", "shift",   "law",
                             "held",     "order",  "force",    "row",       "own",  NULL};
     ring_objects o = {.point_law = Py_None};
     bd_time_input in = {0};
     core_arguments arguments = {0};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "iOOOOOOOOOOOOOOOOO|O:Ring", names, &in.n_sector,
-                                     &o.n_mode, &o.diameter, &o.stiffness, &o.mass, &o.damping,
-                                     &o.G, &o.kt, &o.kn, &o.mu, &o.n0, &o.load, &o.shift, &o.law,
-                                     &o.held, &o.order, &o.force, &o.row, &o.point_law))
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "iOOOOOOOOOOOOOOOOO|O:TimeIntegration", names,
+                                     &in.n_sector, &o.n_mode, &o.diameter, &o.stiffness, &o.mass,
+                                     &o.damping, &o.G, &o.kt, &o.kn, &o.mu, &o.n0, &o.load,
+                                     &o.shift, &o.law, &o.held, &o.order, &o.force, &o.row,
+                                     &o.point_law))
         return NULL;
     if (in.n_sector < 1 || in.n_sector > 100000) {
         PyErr_Format(PyExc_ValueError, "n_sector: expected 1 to 100000, found %d", in.n_sector);
@@ -134,9 +135,9 @@ static PyObject *Ring_new(PyTypeObject *type, PyObject *args, PyObject *kwargs) 
     bd_point_law *point_law;
     if (!core_point_laws(o.point_law, in.n_point, &point_law)) return NULL;
     in.point_law = point_law;
-    RingObject *self = core_check_point_laws(in.law, point_law, in.n_point)
-                           ? (RingObject *)type->tp_alloc(type, 0)
-                           : NULL;
+    TimeIntegrationObject *self = core_check_point_laws(in.law, point_law, in.n_point)
+                                      ? (TimeIntegrationObject *)type->tp_alloc(type, 0)
+                                      : NULL;
     if (self) {
         self->point_law = Py_NewRef(o.point_law);
         self->lock = PyThread_allocate_lock();
@@ -194,8 +195,9 @@ static bd_time_path part_of(const bd_time *t, const bd_time_path *path, long don
 
 /* Integrate whole periods, some thousand steps at a time; Ctrl-C stops the integration between
  * them. Return 0 with an exception; *status is the result of the integration. */
-static int integrate_in_parts(RingObject *self, const bd_time_path *path, double *q, double *v,
-                              double *a, double *w, bd_time_effort *effort, bd_status *status) {
+static int integrate_in_parts(TimeIntegrationObject *self, const bd_time_path *path, double *q,
+                              double *v, double *a, double *w, bd_time_effort *effort,
+                              bd_status *status) {
     enum { STEPS = 4096 };
     const long per_period = path->steps_per_period;
     const long most = per_period > STEPS ? per_period : STEPS / per_period * per_period;
@@ -244,7 +246,8 @@ static int read_harmonics(core_arguments *arguments, PyObject *object, const bd_
     return *X != NULL;
 }
 
-static PyObject *Ring_integrate(RingObject *self, PyObject *args, PyObject *kwargs) {
+static PyObject *TimeIntegration_integrate(TimeIntegrationObject *self, PyObject *args,
+                                           PyObject *kwargs) {
     static char *names[] = {"q",     "v",         "a",      "w",         "n_step", "per_period",
                             "omega", "omega_end", "radius", "tolerance", "fresh",  "harmonic",
                             "trace", "first",     "energy", "seconds",   NULL};
@@ -303,7 +306,7 @@ static PyObject *Ring_integrate(RingObject *self, PyObject *args, PyObject *kwar
     return Py_BuildValue("ill", (int)status, effort.n_solution, effort.n_evaluation);
 }
 
-static PyObject *Ring_follow(RingObject *self, PyObject *args) {
+static PyObject *TimeIntegration_follow(TimeIntegrationObject *self, PyObject *args) {
     PyObject *q_object, *w_object;
     if (!PyArg_ParseTuple(args, "OO:follow", &q_object, &w_object)) return NULL;
     core_arguments arguments = {0};
@@ -321,8 +324,9 @@ static PyObject *Ring_follow(RingObject *self, PyObject *args) {
     Py_RETURN_NONE;
 }
 
-static PyMethodDef Ring_methods[] = {
-    {"integrate", (PyCFunction)(void (*)(void))Ring_integrate, METH_VARARGS | METH_KEYWORDS,
+static PyMethodDef TimeIntegration_methods[] = {
+    {"integrate", (PyCFunction)(void (*)(void))TimeIntegration_integrate,
+     METH_VARARGS | METH_KEYWORDS,
      "integrate(q, v, a, w, n_step, per_period, omega, omega_end, radius, tolerance, fresh=False, "
      "harmonic=None, trace=None, first=0, energy=None, seconds=0.0) -> (int, int, int)\n\n"
      "Integrate m states in place: q, v, a (m, 2 n) and w (m, n_sector, n_point, 2 + n_memory), "
@@ -346,18 +350,19 @@ static PyMethodDef Ring_methods[] = {
      "evaluations. The "
      "status is 1 if contact forces were not found even in shortened steps, and 8 if the processor "
      "time is spent."},
-    {"follow", (PyCFunction)Ring_follow, METH_VARARGS,
+    {"follow", (PyCFunction)TimeIntegration_follow, METH_VARARGS,
      "follow(q, w)\n\n"
      "Update the sliders w, as in integrate, along a prescribed motion q (n_step, 2 n)."},
     {NULL, NULL, 0, NULL}};
 
-static PyType_Slot Ring_slots[] = {{Py_tp_new, Ring_new},
-                                   {Py_tp_dealloc, Ring_dealloc},
-                                   {Py_tp_methods, Ring_methods},
-                                   {Py_tp_doc, "Time integration of all sectors of one structure."},
-                                   {0, NULL}};
+static PyType_Slot TimeIntegration_slots[] = {{Py_tp_new, TimeIntegration_new},
+                                              {Py_tp_dealloc, TimeIntegration_dealloc},
+                                              {Py_tp_methods, TimeIntegration_methods},
+                                              {Py_tp_doc,
+                                               "Time integration of all sectors of one structure."},
+                                              {0, NULL}};
 
-PyType_Spec core_ring_spec = {.name = "bdamper._core.Ring",
-                              .basicsize = sizeof(RingObject),
-                              .flags = Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE,
-                              .slots = Ring_slots};
+PyType_Spec core_time_integration_spec = {.name = "bdamper._core.TimeIntegration",
+                                          .basicsize = sizeof(TimeIntegrationObject),
+                                          .flags = Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE,
+                                          .slots = TimeIntegration_slots};

@@ -119,7 +119,7 @@ static int core_exec(PyObject *module) {
     if (PyArray_ImportNumPyAPI() < 0 || find_lapack(&state->lapack) < 0) return -1;
     if (core_add_results(module, state) < 0 || core_add_laws(module) < 0) return -1;
     PyType_Spec *const spec[] = {&core_sector_spec, &core_eased_spec, &core_modes_spec,
-                                 &core_ring_spec, &core_wheel_spec};
+                                 &core_time_integration_spec, &core_wheel_spec};
     for (size_t i = 0; i < sizeof spec / sizeof *spec; ++i) {
         PyObject *type = PyType_FromModuleAndSpec(module, spec[i], NULL);
         const int failed = type ? PyModule_AddType(module, (PyTypeObject *)type) : -1;

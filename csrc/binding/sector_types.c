@@ -1,4 +1,4 @@
-/* bdamper._core.Sector: equations of one structure from arrays; Eased: a factor on the excitation
+/* bdamper._core.SectorEquations: equations of one structure from arrays; Eased: a factor on the excitation
  * as parameter; Modes: nonlinear modes.
  *
  * The binding parses, checks and copies; it contains no mathematics. */
@@ -6,7 +6,7 @@
 
 /* ---- creation ---- */
 
-/* Arguments of Sector(), in order. */
+/* Arguments of SectorEquations(), in order. */
 typedef struct {
     PyObject *n_mode, *stiffness, *mass, *damping, *G, *kt, *kn, *mu, *n0, *w, *law, *shift, *force,
         *load, *row_scale, *point_law;
@@ -86,7 +86,7 @@ static int read_points(core_arguments *arguments, const sector_objects *o, bd_hb
     return in->shift != NULL;
 }
 
-/* Read all arguments of Sector(). */
+/* Read all arguments of SectorEquations(). */
 static int read_input(const sector_objects *o, int evaluation, bd_hbm_input *in,
                       const double **row_scale, bd_point_law **point_law) {
     core_arguments arguments = {0};
@@ -163,7 +163,7 @@ static PyObject *Sector_new(PyTypeObject *type, PyObject *args, PyObject *kwargs
     family_objects family = {.nodes = Py_None, .squares = Py_None};
     bd_hbm_input in = {0};
     int evaluation = BD_EXACT, elimination = BD_BY_SIZE;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOOOOOOOOO|iiOOOdOOi:Sector", names,
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOOOOOOOOO|iiOOOdOOi:SectorEquations", names,
                                      &o.n_mode, &o.stiffness, &o.mass, &o.damping, &o.G, &o.kt,
                                      &o.kn, &o.mu, &o.n0, &o.w, &o.law, &o.shift, &o.force,
                                      &evaluation, &in.n_time, &o.load, &family.nodes,
@@ -213,7 +213,7 @@ static PyType_Slot Sector_slots[] = {
      "the contact points, 0 for a choice by size."},
     {0, NULL}};
 
-PyType_Spec core_sector_spec = {.name = "bdamper._core.Sector",
+PyType_Spec core_sector_spec = {.name = "bdamper._core.SectorEquations",
                                 .basicsize = sizeof(core_equations),
                                 .flags = Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE,
                                 .slots = Sector_slots};
@@ -252,12 +252,12 @@ static PyType_Slot Eased_slots[] = {{Py_tp_new, Eased_new},
                                     {Py_tp_methods, core_equations_methods},
                                     {Py_tp_getset, core_equations_getset},
                                     {Py_tp_doc,
-                                     "Equations of a Sector at fixed omega; the parameter is a "
+                                     "Equations of a sector at fixed omega; the parameter is a "
                                      "factor on the part ramp (n_unknown) of the "
                                      "excitation.\n\n"
                                      "The factor also fades out the linear force support "
                                      "(n_unknown, n_unknown), unless None. Lock and cost are "
-                                     "shared with the Sector."},
+                                     "shared with the sector."},
                                     {0, NULL}};
 
 PyType_Spec core_eased_spec = {.name = "bdamper._core.Eased",
@@ -280,7 +280,7 @@ static PyObject *Modes_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
     const npy_intp n = inner->equations->n, n2 = n + 2;
     if (inner->hbm->variation) {
         PyErr_SetString(PyExc_ValueError,
-                        "sector: expected a Sector at fixed speed, found a speed family");
+                        "sector: expected a sector at fixed speed, found a speed family");
         return NULL;
     }
     if (!core_check_number(weight, "weight", BD_POSITIVE)) return NULL;
@@ -306,13 +306,13 @@ static PyType_Slot Modes_slots[] = {{Py_tp_new, Modes_new},
                                     {Py_tp_methods, core_equations_methods},
                                     {Py_tp_getset, core_equations_getset},
                                     {Py_tp_doc,
-                                     "Nonlinear modes of a Sector without its excitation; the "
+                                     "Nonlinear modes of a sector without its excitation; the "
                                      "parameter is ln a, with the amplitude a.\n\n"
-                                     "Unknowns are the unknowns of the Sector, with the vibration "
+                                     "Unknowns are the unknowns of the sector, with the vibration "
                                      "divided by a, then omega and zeta. re and im "
-                                     "(n_unknown of the Sector) define the motion with the "
+                                     "(n_unknown of the sector) define the motion with the "
                                      "amplitude a. weight scales the two equations of this "
-                                     "definition. Lock and cost are shared with the Sector."},
+                                     "definition. Lock and cost are shared with the sector."},
                                     {0, NULL}};
 
 PyType_Spec core_modes_spec = {.name = "bdamper._core.Modes",

@@ -14,7 +14,7 @@ if shutil.which("ccx") is None:
     pytest.skip("CalculiX (ccx) is not installed", allow_module_level=True)
 
 from bdamper.fem.generated_models import SectorFE, blade_structure
-from bdamper.fem.meshes import Geometry, Material, MeshDensity
+from bdamper.fem.meshes import ElasticMaterial, Geometry, MeshDensity
 from examples.calculix.decks import sector_input
 from tests.calculix_runs import clamped_input, free_input, run
 from tools.rig import rig_structure
@@ -55,7 +55,7 @@ def test_free_damper(fe, tmp_path):
     ],
 )
 def test_acyclic_structures(structure, tmp_path):
-    body, held = structure(Geometry(), MeshDensity.preset("coarse"), Material())
+    body, held = structure(Geometry(), MeshDensity.preset("coarse"), ElasticMaterial())
     ours = np.sqrt(held.modes(8)[0]) / (2 * np.pi)
     theirs = run(clamped_input(body, held.clamped, 8), tmp_path)
     np.testing.assert_allclose(theirs, ours, rtol=1e-5)

@@ -19,8 +19,8 @@ from bdamper.contact.preload_state import OPEN
 from bdamper.contact.static_contact import StaticContactProblem, solve_static_contact
 from bdamper.fem.generated_models import averaging_matrix, wedge_patches
 from bdamper.fem.meshes import (
+    ElasticMaterial,
     Geometry,
-    Material,
     MeshDensity,
     damper_mesh,
     discretise,
@@ -59,7 +59,7 @@ def parts():
 
 
 def condensed(g, patches, meshes):
-    damper = FreeBody(discretise(meshes[0], Material()), turn(0.5 * g.pitch).T)
+    damper = FreeBody(discretise(meshes[0], ElasticMaterial()), turn(0.5 * g.pitch).T)
     blocks = [averaging_matrix(damper.body, p) for p in patches.values()]
     flexibility = damper.receptance(sp.vstack(blocks, format="csr"))
     rigid = -np.concatenate([b @ damper.rigid for b in blocks])
@@ -69,7 +69,7 @@ def condensed(g, patches, meshes):
     offset = -np.concatenate([b @ damper.elastic_response(force) for b in blocks])
     start = 0
     for mesh, p in zip(meshes[1:], patches.values()):
-        body = discretise(mesh, Material())
+        body = discretise(mesh, ElasticMaterial())
         depth = (body.nodes - p.centre[0]) @ p.frame[0][2]
         held = np.repeat(depth > 0.006 - 1e-6, 3)
         free = np.flatnonzero(~held)
@@ -111,7 +111,7 @@ def calculix(g, patches, meshes, force, folder):
     whole = MeshHex(
         np.hstack([m.p for m in meshes]), np.hstack([m.t + o for m, o in zip(meshes, offsets)])
     )
-    body = discretise(whole, Material())
+    body = discretise(whole, ElasticMaterial())
     text = deck_of(body)
     lines = [text]
     held = np.zeros(len(body.nodes), bool)
@@ -137,7 +137,7 @@ def calculix(g, patches, meshes, force, folder):
             f"D{side.upper()}, P{side.upper()}",
         ]
     lines += ["*STEP, NLGEOM=NO, INC=200", "*STATIC", "0.1, 1., 1e-5, 0.2", "*CLOAD"]
-    damper = discretise(meshes[0], Material())
+    damper = discretise(meshes[0], ElasticMaterial())
     place = {tuple(np.round(x / 1e-9).astype(np.int64)): k for k, x in enumerate(body.nodes)}
     for x, f in zip(damper.nodes, LOAD * force.reshape(-1, 3)):
         k = place[tuple(np.round(x / 1e-9).astype(np.int64))] + 1

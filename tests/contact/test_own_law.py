@@ -16,7 +16,7 @@ from scipy import LowLevelCallable
 import bdamper as bd
 from bdamper import _core
 from bdamper.harmonic_balance.contact_cycle import energies
-from bdamper.time_domain.integration import Ring
+from bdamper.time_domain.integration import AllSectors
 
 PAGE = (Path(__file__).parents[2] / "docs" / "lumped.md").read_text()
 NUMBER = ctypes.POINTER(ctypes.c_double)
@@ -75,7 +75,7 @@ class TestBoucWen:
         top = int(np.argmax(curve.amplitude))
         omega, u = 2 * np.pi * curve.frequency[top], curve.unknowns[top]
         system = study.problem.system(0.0)
-        ring = Ring(system, 1, 1)
+        ring = AllSectors(system, 1, 1)
         motion = ring.start(u, omega, 512)
         assert motion.w.shape == (1, 1, 2 + 5)
         last = ring.integrate(motion, omega, 512, 30)

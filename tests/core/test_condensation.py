@@ -6,7 +6,7 @@ from numpy.random import default_rng
 
 import bdamper as bd
 from bdamper import _core
-from bdamper.harmonic_balance.sector import Sector
+from bdamper.harmonic_balance.sector import SectorData
 from tests.cases import evaluate_system, random_arrays
 
 FULL, CONDENSED = 1, 2
@@ -23,7 +23,7 @@ LAYOUTS = {
 
 def solved(arrays, y, elimination, transposed=False, seed=0, modes=None):
     """Solution of random bordered equations at y, its data, and the core."""
-    core = _core.Sector(**arrays, elimination=elimination)
+    core = _core.SectorEquations(**arrays, elimination=elimination)
     if modes:
         core = _core.Modes(core, *modes)
     n_all = core.n_unknown + 1
@@ -37,7 +37,7 @@ def solved(arrays, y, elimination, transposed=False, seed=0, modes=None):
 
 def rounding(arrays, y, transposed, modes):
     """Relative rounding of a solution: machine precision times the condition of the bordered matrix."""
-    core = _core.Sector(**arrays, elimination=FULL)
+    core = _core.SectorEquations(**arrays, elimination=FULL)
     if modes:
         core = _core.Modes(core, *modes)
     n_all = core.n_unknown + 1
@@ -74,8 +74,8 @@ def test_jacobians_are_those_of_full_assembly(name):
     rng = default_rng(6)
     arrays = random_arrays(rng, **LAYOUTS[name])
     u = rng.normal(size=len(arrays["force"]))
-    full = evaluate_system(_core.Sector(**arrays, elimination=FULL), u, 0.8)
-    condensed = evaluate_system(_core.Sector(**arrays, elimination=CONDENSED), u, 0.8)
+    full = evaluate_system(_core.SectorEquations(**arrays, elimination=FULL), u, 0.8)
+    condensed = evaluate_system(_core.SectorEquations(**arrays, elimination=CONDENSED), u, 0.8)
     for expected, found in zip(full, condensed):
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
 
@@ -167,7 +167,7 @@ def test_points_count_only_by_the_components_that_modes_move():
 def test_other_choices_are_refused(elimination):
     arrays = random_arrays(default_rng(14), (2, 2), 1)
     with pytest.raises(ValueError, match=f"elimination: expected 0, 1 or 2, found {elimination}"):
-        _core.Sector(**arrays, elimination=elimination)
+        _core.SectorEquations(**arrays, elimination=elimination)
 
 
 # ---- Curves ----
@@ -192,9 +192,9 @@ def chain(n, harmonics):
 def with_full_factors(monkeypatch, compute):
     """Result of a computation, and of the same with the factors of the full Jacobian."""
     condensed = compute()
-    arrays = Sector.arrays.func
+    arrays = SectorData.arrays.func
     full_arrays = property(lambda sector: arrays(sector) | {"elimination": FULL})
-    monkeypatch.setattr(Sector, "arrays", full_arrays)
+    monkeypatch.setattr(SectorData, "arrays", full_arrays)
     return condensed, compute()
 
 

@@ -21,7 +21,7 @@ SIZES = {"wheel": (27, 6)}
 
 
 def sector(rng, **options):
-    return _core.Sector(**random_arrays(rng, (2, 3), 4), **options)
+    return _core.SectorEquations(**random_arrays(rng, (2, 3), 4), **options)
 
 
 def ramp(rng, **options):
@@ -35,16 +35,19 @@ def support(rng, **options):
 def family(rng, **options):
     arrays = random_arrays(rng, (2, 3), 4)
     nodes = tuple(
-        _core.Sector(**{**arrays, "stiffness": arrays["stiffness"] * (1.0 + 0.1 * k)})
+        _core.SectorEquations(**{**arrays, "stiffness": arrays["stiffness"] * (1.0 + 0.1 * k)})
         for k in range(3)
     )
     squares = np.array([0.04, 0.25, 0.64])
-    return _core.Sector(**arrays, nodes=nodes, squares=squares, order=1.0, **options)
+    return _core.SectorEquations(**arrays, nodes=nodes, squares=squares, order=1.0, **options)
 
 
 def modes(rng, **options):
     return _core.Modes(
-        _core.Sector(**random_arrays(rng, (2, 2), 4)), *rng.normal(size=(2, 6)), 0.8, **options
+        _core.SectorEquations(**random_arrays(rng, (2, 2), 4)),
+        *rng.normal(size=(2, 6)),
+        0.8,
+        **options,
     )
 
 

@@ -41,7 +41,7 @@ def test_springs_beside_contacts():
     arrays = random_arrays(rng, [3, 3, 2], 11)
     arrays["law"][1::2] = CUBIC
     arrays["mu"][1::2] = 99.0  # tells the oracle which they are; the core does not read it
-    system = _core.Sector(**arrays, evaluation=EXACT, n_time=0)
+    system = _core.SectorEquations(**arrays, evaluation=EXACT, n_time=0)
     u = rng.normal(size=system.n_unknown)
     r, J, _ = evaluate_system(system, u, 0.8)
 

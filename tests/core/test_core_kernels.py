@@ -36,7 +36,7 @@ def test_an_unknown_one_is_named(monkeypatch):
     with pytest.raises(ValueError, match=expected):
         _core.kernel()
     with pytest.raises(ValueError, match=expected):
-        _core.Sector(**arrays)
+        _core.SectorEquations(**arrays)
 
 
 @each("name", KERNELS)
@@ -54,7 +54,7 @@ def test_all_give_the_same_residual_and_jacobian(monkeypatch, name, law, evaluat
     found = {}
     for kernel in ("plain", name):
         monkeypatch.setenv("BDAMPER_KERNEL", kernel)
-        system = _core.Sector(**arrays, evaluation=evaluation, **sampled)
+        system = _core.SectorEquations(**arrays, evaluation=evaluation, **sampled)
         u = default_rng(3).normal(size=system.n_unknown)
         found[kernel] = evaluate_system(system, u, 0.8)
     for one, other in zip(found[name], found["plain"]):

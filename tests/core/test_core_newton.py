@@ -28,7 +28,7 @@ def solved_systems(count=8):
     rng = default_rng(1)
     found = 0
     while found < count:
-        system = _core.Sector(**random_arrays(rng, (2, 3, 2), 4, constraint_points=1))
+        system = _core.SectorEquations(**random_arrays(rng, (2, 3, 2), 4, constraint_points=1))
         out, y, tangent = solve(
             system, np.append(0.3 * rng.normal(size=system.n_unknown), rng.uniform(0.4, 2.0))
         )
@@ -51,7 +51,7 @@ def test_mean_shares_are_those_of_the_points_with_friction():
     rng, opened = default_rng(1), 0
     for _ in range(12):
         arrays = random_arrays(rng, (2, 3, 2), 4, constraint_points=1)
-        system = _core.Sector(**arrays)
+        system = _core.SectorEquations(**arrays)
         out, y, _ = solve(
             system, np.append(0.3 * rng.normal(size=system.n_unknown), rng.uniform(0.4, 2.0))
         )
@@ -136,7 +136,7 @@ def neutral_arrays(excitation=6.0):
 
 
 def test_least_norm_leaves_a_neutral_position_alone():
-    system = _core.Sector(**neutral_arrays())
+    system = _core.SectorEquations(**neutral_arrays())
     for mean in (-3.0, 0.0, 0.3, 20.0):
         out, y, tangent = solve(system, [mean, -2.0, 0.3, 2.0])
         assert out.status == CONVERGED
@@ -149,7 +149,7 @@ def test_least_norm_leaves_a_neutral_position_alone():
 def test_a_mean_row_of_rounding_noise_does_not_steer_newton():
     """Friction of a symmetric cycle has the mean zero up to cancellation, whatever the vibration."""
     for excitation in np.linspace(4.0, 9.0, 11):
-        system = _core.Sector(**neutral_arrays(excitation))
+        system = _core.SectorEquations(**neutral_arrays(excitation))
         out, y, _ = solve(system, [0.3, -2.0, 0.3, 2.0], iterations=12)
         assert out.status == CONVERGED
         X = np.hypot(y[1], y[2])
@@ -163,7 +163,7 @@ def test_a_small_row_that_is_no_rounding_noise_steers_newton(unit):
     """One mode in a unit of its own: its row is small beside the columns, and counts as much as the others."""
     arrays = random_arrays(default_rng(7), (0, 3), 4)
     start, its_own = np.append(np.zeros(6), 0.7), [2, 5]
-    expected, y, _ = solve(_core.Sector(**arrays), start)
+    expected, y, _ = solve(_core.SectorEquations(**arrays), start)
     assert expected.status == CONVERGED
     for name in ("stiffness", "mass", "damping"):
         arrays[name][-1] /= unit**2
@@ -171,7 +171,7 @@ def test_a_small_row_that_is_no_rounding_noise_steers_newton(unit):
     arrays["force"][its_own] /= unit
     scale, row_scale = np.ones(7), np.ones(6)
     scale[its_own], row_scale[its_own] = unit, unit
-    out, found, _ = solve(_core.Sector(**arrays, row_scale=row_scale), start, scale=scale)
+    out, found, _ = solve(_core.SectorEquations(**arrays, row_scale=row_scale), start, scale=scale)
     assert out.status == CONVERGED
     assert out.rank == 7
     assert out.iterations == expected.iterations
@@ -198,7 +198,7 @@ def test_a_rank_deficient_matrix_is_seen_behind_moderate_pivots():
     support = np.eye(n) - np.tri(n, k=-1)
     support[-1, -1] = 6e-7
     assert np.linalg.cond(support, np.inf) > 1e14
-    system = _core.Eased(_core.Sector(**empty), 1.0, np.zeros(n), support)
+    system = _core.Eased(_core.SectorEquations(**empty), 1.0, np.zeros(n), support)
     out, _, _ = solve(system, np.append(np.zeros(n), 0.5))  # where the support counts once
     assert out.status == CONVERGED
     assert out.condition < 1e-14
@@ -208,7 +208,7 @@ def test_a_rank_deficient_matrix_is_seen_behind_moderate_pivots():
 
 def test_failures_are_statuses():
     rng = default_rng(4)
-    system = _core.Sector(**random_arrays(rng, (2, 3), 4))
+    system = _core.SectorEquations(**random_arrays(rng, (2, 3), 4))
     n = system.n_unknown
     start = np.append(rng.normal(size=n), 1.0)
     assert solve(system, start, iterations=0)[0].status == NOT_CONVERGED
@@ -223,7 +223,7 @@ def test_failures_are_statuses():
     assert np.isinf(out.residual)
     empty = random_arrays(rng, (0, 1), 0)
     empty["stiffness"][:] = empty["mass"][:] = empty["damping"][:] = 0.0
-    out, _, _ = solve(_core.Sector(**empty), [0.0, 0.0, 1.0])  # 0 x = force
+    out, _, _ = solve(_core.SectorEquations(**empty), [0.0, 0.0, 1.0])  # 0 x = force
     assert out.status in (SINGULAR, NOT_CONVERGED, DIVERGED)
 
 
@@ -234,13 +234,13 @@ def test_ramp_is_a_factor_on_part_of_the_excitation():
     ramp = arrays["force"].copy()
     ramp[:2] = 0.0
     omega = 0.7
-    system = _core.Eased(_core.Sector(**arrays), omega, ramp)
+    system = _core.Eased(_core.SectorEquations(**arrays), omega, ramp)
     for factor in (0.2, 1.0, 1.7):
         out, y, tangent = solve(system, np.append(0.1 * rng.normal(size=n), factor))
         assert out.status == CONVERGED
         assert y[-1] == factor
         scaled = dict(arrays, force=arrays["force"] + (factor - 1.0) * ramp)
-        r, J, _ = evaluate_system(_core.Sector(**scaled), y[:-1], omega)
+        r, J, _ = evaluate_system(_core.SectorEquations(**scaled), y[:-1], omega)
         assert np.abs(r).max() < 1e-10
         # tangent: J du = ramp dfactor
         assert_near(J @ tangent[:-1], ramp * tangent[-1], 1e-9)
@@ -250,7 +250,7 @@ def test_support_fades_out():
     rng = default_rng(8)
     arrays = random_arrays(rng, (2, 3), 4)
     n = 8
-    system = _core.Sector(**arrays)
+    system = _core.SectorEquations(**arrays)
     ramp, support, omega = rng.normal(size=n), rng.normal(size=(n, n)), 0.7
     support = support @ support.T  # it pulls back
     eased = _core.Eased(system, omega, ramp, support)

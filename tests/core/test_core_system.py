@@ -32,7 +32,7 @@ def test_residual_is_that_of_the_oracle(name):
     rng = default_rng(1)
     for _ in range(4):
         arrays = random_arrays(rng, **LAYOUTS[name])
-        system = _core.Sector(**arrays)
+        system = _core.SectorEquations(**arrays)
         u, omega = rng.normal(size=system.n_unknown), rng.uniform(0.3, 2.0)
         r, _, _ = evaluate_system(system, u, omega)
         expected = oracle.residual(u, omega, for_oracle(arrays))
@@ -43,7 +43,7 @@ def test_residual_is_that_of_the_oracle(name):
 def test_sampled_residual_is_that_of_the_oracle(evaluation):
     rng = default_rng(2)
     arrays = random_arrays(rng, (2, 3, 0, 2), 4, constraint_points=1)
-    system = _core.Sector(**arrays, evaluation=evaluation, n_time=96)
+    system = _core.SectorEquations(**arrays, evaluation=evaluation, n_time=96)
     u = rng.normal(size=system.n_unknown)
     r, _, _ = evaluate_system(system, u, 0.8)
 
@@ -60,7 +60,7 @@ def test_derivatives(name):
     compared = 0
     for _ in range(40):
         arrays = random_arrays(rng, **LAYOUTS[name])
-        system = _core.Sector(**arrays)
+        system = _core.SectorEquations(**arrays)
         u, omega = rng.normal(size=system.n_unknown), rng.uniform(0.3, 2.0)
         _, J, r_omega = evaluate_system(system, u, omega)
         coarse, fine = (
@@ -85,7 +85,7 @@ def test_derivatives(name):
 def test_contact_gives_the_forces_in_the_residual():
     rng = default_rng(5)
     arrays = random_arrays(rng, (2, 3, 2), 4, constraint_points=1)
-    system = _core.Sector(**arrays)
+    system = _core.SectorEquations(**arrays)
     u = rng.normal(size=system.n_unknown)
     X, F, share = np.full((4, 3, 5), np.nan), np.full((4, 3, 5), np.nan), np.full((4, 5), np.nan)
     assert system.contact(np.append(u, 1.0), X, F, share) == 0
@@ -99,7 +99,7 @@ def test_contact_gives_the_forces_in_the_residual():
 def test_arguments_are_copied():
     rng = default_rng(6)
     arrays = random_arrays(rng, (2, 3), 3)
-    system = _core.Sector(**arrays)
+    system = _core.SectorEquations(**arrays)
     u = rng.normal(size=system.n_unknown)
     before = evaluate_system(system, u, 1.0)[0]
     for value in arrays.values():
@@ -139,7 +139,7 @@ def spoiled(arrays):
 )  # fmt: skip
 def test_wrong_arguments_are_named(name, value):
     with pytest.raises((TypeError, ValueError), match=rf"^{name}: expected"):
-        _core.Sector(**{**GOOD, name: value})
+        _core.SectorEquations(**{**GOOD, name: value})
 
 
 @each(
@@ -153,7 +153,7 @@ def test_wrong_arguments_are_named(name, value):
 )
 def test_sizes_are_checked(arguments, message):
     with pytest.raises(ValueError, match=f"^{message}"):
-        _core.Sector(**{**GOOD, **arguments})
+        _core.SectorEquations(**{**GOOD, **arguments})
 
 
 SOLVE = {
@@ -189,8 +189,8 @@ OUTPUTS |= {"evaluate": ("r", "J", "C"), "bordered": ("b",), "contact": ("X", "F
 def call(name, arguments):
     """One method with copies of its arguments; contact takes them by place only."""
     if name == "sector":
-        return _core.Sector(**{**GOOD, **arguments})
-    function = getattr(_core.Sector(**GOOD), METHODS[name])
+        return _core.SectorEquations(**{**GOOD, **arguments})
+    function = getattr(_core.SectorEquations(**GOOD), METHODS[name])
     return function(*arguments.values()) if name == "contact" else function(**arguments)
 
 
@@ -234,7 +234,7 @@ def test_outputs_that_share_memory_are_refused(method, first, second):
 
 
 def test_inputs_may_share_memory_and_outputs_may_touch():
-    system, memory = _core.Sector(**GOOD), np.ones(17)
+    system, memory = _core.SectorEquations(**GOOD), np.ones(17)
     assert system.evaluate(memory[:9], memory[9:]) == 0
     same = np.full(9, 0.5)
     assert system.solve(**{**copies(PEAK), "scale": same, "re": same[:8]}).status >= 0
@@ -286,13 +286,13 @@ def test_conditions_of_two_kinds_are_refused(method, names):
     with pytest.raises(
         ValueError, match=r"^row, re, im: expected row alone, re and im, or none of them$"
     ):
-        _core.Sector(**GOOD).solve(**chosen)
+        _core.SectorEquations(**GOOD).solve(**chosen)
 
 
 @pytest.mark.parametrize(
     ("name", "value", "error", "expected"),
     [
-        ("sector", GOOD, TypeError, "must be bdamper._core.Sector"),
+        ("sector", GOOD, TypeError, "must be bdamper._core.SectorEquations"),
         ("omega", np.nan, ValueError, "^omega: expected a finite number, found nan"),
         ("ramp", np.zeros(2), ValueError, r"^ramp: expected shape \(8,\)"),
         ("ramp", np.full(8, np.nan), ValueError, "^ramp: expected finite numbers"),
@@ -301,7 +301,12 @@ def test_conditions_of_two_kinds_are_refused(method, names):
     ],
 )
 def test_wrong_arguments_of_eased_equations_are_named(name, value, error, expected):
-    good = {"sector": _core.Sector(**GOOD), "omega": 1.0, "ramp": np.ones(8), "support": np.eye(8)}
+    good = {
+        "sector": _core.SectorEquations(**GOOD),
+        "omega": 1.0,
+        "ramp": np.ones(8),
+        "support": np.eye(8),
+    }
     _core.Eased(**good)
     with pytest.raises(error, match=expected):
         _core.Eased(**{**good, name: value})
@@ -325,9 +330,9 @@ def test_threads_give_the_serial_results(shared):
     arrays = random_arrays(rng, (3, 4, 3), 300)  # long enough for the threads to meet
     n_threads, n_states = 4, 12
     systems = (
-        [_core.Sector(**arrays)] * n_threads
+        [_core.SectorEquations(**arrays)] * n_threads
         if shared
-        else [_core.Sector(**arrays) for _ in range(n_threads)]
+        else [_core.SectorEquations(**arrays) for _ in range(n_threads)]
     )
     states = rng.normal(size=(n_states, systems[0].n_unknown))
     serial = [evaluate_system(systems[0], u, 0.9) for u in states]
@@ -346,7 +351,7 @@ def test_threads_give_the_serial_results(shared):
 
 def test_corrector_in_threads_gives_the_serial_results():
     rng = default_rng(9)
-    system = _core.Sector(**random_arrays(rng, (2, 3), 6))
+    system = _core.SectorEquations(**random_arrays(rng, (2, 3), 6))
     n = system.n_unknown
     at_frequency = np.append(np.zeros(n), 1.0)
     starts = rng.normal(size=(12, n + 1)) * 0.1
@@ -372,7 +377,7 @@ def test_corrector_in_threads_gives_the_serial_results():
 
 
 def test_cost_is_counted():
-    system = _core.Sector(**GOOD)
+    system = _core.SectorEquations(**GOOD)
     evaluate_system(system, np.zeros(8), 1.0)
     system.evaluate(np.ones(9), np.zeros(8))
     cost = system.cost
@@ -383,7 +388,7 @@ def test_cost_is_counted():
 def test_threads_count_together():
     """No call is lost or counted twice, and no part takes less than no time."""
     rng = default_rng(10)
-    system = _core.Sector(**random_arrays(rng, (3, 4, 3), 300))
+    system = _core.SectorEquations(**random_arrays(rng, (3, 4, 3), 300))
     n = system.n_unknown
     y = rng.normal(size=n + 1)
 

@@ -68,8 +68,10 @@ def mixed(nodes, omega):
 
 
 def family(nodes, **evaluation):
-    systems = tuple(_core.Sector(**node, **evaluation) for node in nodes)
-    return _core.Sector(**nodes[1], **evaluation, nodes=systems, squares=SPEEDS**2, order=ORDER)
+    systems = tuple(_core.SectorEquations(**node, **evaluation) for node in nodes)
+    return _core.SectorEquations(
+        **nodes[1], **evaluation, nodes=systems, squares=SPEEDS**2, order=ORDER
+    )
 
 
 def evaluated(core, u, omega):
@@ -91,7 +93,7 @@ def test_residual_and_jacobian_are_those_of_the_arrays_at_the_speed(law, evaluat
     nodes = arrays(law, 0.1)
     u = size * default_rng(1).standard_normal(UNKNOWNS)
     for omega in (3.3, 4.0):
-        plain = _core.Sector(**mixed(nodes, omega), **evaluation)
+        plain = _core.SectorEquations(**mixed(nodes, omega), **evaluation)
         for one, other in zip(
             evaluated(family(nodes, **evaluation), u, omega)[:2], evaluated(plain, u, omega)[:2]
         ):
@@ -110,7 +112,7 @@ def test_the_derivative_along_the_line_is_that_of_differences(law, evaluation, a
 
     def difference(h):
         beside = [
-            evaluated(_core.Sector(**mixed(nodes, w), **evaluation), u, w)[0]
+            evaluated(_core.SectorEquations(**mixed(nodes, w), **evaluation), u, w)[0]
             for w in (3.7 + h, 3.7 - h)
         ]
         return (beside[0] - beside[1]) / (2.0 * h)
@@ -127,7 +129,7 @@ def test_motion_and_forces_of_a_family_are_those_of_the_frequency():
         for _ in range(2)
     )
     assert family(nodes).contact(np.append(u, 3.9), *found) == 0
-    assert _core.Sector(**mixed(nodes, 3.9)).contact(np.append(u, 3.9), *expected) == 0
+    assert _core.SectorEquations(**mixed(nodes, 3.9)).contact(np.append(u, 3.9), *expected) == 0
     for one, other in zip(found, expected):
         assert_allclose(one, other, rtol=1e-9, atol=1e-11)
 
@@ -159,33 +161,37 @@ def test_there_are_no_nonlinear_modes_of_a_family():
     """Its arrays are those of the speed evaluated last, and excitation and damping would be mixed anew."""
     nodes = arrays(LAW_SEPARABLE, 0.1)
     motion = np.ones((2, UNKNOWNS))
-    assert _core.Modes(_core.Sector(**nodes[0]), *motion, 1.0).n_unknown == UNKNOWNS + 2
+    assert _core.Modes(_core.SectorEquations(**nodes[0]), *motion, 1.0).n_unknown == UNKNOWNS + 2
     with pytest.raises(
-        ValueError, match=r"^sector: expected a Sector at fixed speed, found a speed family$"
+        ValueError, match=r"^sector: expected a sector at fixed speed, found a speed family$"
     ):
         _core.Modes(family(nodes), *motion, 1.0)
 
 
 def test_nodes_that_do_not_fit_are_refused():
     nodes = arrays(LAW_SEPARABLE, 0.1)
-    systems = tuple(_core.Sector(**node) for node in nodes)
-    other = _core.Sector(**arrays(LAW_NORMAL, 0.1)[0])
-    infinite = _core.Sector(**(nodes[0] | {"w": np.full((POINTS, 2), np.inf)}))
+    systems = tuple(_core.SectorEquations(**node) for node in nodes)
+    other = _core.SectorEquations(**arrays(LAW_NORMAL, 0.1)[0])
+    infinite = _core.SectorEquations(**(nodes[0] | {"w": np.full((POINTS, 2), np.inf)}))
     for given in ((*systems[:3], other), (*systems[:3], infinite), (*systems[:3], family(nodes))):
         with pytest.raises(
             ValueError, match="nodes: expected Sectors of the same sizes and contact laws"
         ):
-            _core.Sector(**nodes[0], nodes=given, squares=SPEEDS**2, order=ORDER)
+            _core.SectorEquations(**nodes[0], nodes=given, squares=SPEEDS**2, order=ORDER)
     with pytest.raises(ValueError, match="at different speeds"):
-        _core.Sector(**nodes[0], nodes=systems, squares=np.array([1.0, 1.0, 2.0, 3.0]), order=ORDER)
+        _core.SectorEquations(
+            **nodes[0], nodes=systems, squares=np.array([1.0, 1.0, 2.0, 3.0]), order=ORDER
+        )
     with pytest.raises(TypeError, match="nodes: expected a tuple of two or more Sectors"):
-        _core.Sector(**nodes[0], nodes=systems[:1], squares=SPEEDS[:1], order=ORDER)
+        _core.SectorEquations(**nodes[0], nodes=systems[:1], squares=SPEEDS[:1], order=ORDER)
     for wrong in ((object(), object()), (*systems[:3], None), list(systems)):
         with pytest.raises(TypeError, match="nodes: expected a tuple of two or more Sectors"):
-            _core.Sector(**nodes[0], nodes=wrong, squares=SPEEDS[: len(wrong)] ** 2, order=ORDER)
+            _core.SectorEquations(
+                **nodes[0], nodes=wrong, squares=SPEEDS[: len(wrong)] ** 2, order=ORDER
+            )
     for without in ({"squares": SPEEDS**2}, {"order": ORDER}):
         with pytest.raises(ValueError, match="squares, order: expected none without nodes"):
-            _core.Sector(**nodes[0], **without)
+            _core.SectorEquations(**nodes[0], **without)
     for wrong in ({"squares": -SPEEDS}, {"squares": SPEEDS, "order": 0.0}):
         with pytest.raises(ValueError, match="expected"):
-            _core.Sector(**nodes[0], **({"nodes": systems, "order": ORDER} | wrong))
+            _core.SectorEquations(**nodes[0], **({"nodes": systems, "order": ORDER} | wrong))

@@ -23,7 +23,7 @@ from bdamper.fem.generated_models import (
     solids_of,
     wedge_patches,
 )
-from bdamper.fem.meshes import Material, discretise, join_blocks
+from bdamper.fem.meshes import ElasticMaterial, discretise, join_blocks
 from tests.calculix_runs import centrifugal_stress
 
 PRELOAD = 20e3
@@ -263,7 +263,8 @@ def test_stress_of_a_linear_displacement_is_exact():
         np.meshgrid([0.0, 0.4, 1.0], [0.0, 0.7], [0.0, 0.3, 0.5], indexing="ij"), axis=-1
     )
     body = discretise(
-        join_blocks([grid + 0.05 * np.sin(3.0 * grid[..., ::-1])]), Material(2e11, 0.3, 7800.0)
+        join_blocks([grid + 0.05 * np.sin(3.0 * grid[..., ::-1])]),
+        ElasticMaterial(2e11, 0.3, 7800.0),
     )
     gradient = np.array([[1.0, 0.2, 0.3], [-0.1, 2.0, 0.4], [0.5, 0.6, -1.0]]) * 1e-3
     pairs, _ = element_rows(solids_of(body), body.nodes, np.arange(len(body.nodes)))

@@ -9,7 +9,7 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 
 from bdamper.fem.cyclic_symmetry import CyclicSector, cyclic_transformation
-from bdamper.fem.meshes import Material, discretise, join_blocks, turn
+from bdamper.fem.meshes import ElasticMaterial, discretise, join_blocks, turn
 from bdamper.fem.sector_faces import match_faces
 
 N = 6
@@ -37,7 +37,7 @@ def clamped_nodes(body) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def ring():
-    body = discretise(join_blocks([b for k in range(N) for b in ring_block(k)]), Material())
+    body = discretise(join_blocks([b for k in range(N) for b in ring_block(k)]), ElasticMaterial())
     fixed = np.zeros(len(body.nodes), bool)
     fixed[clamped_nodes(body)] = True
     return body, np.flatnonzero(np.repeat(~fixed, 3))
@@ -45,7 +45,7 @@ def ring():
 
 def sector_and_faces():
     """One sector, and the nodes of its faces toward -X and +X."""
-    body = discretise(join_blocks(ring_block(0)), Material())
+    body = discretise(join_blocks(ring_block(0)), ElasticMaterial())
     angle = np.arctan2(body.nodes[:, 0], body.nodes[:, 1])
     on = np.hypot(body.nodes[:, 0], body.nodes[:, 1]) < 1.0 + 1e-9
     return body, *(
@@ -146,7 +146,7 @@ def slender_sector():
         block[:, 0] = (top if k == 0 else thin) + [0.0, height * k / n, 0.0]
         block[:, 1] = thin + [0.0, height * (k + 1) / n, 0.0]
         needle.append(block)
-    body = discretise(join_blocks([hub, *needle]), Material())
+    body = discretise(join_blocks([hub, *needle]), ElasticMaterial())
     angle = np.arctan2(body.nodes[:, 0], body.nodes[:, 1])
     on = np.hypot(body.nodes[:, 0], body.nodes[:, 1]) < 1.0 + 1e-9
     left, right = (

@@ -8,13 +8,20 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 from skfem import Basis, ElementHexS2, ElementVector
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
-from bdamper.fem.meshes import Geometry, Material, MeshDensity, damper_mesh, discretise, sector_mesh
+from bdamper.fem.meshes import (
+    ElasticMaterial,
+    Geometry,
+    MeshDensity,
+    damper_mesh,
+    discretise,
+    sector_mesh,
+)
 from bdamper.model.modal_basis import rigid_motions
 
 
 @pytest.fixture(scope="module")
 def sector():
-    return discretise(sector_mesh(Geometry(), MeshDensity.preset("coarse")), Material())
+    return discretise(sector_mesh(Geometry(), MeshDensity.preset("coarse")), ElasticMaterial())
 
 
 def test_rigid_motion_has_no_energy(sector):
@@ -53,7 +60,7 @@ def test_mass_and_its_moments(sector):
 
 def test_against_the_elasticity_form_of_scikit_fem():
     mesh = damper_mesh(Geometry(), MeshDensity(2, 1, 1, 2, 1, 1, 1, 1, 1, 1, 1, 2))
-    material = Material()
+    material = ElasticMaterial()
     ours = discretise(mesh, material)
     basis = Basis(mesh, ElementVector(ElementHexS2()), intorder=5)
     theirs = linear_elasticity(

@@ -11,8 +11,8 @@ from bdamper.contact.stiffness import unit_traction
 from bdamper.fem.cyclic_symmetry import CyclicSector
 from bdamper.fem.generated_models import SectorFE, bladed_disk, wedge_patches
 from bdamper.fem.meshes import (
+    ElasticMaterial,
     Geometry,
-    Material,
     MeshDensity,
     discretise,
     geometric_stiffness,
@@ -22,7 +22,7 @@ from bdamper.fem.rotation import Rotation, coriolis_matrix, spin_displacement
 from bdamper.fem.sector_faces import match_faces, no_faces
 from bdamper.model.validation import check_model
 
-STEEL = Material(2.1e11, 0.0, 7850.0)
+STEEL = ElasticMaterial(2.1e11, 0.0, 7850.0)
 
 
 def first_mode(sector, component):

@@ -8,7 +8,7 @@ from scipy.integrate import trapezoid
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 from bdamper.fem.generated_models import averaging_matrix, wedge_patches
-from bdamper.fem.meshes import Geometry, Material, MeshDensity, damper_mesh, discretise, turn
+from bdamper.fem.meshes import ElasticMaterial, Geometry, MeshDensity, damper_mesh, discretise, turn
 from bdamper.fem.reduced_bodies import FreeBody, isostatic_dofs
 from bdamper.model.modal_basis import rigid_motions
 
@@ -18,7 +18,7 @@ AXES = turn(0.5 * G.pitch).T
 
 def damper(face=3, ridge=1, height=2, length=6, **options):
     density = MeshDensity(2, 1, 1, 2, 1, 1, 1, 1, face, ridge, height, length)
-    return FreeBody(discretise(damper_mesh(G, density), Material()), AXES, **options)
+    return FreeBody(discretise(damper_mesh(G, density), ElasticMaterial()), AXES, **options)
 
 
 @pytest.fixture(scope="module")

@@ -23,7 +23,7 @@ import scipy.sparse as sp
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.fem.meshes import Material, discretise, join_blocks, local_order
+from bdamper.fem.meshes import ElasticMaterial, discretise, join_blocks, local_order
 from bdamper.importers import (
     ContactFaces,
     FEBody,
@@ -66,7 +66,7 @@ NUMBERS += [b"inf", b"1e5", b"7", b""]
 def bar():
     """A bar of two elements held at one end, its numbers and sets."""
     grid = np.stack(np.meshgrid([0.0, 0.1, 0.25], [0.3, 0.5], [0.0, 0.2], indexing="ij"), axis=-1)
-    body = discretise(join_blocks([grid]), Material())
+    body = discretise(join_blocks([grid]), ElasticMaterial())
     numbers = 1 + np.arange(len(body.nodes))
     sets = {
         "HELD": numbers[body.nodes[:, 0] < 1e-9],

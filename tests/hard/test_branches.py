@@ -364,7 +364,7 @@ def test_support_is_drag_on_the_vibration_and_spring_on_the_mean_of_free_bodies(
     arrays["stiffness"] = arrays["stiffness"] + share * spring * omega**2 * np.concatenate(
         [free[0], *(0.0 * f for f in free[1:])]
     )
-    other = _core.Sector(**arrays)
+    other = _core.SectorEquations(**arrays)
     n = system.n_unknowns
     y = np.append(1e-5 * np.random.default_rng(0).normal(size=n), part)
     r, J = np.empty(n), np.empty((n, n))

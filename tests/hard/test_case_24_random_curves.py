@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from bdamper.response.events import ContinuationOptions
-from bdamper.time_domain.integration import Ring
+from bdamper.time_domain.integration import AllSectors
 from bdamper.util.progress import CostMeter
 from tests.following import find_start
 from tests.hard.random_studies import FULL, number_of_cases, oracle_residuals, random_study
@@ -127,7 +127,7 @@ def test_case_24_where_no_periodic_solution_is_found_there_is_none_in_time():
     # how far the last attempt comes hangs on rounding; that the body has no mean place, said by one of them, does not
     assert any("the bodies drift away" in line or "moves without bound" in line for line in log)
 
-    ring = Ring(system, study.model.n_blades, study.settings.engine_order)
+    ring = AllSectors(system, study.model.n_blades, study.settings.engine_order)
     steps = 512
     rest = system.layout.pack(
         state.q[: system.n_mean], np.zeros(len(system.structure.bases[1].omega2))

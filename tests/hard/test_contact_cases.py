@@ -250,7 +250,7 @@ n = M * (2 * H + 1)
 rng = np.random.default_rng(0)
 G = np.empty(P * 3 * M * (H + 1), complex); G.real = rng.normal(size=len(G)); G.imag = 0.0
 one = np.ones(P)
-s = _core.Sector(np.full(H + 1, M, np.intc), np.ones(M * (H + 1)), np.ones(M * (H + 1)), np.ones(M * (H + 1)), G,
+s = _core.SectorEquations(np.full(H + 1, M, np.intc), np.ones(M * (H + 1)), np.ones(M * (H + 1)), np.ones(M * (H + 1)), G,
                  np.ones((P, 2)), one, 0.5 * one, one, np.zeros((P, 2)), np.zeros(P, np.intc), np.zeros((P, 3)), np.ones(n))
 r, J = np.empty(n), np.empty((n, n))
 assert s.evaluate(np.append(rng.normal(size=n), 1.0), r, J) == 0

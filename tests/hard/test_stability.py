@@ -9,7 +9,7 @@ import bdamper as bd
 from bdamper.contact.laws import LAW_COUPLED
 from bdamper.harmonic_balance.sector import segments
 from bdamper.time_domain.floquet import monodromy, multipliers, unstable_solutions
-from bdamper.time_domain.integration import Motion, Ring
+from bdamper.time_domain.integration import AllSectors, Motion
 from tests.event_integration import EventIntegrator
 from tests.following import slider_interval
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
@@ -39,7 +39,7 @@ def prepared(system, y, n_steps=96):
         > 0.0
     )
     states = [next(s for a, b, s in parts if -a % (2.0 * np.pi) < b - a) for parts in cycles]
-    sliders = Ring(system, 1, 0).initial_slider(u, omega, 4096)[0]
+    sliders = AllSectors(system, 1, 0).initial_slider(u, omega, 4096)[0]
     z = integrator.start(u, states, np.array([sliders[pair] for pair in integrator.pairs]))
     moving = [any(s for *_, s in parts) for parts in cycles]
     return (
@@ -189,7 +189,7 @@ def test_coupled_law_is_judged_by_the_determinant_and_verified(path):
     )
     assert unstable.tolist() == [True, False] and "sign of det J" in note
     # disturbed a little and integrated over many periods, the unstable solution is left, the stable one comes back
-    ring = Ring(coupled, 1, 0)
+    ring = AllSectors(coupled, 1, 0)
     n = ring.n_coordinates
     for p, leaves in zip(chosen, unstable):
         u, omega = p.y[:-1], p.y[-1]

@@ -7,9 +7,9 @@ import pytest
 
 import bdamper as bd
 from bdamper.contact.laws import LAW_BONDED
-from bdamper.harmonic_balance.sector import Sector
+from bdamper.harmonic_balance.sector import SectorData
 from bdamper.time_domain.floquet import multipliers, unstable_solutions
-from bdamper.time_domain.integration import IntegrationFailed, Ring
+from bdamper.time_domain.integration import AllSectors, IntegrationFailed
 from bdamper.time_domain.transient import AGREES, CRITERIA, DIFFERS, UNDECIDED, judged
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.integrations import compared, fails_after, integrated, interrupted_at
@@ -38,7 +38,7 @@ def test_linear_motion_to_second_order():
     p = followed(system, 1.0, 1.02, STUCK).points[0]
     errors = []
     for n in (100, 200):
-        ring = Ring(system, 1, 0)
+        ring = AllSectors(system, 1, 0)
         settled = ring.integrate(ring.start(p.y[:-1], p.y[-1], n), p.y[-1], n, 150).harmonics[
             -1, 0, 1
         ]
@@ -262,7 +262,7 @@ def test_what_cannot_be_integrated_is_refused():
         excitation=bd.Excitation("tip", "tangential", 1.0),
     )  # fmt: skip
     with pytest.raises(bd.SettingError, match="fundamental_modes_only"):
-        Ring(study.problem.system(100.0), 8, 1)
+        AllSectors(study.problem.system(100.0), 8, 1)
     study = plain_study(
         acyclic_model(1),
         engine_order=0,
@@ -288,7 +288,7 @@ def test_without_a_mean_the_wave_alone_is_integrated():
     study = plain_study(model, engine_order=2, contact_stiffness=3e6, friction_coefficient=0.3, damping_ratio=0.03,
                         bias=False, excitation=bd.Excitation("tip", "tangential", 200.0))  # fmt: skip
     curve = study.frequency_response(400.0, (250.0, 255.0))
-    assert Ring(study.problem.system(400.0), 8, 2).families == {1: 1}
+    assert AllSectors(study.problem.system(400.0), 8, 2).families == {1: 1}
     found = compared(
         study.problem.system(400.0), curve.unknowns[0], 2 * np.pi * curve.frequency[0], 8, 2, 1024
     )
@@ -305,7 +305,9 @@ def test_modal_coordinates_may_have_any_mass():
     ]
     u_size = np.tile(size, system.n_unknowns // 2)
     rows = [r * size for r in system.response_rows]
-    scaled = Sector(bases, system.structure.points, system.structure.force * u_size, rows).equations
+    scaled = SectorData(
+        bases, system.structure.points, system.structure.force * u_size, rows
+    ).equations
     p = max(followed(system, 1.5, 2.2, STUCK).points, key=lambda q: q.shares[1])
     u = p.y[:-1] / u_size
     np.testing.assert_allclose(scaled.response(u), system.response(p.y[:-1]), rtol=1e-12)

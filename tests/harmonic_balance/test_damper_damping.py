@@ -10,7 +10,7 @@ import bdamper as bd
 from bdamper.harmonic_balance.contact_cycle import energies
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.plot.motion import rigid_motion
-from bdamper.time_domain.integration import Ring
+from bdamper.time_domain.integration import AllSectors
 from bdamper.util.errors import BdamperWarning
 from tests.plain import plain_study
 
@@ -93,7 +93,7 @@ def test_all_analyses_have_the_same_damping(plain):
     own = of_damper(study.problem.bases[1])
     damping = study.problem.bases[1].damping[own]
     assert damping.min() > 3.0 / study.model.bodies["damper"].mass
-    ring = Ring(study.problem.system(1000.0), study.model.n_blades, 5)
+    ring = AllSectors(study.problem.system(1000.0), study.model.n_blades, 5)
     for _, coordinates, *_ in ring.blocks:
         np.testing.assert_allclose(ring.damping[coordinates][own], damping, rtol=1e-12)
     # nothing static depends on it

@@ -6,7 +6,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.harmonic_balance.problem import made_once
-from bdamper.harmonic_balance.sector import Sector
+from bdamper.harmonic_balance.sector import SectorData
 from tests.plain import plain_study
 
 BAND = (250.0, 400.0)
@@ -49,8 +49,10 @@ def test_problems_do_not_wait_for_each_other():
 
 def test_a_track_and_a_peak_make_one_core(study, monkeypatch):
     """At a preload without folds; a peak of a curve with folds is followed from lower preloads as well."""
-    made, core = [], Sector.core
-    monkeypatch.setattr(Sector, "core", lambda self, **over: made.append(1) or core(self, **over))
+    made, core = [], SectorData.core
+    monkeypatch.setattr(
+        SectorData, "core", lambda self, **over: made.append(1) or core(self, **over)
+    )
     study.frequency_response(8000.0, BAND)
     assert len(made) == 1
     study.replace(damping_ratio=0.002).peak(8000.0, BAND)

@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 import bdamper as bd
-from bdamper.fem.meshes import Material, discretise, join_blocks
+from bdamper.fem.meshes import ElasticMaterial, discretise, join_blocks
 from bdamper.importers import ContactFaces, read_calculix
 from examples.calculix.decks import matrix_input, run_job, sector_input
 from tests.calculix_runs import free_input, read_frequencies
@@ -152,7 +152,7 @@ def blade_blocks():
 
 def body(blocks):
     """Mesh, and sets of its nodes."""
-    made = discretise(join_blocks(blocks), Material())
+    made = discretise(join_blocks(blocks), ElasticMaterial())
     x, y, _ = made.nodes.T
     distances = {
         "BORE": y - 0.2,
@@ -232,7 +232,7 @@ def test_the_flanks_carry_the_centrifugal_force_of_the_blade(rooted, mu):
     )
     root = LOW + (TOP - LOW) * (flank(LOW) + 2.0 * WIDE) / (flank(LOW) + WIDE) / 3.0
     middle = [root, 0.5 * (TOP + NECK), 0.5 * (NECK + TIP)]
-    force = Material().density * LENGTH * (area @ middle) * SPEED**2
+    force = ElasticMaterial().density * LENGTH * (area @ middle) * SPEED**2
     assert study.preload == pytest.approx(force, rel=1e-6)
     state = study.static(force)
     faces = study.model.interfaces.values()

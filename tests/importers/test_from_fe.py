@@ -10,7 +10,14 @@ import pytest
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 from bdamper.fem.contact_patches import Patches
-from bdamper.fem.meshes import Geometry, Material, MeshDensity, damper_mesh, discretise, local_order
+from bdamper.fem.meshes import (
+    ElasticMaterial,
+    Geometry,
+    MeshDensity,
+    damper_mesh,
+    discretise,
+    local_order,
+)
 from bdamper.fem.surface import twisted
 from bdamper.importers import ContactFaces, Placement, Sector, read_arrays
 from bdamper.util.errors import ModelError
@@ -28,7 +35,7 @@ SETTINGS = {
 def block():
     """A small body, held at one end: matrices, nodes, elements in the agreed order, sets."""
     body = discretise(
-        damper_mesh(Geometry(), MeshDensity(2, 2, 1, 4, 2, 2, 1, 6, 2, 1, 1, 2)), Material()
+        damper_mesh(Geometry(), MeshDensity(2, 2, 1, 4, 2, 2, 1, 6, 2, 1, 1, 2)), ElasticMaterial()
     )
     z = body.nodes[:, 2]
     sets = {"end": np.flatnonzero(z > z.max() - 1e-9), "face": np.flatnonzero(z < z.min() + 1e-9)}

@@ -11,7 +11,7 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 from bdamper.fem.cyclic_symmetry import travelling_waves
 from bdamper.fem.element_stress import Solids, element_rows
-from bdamper.fem.meshes import Material, discretise, join_blocks, local_order
+from bdamper.fem.meshes import ElasticMaterial, discretise, join_blocks, local_order
 from bdamper.fem.sector_faces import find_faces
 from bdamper.fem.surface import FACES, enclosed_volume
 from bdamper.importers import read_ansys, read_cdb, read_full, read_rst
@@ -125,7 +125,7 @@ def test_real_cyclic_modes():
 def bar():
     """A small bar, its numbers and elements in the order of the program."""
     grid = np.stack(np.meshgrid([0.0, 0.1, 0.25], [0.3, 0.5], [0.0, 0.2], indexing="ij"), axis=-1)
-    body = discretise(join_blocks([grid]), Material())
+    body = discretise(join_blocks([grid]), ElasticMaterial())
     numbers = 10 + np.arange(len(body.nodes))
     return body, numbers, numbers[body.elements[:, local_order()]]
 

@@ -15,7 +15,14 @@ from scipy.spatial import cKDTree
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 from bdamper.fem.generated_models import SectorFE, bladed_disk, end_patches, wedge_patches
-from bdamper.fem.meshes import Geometry, Material, MeshDensity, damper_mesh, discretise, local_order
+from bdamper.fem.meshes import (
+    ElasticMaterial,
+    Geometry,
+    MeshDensity,
+    damper_mesh,
+    discretise,
+    local_order,
+)
 from bdamper.fem.surface import boundary_facets, facets_on_nodes
 from bdamper.importers import ContactFaces, FEBody, read_arrays
 from bdamper.importers.contact_faces import lay_contacts
@@ -204,7 +211,7 @@ def test_faces_in_other_forms(bodies, built, given):
 def test_meshes_need_not_match(fe, bodies):
     """A damper of another mesh gives the same points and areas; the matrices on both sides average the same field."""
     density = MeshDensity(2, 2, 1, 4, 2, 2, 1, 6, 5, 1, 2, 7)
-    body = discretise(damper_mesh(fe.geometry, density), Material())
+    body = discretise(damper_mesh(fe.geometry, density), ElasticMaterial())
     other = SectorFE.__new__(SectorFE)
     other.geometry, other.damper = fe.geometry, type("Holder", (), {"body": body})
     numbers = 1 + np.arange(len(body.nodes))

@@ -14,8 +14,8 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 from bdamper.fem.contact_patches import Facets
 from bdamper.fem.meshes import (
+    ElasticMaterial,
     Geometry,
-    Material,
     MeshDensity,
     damper_mesh,
     discretise,
@@ -58,7 +58,7 @@ NASTRAN = Path(__file__).resolve().parents[3] / "shared" / "fixtures" / "nastran
 @pytest.fixture(scope="module")
 def bar():
     grid = np.stack(np.meshgrid([0.0, 0.1, 0.25], [0.3, 0.5], [0.0, 0.2], indexing="ij"), axis=-1)
-    return discretise(join_blocks([grid]), Material())
+    return discretise(join_blocks([grid]), ElasticMaterial())
 
 
 # ---- matrices and tables ----
@@ -391,7 +391,7 @@ def run(bar, tmp_path_factory):
         pytest.skip("CalculiX (ccx) is not installed")
     folder = tmp_path_factory.mktemp("ccx")
     body = discretise(
-        damper_mesh(Geometry(), MeshDensity(2, 1, 1, 2, 1, 1, 1, 1, 1, 1, 1, 2)), Material()
+        damper_mesh(Geometry(), MeshDensity(2, 1, 1, 2, 1, 1, 1, 1, 1, 1, 1, 2)), ElasticMaterial()
     )
     run_job(matrix_input(body, {"SOME": np.arange(5)}), folder, "damper")
     free = free_input(body, 8).replace("*END STEP", "*NODE FILE\nU\n*END STEP")

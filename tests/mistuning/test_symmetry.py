@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg
 
 import bdamper as bd
-from bdamper.harmonic_balance.sector import Sector
+from bdamper.harmonic_balance.sector import SectorData
 from bdamper.mistuning import BladedDisk, DamperVariation, Mistuning
 from bdamper.model.kinematics import HarmonicBasis
 from tests.mistuning.lumped import lumped_study, solution
@@ -153,7 +153,7 @@ def test_the_whole_annulus_as_one_system_has_the_same_solution():
 
     forces = system.structure.array(system.structure.force)
     force = np.concatenate([modal(forces[:, c]) for c in range(7)])
-    whole = Sector(
+    whole = SectorData(
         [basis] * 4, system.structure.points, force, [np.zeros(N * ns)] * 4, "event_driven"
     ).equations
     u = np.concatenate([coordinates(X[:, c]) for c in range(7)])

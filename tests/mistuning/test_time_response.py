@@ -27,7 +27,7 @@ def test_the_one_structure_has_the_solutions_of_the_wheel(deviation, tolerance):
     u = system.structure.flat(X)
     for blade in (0, 4):
         one = OneStructure(system, blade)
-        v, sector = one.start(u), one.ring.system
+        v, sector = one.start(u), one.sectors.system
         np.testing.assert_allclose(
             sector.response(v), system.structure.responses(u)[blade], rtol=1e-9
         )
@@ -40,12 +40,12 @@ def test_amplitudes_of_all_blades_are_those_of_the_response():
     u, found = system.structure.flat(X), []
     for blade in (2, 4):
         one = OneStructure(system, blade)
-        transient = Transient(one.ring, OMEGA, one.start(u), 64, blade)
+        transient = Transient(one.sectors, OMEGA, one.start(u), 64, blade)
         transient.run(3)
         np.testing.assert_array_equal(transient.amplitude, np.abs(transient.blades[:, blade]))
         found.append(transient.blades)
     np.testing.assert_allclose(found[0], found[1], rtol=1e-9)
-    at = one.ring.rows @ one.ring.state(one.start(u), OMEGA, 0.0)[0]
+    at = one.sectors.rows @ one.sectors.state(one.start(u), OMEGA, 0.0)[0]
     np.testing.assert_allclose(at, system.structure.responses(u).sum(axis=1).real, rtol=1e-9)
 
 

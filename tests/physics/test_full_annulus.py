@@ -14,7 +14,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.contact.laws import PointArrays
-from bdamper.harmonic_balance.sector import Sector
+from bdamper.harmonic_balance.sector import SectorData
 from bdamper.model.kinematics import HarmonicBasis
 from bdamper.model.structure import Body, ModalBasis
 from bdamper.response.events import ContinuationOptions
@@ -209,7 +209,7 @@ def annulus_system(structure, study, engine_order):
         law=np.tile(p.law, N),
         shift=np.tile(p.shift, (N, 1)),
     )
-    system = Sector([basis] * (H + 1), points, force, [np.zeros(n)] * (H + 1)).equations
+    system = SectorData([basis] * (H + 1), points, force, [np.zeros(n)] * (H + 1)).equations
     return system, wave, n
 
 

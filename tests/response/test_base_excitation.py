@@ -91,8 +91,8 @@ class TestImported:
     def block(cls):
         pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
         from bdamper.fem.meshes import (
+            ElasticMaterial,
             Geometry,
-            Material,
             MeshDensity,
             damper_mesh,
             discretise,
@@ -100,7 +100,7 @@ class TestImported:
         )
 
         density = MeshDensity(2, 2, 1, 4, 2, 2, 1, 6, 2, 1, 1, 2)
-        body = discretise(damper_mesh(Geometry(), density), Material())
+        body = discretise(damper_mesh(Geometry(), density), ElasticMaterial())
         z = body.nodes[:, 2]
         sets = {
             "end": np.flatnonzero(z > z.max() - 1e-9),

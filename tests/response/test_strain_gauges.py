@@ -11,8 +11,8 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 import bdamper as bd
 from bdamper.fem.generated_models import bladed_disk
 from bdamper.fem.meshes import (
+    ElasticMaterial,
     Geometry,
-    Material,
     MeshDensity,
     damper_mesh,
     discretise,
@@ -23,7 +23,7 @@ from bdamper.util.errors import BdamperError
 from tests.each import each
 from tests.imports import build
 
-STEEL = Material()
+STEEL = ElasticMaterial()
 ELASTIC = (STEEL.youngs_modulus, STEEL.poisson_ratio)
 
 

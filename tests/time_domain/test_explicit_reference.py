@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.time_domain.integration import Motion, ring_of
+from bdamper.time_domain.integration import Motion, all_sectors
 from bdamper.time_domain.steady_amplitude import BalanceCurve
 from bdamper.time_domain.transient import CRITERIA, Transient
 from tests.time_domain import plain_transient
@@ -83,7 +83,7 @@ def test_one_mass_that_opens_its_contact():
     balance = BalanceCurve(study.frequency_response(0.0, (9.0, 14.0)))
     frequency = balance.tip + 0.3
     found, expected = both(
-        ring_of(study.problem, 0.0), balance.solution(frequency), frequency, 0, 20, 10, 500
+        all_sectors(study.problem, 0.0), balance.solution(frequency), frequency, 0, 20, 10, 500
     )
     assert expected == pytest.approx(found, rel=5e-3) and found[0] > 0.9 * balance.at(frequency)[0]
 
@@ -94,7 +94,7 @@ def test_six_blades_with_disturbances():
     balance = BalanceCurve(study.frequency_response(38.5, (640.0, 690.0)))
     frequency = balance.tip
     found, expected = both(
-        ring_of(study.problem, 38.5),
+        all_sectors(study.problem, 38.5),
         balance.solution(frequency),
         frequency,
         0,
@@ -112,7 +112,7 @@ def test_all_blades_of_real_scenes(name):
     study = study_of(model, order, friction)
     interval = (600.0, 720.0) if model == "turbine_blade" else (285.0, 380.0)
     balance = BalanceCurve(study.frequency_response(preload, interval))
-    ring = ring_of(study.problem, preload)
+    ring = all_sectors(study.problem, preload)
     assert ring.n == blades
     found, expected = both(
         ring, balance.solution(frequency), frequency, 240, periods, min(periods, 5)

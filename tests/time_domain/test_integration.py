@@ -20,15 +20,15 @@ from bdamper.contact.laws import (
     LAW_SEPARABLE,
     PointArrays,
 )
-from bdamper.harmonic_balance.sector import Sector
+from bdamper.harmonic_balance.sector import SectorData
 from bdamper.model.kinematics import HarmonicBasis
 from bdamper.time_domain.integration import (
+    AllSectors,
     IntegrationFailed,
     Motion,
-    Ring,
     TimeLimit,
     TimeSpent,
-    ring_of,
+    all_sectors,
 )
 from bdamper.time_domain.transient import Transient
 from tests.each import each
@@ -82,7 +82,7 @@ def structure(
         rng.standard_normal(m) + 1j * (l > 0) * rng.standard_normal(m)
         for l, m in enumerate(n_modes)
     ]
-    return Sector(bases, points, force, rows, AFT(64)).equations
+    return SectorData(bases, points, force, rows, AFT(64)).equations
 
 
 def state(ring, seed=1, size=1.0):
@@ -116,7 +116,7 @@ def test_steps_beside_a_dense_newton(sectors, laws, light):
     if sectors == 1:
         bases = [system.structure.bases[0]] * 2
         system = replace(system.structure, bases=bases).equations
-    ring = Ring(system, sectors, int(sectors > 1))
+    ring = AllSectors(system, sectors, int(sectors > 1))
     assert ring.n == sectors and ring.real.sum() == {6: 7, 9: 3, 1: 3}[sectors]
     start = state(ring)
     expected, trace = plain_transient.implicit(ring, start, 1.3, 60, 40, ring.radius, first=50)
@@ -140,7 +140,7 @@ def test_steps_beside_a_dense_newton(sectors, laws, light):
 @pytest.mark.parametrize("light", [0, 2])
 def test_it_is_the_explicit_integration_in_many_small_steps(light):
     """Twice the steps, a quarter of the difference from central differences in 1,200 steps."""
-    ring = Ring(structure(n_points=5, laws=LAWS[:3], light=light), **ALL_SECTORS)
+    ring = AllSectors(structure(n_points=5, laws=LAWS[:3], light=light), **ALL_SECTORS)
     start = state(ring, size=0.3)
     expected, _ = plain_transient.integrate(ring, start[:3], 1.3, 1200, 200)
     off = [
@@ -153,7 +153,7 @@ def test_it_is_the_explicit_integration_in_many_small_steps(light):
 @pytest.mark.parametrize("light", [0, 2])
 def test_patterns_that_are_left_out_change_little(light):
     """Eleven points have 33 rows, of which up to 24 patterns are kept: forces are found with these and act on all."""
-    ring = Ring(structure(laws=LAWS[:3], light=light), **ALL_SECTORS)
+    ring = AllSectors(structure(laws=LAWS[:3], light=light), **ALL_SECTORS)
     start = state(ring)
     expected, _ = plain_transient.implicit(ring, start, 1.3, 120, 30, ring.radius)
     close(ring.integrate(start, 1.3, 120, steps=30, tolerance=1e-10).motion[:2], expected[:2], 2e-3)
@@ -166,7 +166,7 @@ def stiff(seed, light, factor):
     points = replace(own.points, kt=factor * own.points.kt, kn=factor * own.points.kn)
     # with more numerical damping all steps are solved
     radius = 0.5 if light else 0.7
-    return Ring(replace(own, points=points).equations, radius=radius, **ALL_SECTORS)
+    return AllSectors(replace(own, points=points).equations, radius=radius, **ALL_SECTORS)
 
 
 @pytest.mark.parametrize(
@@ -242,7 +242,7 @@ def test_an_integration_comes_to_an_end_or_fails_by_name():
 
 @pytest.mark.parametrize("columns", [0, 66])
 def test_no_harmonics_or_too_many_are_refused(columns):
-    ring = Ring(structure(), **ALL_SECTORS)
+    ring = AllSectors(structure(), **ALL_SECTORS)
     start = state(ring)
     q, v, w = (np.array(x[None]) for x in start[:3])
     path = {
@@ -264,7 +264,7 @@ def test_integrations_of_the_shipped_blade_come_to_an_end():
     """Every residual pattern, 20 modes of the blade and four of the damper at 256 steps, whose forces were not found in
     some steps; motions from some tenths of a millimetre to some centimetres, fifty starts (seed 49)."""
     given = {"blade_modes": 20, "damper_modes": 4, "contact_stiffness": bd.ResidualModes("all")}
-    ring = ring_of(
+    ring = all_sectors(
         bd.Study(
             bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, 0.54, **given
         ).problem,
@@ -297,7 +297,7 @@ def test_integrations_of_the_shipped_blade_come_to_an_end():
 def test_an_integration_does_not_depend_on_the_one_before(light):
     """A motion so large that it overflows, and another one: the same integration is the same to the last bit."""
     system = structure(laws=LAWS[:3] if light else LAWS, light=light)
-    ring = Ring(system, **ALL_SECTORS)
+    ring = AllSectors(system, **ALL_SECTORS)
     start = state(ring)
     expected = ring.integrate(start, 1.3, 120, steps=130, trace=True)
     assert np.isfinite(expected.motion.q).all()
@@ -305,7 +305,7 @@ def test_an_integration_does_not_depend_on_the_one_before(light):
     reason = r"near 0.206901 Hz: .* in a time step of 1/120 of a period, nor in parts of it"
     with pytest.raises(IntegrationFailed, match=reason):
         ring.integrate(huge, 1.3, 120)
-    for again in (ring, Ring(system, **ALL_SECTORS)):
+    for again in (ring, AllSectors(system, **ALL_SECTORS)):
         found = again.integrate(start, 1.3, 120, steps=130, trace=True)
         close(
             (*found.motion, found.harmonics, found.trace),
@@ -323,7 +323,7 @@ def test_an_integration_does_not_depend_on_the_one_before(light):
 
 @pytest.mark.parametrize("which", [0, 1, 2])
 def test_a_state_is_finite(which):
-    ring = Ring(structure(), **ALL_SECTORS)
+    ring = AllSectors(structure(), **ALL_SECTORS)
     given = [np.array(x) for x in state(ring)]
     given[which].flat[3] = np.nan
     with pytest.raises(
@@ -338,7 +338,7 @@ def test_a_state_is_finite(which):
 
 
 def test_a_sweep_beside_plain_numpy():
-    ring = Ring(structure(laws=LAWS[:3]), **ALL_SECTORS)
+    ring = AllSectors(structure(laws=LAWS[:3]), **ALL_SECTORS)
     start = state(ring, size=0.3)
     expected, _ = plain_transient.integrate(ring, start[:3], 1.3, 2000, 2000, omega_end=1.6)
     close(ring.integrate(start, 1.3, 500, omega_end=1.6).motion[:2], expected[:2], 3e-3)
@@ -346,7 +346,7 @@ def test_a_sweep_beside_plain_numpy():
 
 def test_a_long_sweep_is_that_of_its_periods():
     """The core looks for an interruption after some thousand steps: none of them is lost, and no period."""
-    ring = Ring(structure(laws=[LAW_BONDED]), **ALL_SECTORS)
+    ring = AllSectors(structure(laws=[LAW_BONDED]), **ALL_SECTORS)
     whole = ring.integrate(state(ring), 1.3, 500, 20, omega_end=1.6, trace=True, tolerance=1e-11)
     squares = np.linspace(1.3**2, 1.6**2, 21)
     motion = state(ring)
@@ -366,7 +366,7 @@ def test_a_long_sweep_is_that_of_its_periods():
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no timer that interrupts")
 @pytest.mark.timeout(method="thread")  # the alarm is its own
 def test_an_interruption_ends_a_long_integration():
-    ring = Ring(structure(), **ALL_SECTORS)
+    ring = AllSectors(structure(), **ALL_SECTORS)
     alarm = signal.signal(signal.SIGALRM, lambda *_: (_ for _ in ()).throw(KeyboardInterrupt()))
     signal.setitimer(signal.ITIMER_REAL, 0.1)
     try:
@@ -378,7 +378,7 @@ def test_an_interruption_ends_a_long_integration():
 
 
 def test_pieces_are_the_same_integration():
-    ring = Ring(structure(n_points=5), **ALL_SECTORS)
+    ring = AllSectors(structure(n_points=5), **ALL_SECTORS)
     whole, motion, step = ring.integrate(state(ring), 1.3, 240, 2, tolerance=1e-12), state(ring), 0
     for _ in range(12):
         motion, *_, step = ring.integrate(motion, 1.3, 240, steps=40, first=step, tolerance=1e-12)
@@ -402,8 +402,10 @@ def test_a_solution_is_the_same_wave_in_every_sector(sectors, order):
     )
     rng = np.random.default_rng(5)
     n = len(mean.omega2) + 2 * sum(len(b.omega2) for b in bases[1:])
-    system = Sector(bases, own.structure.points, rng.standard_normal(n), rows, AFT(64)).equations
-    ring, u, omega = Ring(system, sectors, order), rng.standard_normal(n), 1.3
+    system = SectorData(
+        bases, own.structure.points, rng.standard_normal(n), rows, AFT(64)
+    ).equations
+    ring, u, omega = AllSectors(system, sectors, order), rng.standard_normal(n), 1.3
     A, _ = plain_transient.matrices(ring)
     X = system.contact(u)[0]
     amplitudes = np.concatenate([X[:, :, :1], X[:, :, 1::2] - 1j * X[:, :, 2::2]], axis=2)
@@ -433,7 +435,7 @@ def test_a_solution_is_the_same_wave_in_every_sector(sectors, order):
 
 
 def test_harmonics_are_those_of_the_samples():
-    ring = Ring(structure(), **ALL_SECTORS)
+    ring = AllSectors(structure(), **ALL_SECTORS)
     found = ring.integrate(state(ring), 1.3, 250, 2, trace=True)
     n, angle = ring.n_coordinates, 2.0 * np.pi * np.arange(250) / 250
     z = found.trace[:, :n] + 1j * found.trace[:, n:]
@@ -451,7 +453,7 @@ def test_harmonics_are_those_of_the_samples():
 @pytest.mark.parametrize("light", [0, 2])
 def test_energies_of_a_period_are_those_of_forces_along_the_way(light):
     """Work of excitation, damping and contacts by forces of the plain law, at all steps of a period."""
-    ring = Ring(structure(n_points=5, laws=LAWS[:3], light=light), **ALL_SECTORS)
+    ring = AllSectors(structure(n_points=5, laws=LAWS[:3], light=light), **ALL_SECTORS)
     A, _ = plain_transient.matrices(ring)
     whole = ring.n * np.tile(1.0 / np.where(ring.real, 1.0, 2.0), 2)
     mass, drag, own = (np.tile(x, 2) for x in (ring.mass, ring.mass * ring.damping, ring.stiffness))
@@ -490,7 +492,7 @@ def test_what_is_missing_in_the_energies_is_the_loss_of_the_step():
     """None with a radius of one (the trapezoidal rule); otherwise it falls with the step by at least its second power."""
     missing = {}
     for radius in (1.0, 0.5):
-        ring = Ring(
+        ring = AllSectors(
             structure(n_points=5, laws=[LAW_CUBIC, LAW_BONDED]), **ALL_SECTORS, radius=radius
         )
         for n in (200, 400, 800):
@@ -502,7 +504,7 @@ def test_what_is_missing_in_the_energies_is_the_loss_of_the_step():
 
 def test_waves_of_a_ring():
     """A wave of the excitation (nodal diameter 5 of a wheel of 30), one of 10 against it, and a standing one of 15."""
-    ring = Ring(structure(), 30, 5)
+    ring = AllSectors(structure(), 30, 5)
     k, t = np.arange(6), np.array([0.3, 0.9])[:, None]
     own = 3.0 * np.exp(1j * (t + 2.0 * np.pi * k / 6.0))
     response = own + 0.5 * np.exp(1j * (t - 4.0 * np.pi * k / 6.0)) + 0.25 * (-1.0) ** k
@@ -515,7 +517,7 @@ def test_waves_of_a_ring():
 
 def test_disturbances_have_every_nodal_diameter():
     system = structure(n_modes=(4, 4, 4, 4), light=1)
-    ring = Ring(system, **ALL_SECTORS)
+    ring = AllSectors(system, **ALL_SECTORS)
     u = np.zeros(system.n_unknowns)
     u[4:12] = np.random.default_rng(2).standard_normal(8)  # harmonic 1 alone
     start = ring.start(u, 1.3, 64)
@@ -531,13 +533,15 @@ def test_disturbances_have_every_nodal_diameter():
         change = (found.q - start.q)[:n][s] + 1j * (found.q - start.q)[n:][s]
         assert 1e-4 * own < np.linalg.norm(change) < 0.03 * own
         assert factor == 2.0 or not change.imag.any()
-    one = Ring(replace(system.structure, bases=[system.structure.bases[0]] * 4).equations, 1, 0)
+    one = AllSectors(
+        replace(system.structure, bases=[system.structure.bases[0]] * 4).equations, 1, 0
+    )
     assert one.seeded(start, 0.01, 0) is start
 
 
 def test_tractions_to_start_from():
     """None, and the limit of friction either way: forces of the plain law."""
-    ring = Ring(structure(laws=[LAW_SEPARABLE], n_points=5), **ALL_SECTORS)
+    ring = AllSectors(structure(laws=[LAW_SEPARABLE], n_points=5), **ALL_SECTORS)
     motion, p = state(ring, size=0.2), ring.system.structure.points
     A, _ = plain_transient.matrices(ring)
     x = (A @ motion.q).reshape(ring.n, -1, 3) + p.shift
@@ -562,7 +566,7 @@ def test_a_larger_ring_repeats_the_smaller_one():
     )
     curve = study.frequency_response(100.0, (655.0, 680.0))
     u, omega = curve.peak.y[:-1], 2.0 * np.pi * curve.peak.frequency
-    rings = [ring_of(study.problem, 100.0, blades) for blades in (None, 12)]
+    rings = [all_sectors(study.problem, 100.0, blades) for blades in (None, 12)]
     assert [ring.n for ring in rings] == [6, 12]
     assert rings[0].nodal_diameters == (0, 10, 20, 30) and rings[1].nodal_diameters == (
         0,
@@ -583,14 +587,14 @@ def test_a_larger_ring_repeats_the_smaller_one():
         bd.SettingError,
         match=r"^blades: expected one of \[6, 12, 30, 60\], rings that repeat .*found 5",
     ):
-        ring_of(study.problem, 100.0, 5)
+        all_sectors(study.problem, 100.0, 5)
     with pytest.raises(bd.BdamperError, match="nodal diameter"):
-        ring_of(study.problem, 100.0, 60)
+        all_sectors(study.problem, 100.0, 60)
 
 
 def test_error_of_second_order():
     """Smooth motion (cubic springs): half the step, a quarter of the difference."""
-    ring = Ring(structure(laws=[LAW_CUBIC, LAW_BONDED]), **ALL_SECTORS)
+    ring = AllSectors(structure(laws=[LAW_CUBIC, LAW_BONDED]), **ALL_SECTORS)
     start = state(ring, size=0.3)
     ends = [ring.integrate(start, 1.3, n, omega_end=1.5).motion.q for n in (400, 800, 1600)]
     assert 3.9 < np.linalg.norm(ends[1] - ends[0]) / np.linalg.norm(ends[2] - ends[1]) < 4.1
@@ -603,7 +607,7 @@ def bonded_ring(radius, light=0):
         system.structure.points, shift=np.zeros((11, 3)), slider=np.zeros((11, 2)), n0=np.zeros(11)
     )
     system = replace(system.structure, points=points).equations
-    ring = Ring(system, **ALL_SECTORS, radius=radius)
+    ring = AllSectors(system, **ALL_SECTORS, radius=radius)
     A, _ = plain_transient.matrices(ring)
     springs = np.tile(
         np.column_stack([system.structure.points.kt, system.structure.points.kn]).ravel(), ring.n
@@ -636,7 +640,7 @@ def test_what_bounces_gains_no_energy(friction, left):
         slider=np.zeros((11, 2)), mu=np.full(11, friction),
     )  # fmt: skip
     system = replace(system.structure, points=points).equations
-    ring = Ring(system, **ALL_SECTORS)
+    ring = AllSectors(system, **ALL_SECTORS)
     A, _ = plain_transient.matrices(ring)
     weight = np.tile(1.0 / np.where(ring.real, 1.0, 2.0), 2)
 
@@ -657,7 +661,7 @@ def test_what_bounces_gains_no_energy(friction, left):
 
 
 def test_sliders_after_a_given_motion():
-    ring = Ring(structure(), **ALL_SECTORS)
+    ring = AllSectors(structure(), **ALL_SECTORS)
     q = np.array([state(ring, seed).q for seed in range(20)])
     A, _ = plain_transient.matrices(ring)
     w = expected = state(ring).w
@@ -672,7 +676,9 @@ def test_sliders_after_a_given_motion():
 
 def test_the_energy_of_a_motion_is_conserved_without_losses():
     """Springs in place of contacts, no damping, no excitation: kinetic, strain and contact energy of all sectors."""
-    ring = Ring(structure(laws=(LAW_BONDED,), size=0.0, damping=0.0), **ALL_SECTORS, radius=1.0)
+    ring = AllSectors(
+        structure(laws=(LAW_BONDED,), size=0.0, damping=0.0), **ALL_SECTORS, radius=1.0
+    )
     start = state(ring)
     held = ring.energy(start)
     end = ring.integrate(start, 1.0, 4000)
@@ -698,7 +704,7 @@ def test_random_starts_end_finite_or_fail_by_name(name, number):
         bd.Excitation("tip", "tangential", 1.0) if name == "turbine_blade" else bd.Excitation("tip")
     )
     given = {"friction_coefficient": 0.55, "contact_stiffness": "unit_traction"}
-    ring = ring_of(
+    ring = all_sectors(
         bd.Study(bd.reference_model(name, 9), excitation, order, **given).problem, preload
     )
     rng, failed, said = np.random.default_rng(20261123), [], "steps_per_period"
@@ -734,7 +740,7 @@ def test_open_points_store_no_energy():
     n_points = len(np.asarray(own.points.law))
     laws = np.resize([LAW_SEPARABLE, LAW_NORMAL, LAW_COUPLED], n_points)
     apart = replace(own.points, n0=np.full(n_points, -1e9), load=np.zeros(n_points), law=laws)
-    open_ring = Ring(replace(own, points=apart).equations, radius=0.5, **ALL_SECTORS)
+    open_ring = AllSectors(replace(own, points=apart).equations, radius=0.5, **ALL_SECTORS)
     modes = 0.0
     for l, s, _, factor in ring.blocks:
         for x, weight in ((motion.v, ring.mass), (motion.q, ring.stiffness)):

@@ -250,7 +250,7 @@ class OnBranches:
     memory = 20.0
 
     def __init__(self, ring, omega, motion, steps):
-        self.ring, self.omega, self.motion, self.steps, self.harmonics = (
+        self.sectors, self.omega, self.motion, self.steps, self.harmonics = (
             ring,
             omega,
             motion,
@@ -259,14 +259,14 @@ class OnBranches:
         )
 
     def advance(self, periods, branches=None):
-        branches = branches or self.ring.shorter.get(self.steps, self.ring.branches)
+        branches = branches or self.sectors.shorter.get(self.steps, self.sectors.branches)
         level = branches.get(self.motion, lambda f: 0.0)(self.omega / tau)
         self.motion = self.motion if level else Motion("lowest")
         self.harmonics += periods * [level or 0.1]
 
     def sweep(self, end, periods):
         self.omega = end
-        self.advance(periods, self.ring.swept)
+        self.advance(periods, self.sectors.swept)
 
     @property
     def amplitude(self):
@@ -508,20 +508,20 @@ def test_a_refinement_that_falls_is_repeated_from_the_next_highest_motion(search
     """With half the steps the branch ends at 100 Hz; what has fallen before is left out, and points and falls stay."""
     search = search_of(Branches(flank=rises_to(90.0), shorter={128: {"flank": rises_to(100.0)}}))
     points = [point(f, rises_to(0.0)(f)) for f in (98.0, 99.5, 101.0, 103.0)]
-    refined = _refine(search, points, search.ring, 2)
+    refined = _refine(search, points, search.sectors, 2)
     assert (refined.frequency, refined.stays, refined.transient.steps) == (101.0, True, 128)
     assert (
-        _refine(search, [points[1]._replace(stays=False), points[3]], search.ring, 2).frequency
+        _refine(search, [points[1]._replace(stays=False), points[3]], search.sectors, 2).frequency
         == 103.0
     )
-    fallen = _refine(search, points[:2], search.ring, 2)
+    fallen = _refine(search, points[:2], search.sectors, 2)
     assert not fallen.stays and fallen.mean == pytest.approx(0.1)
     whole = Branches(flank=rises_to(98.5))
     refined = _refine(search, points, whole, 1)
     assert (refined.frequency, refined.transient.steps) == (
         99.5,
         64,
-    ) and refined.transient.ring is whole
+    ) and refined.transient.sectors is whole
     assert not search.points and not search.fell and search.periods == 20 * 8
 
 

@@ -17,7 +17,7 @@ from bdamper.importers import (
     read_calculix,
 )
 from bdamper.time_domain import time_response
-from bdamper.time_domain.integration import EnergyGained, Ring, ring_of
+from bdamper.time_domain.integration import AllSectors, EnergyGained, all_sectors
 from bdamper.time_domain.time_response import disturbed
 from bdamper.time_domain.transient import CRITERIA, energy_error, step_error
 from tests.each import each
@@ -64,7 +64,7 @@ def imported(tmp_path_factory):
 def test_the_contacts_of_an_imported_sector_supply_no_energy(imported, radius):
     """With 0.7 they supplied most of it while the iteration for their forces gave up in many steps."""
     curve = imported.frequency_response(PRELOAD, (1300.0, 1400.0))
-    ring, omega = ring_of(imported.problem, PRELOAD), tau * curve.peak.frequency
+    ring, omega = all_sectors(imported.problem, PRELOAD), tau * curve.peak.frequency
     ring.radius = radius
     found = disturbed(ring, curve.unknowns[curve.peak_index], omega)
     found.advance(10)
@@ -76,7 +76,7 @@ def test_a_free_blade_bounds_the_amplitude_of_an_imported_sector(imported):
     free = imported.free((950.0, 1010.0))
     omega, highest = tau * free.frequency[free.amplitude.argmax()], free.amplitude.max()
     system = imported.replace(contact_stiffness="unit_traction").problem.system(PRELOAD)
-    assert highest < Ring(system, 36, 4).amplitude_bound(omega) < 1.5 * highest
+    assert highest < AllSectors(system, 36, 4).amplitude_bound(omega) < 1.5 * highest
 
 
 # ---- the balance of energy ----
@@ -89,7 +89,7 @@ def pressed(stop=3.0, steps=256):
     )
     curve = study.frequency_response(0.0, (0.2, 0.3))
     transient = disturbed(
-        ring_of(study.problem, 0.0), curve.unknowns[0], tau * curve.frequency[0], steps
+        all_sectors(study.problem, 0.0), curve.unknowns[0], tau * curve.frequency[0], steps
     )
     transient.advance(40)
     return transient
@@ -134,7 +134,9 @@ def test_an_undamped_motion_far_from_its_resonance_has_no_error():
         forces={0: 1e-3},
     )
     curve = study.frequency_response(0.0, (0.05, 0.06))
-    transient = disturbed(ring_of(study.problem, 0.0), curve.unknowns[0], tau * curve.frequency[0])
+    transient = disturbed(
+        all_sectors(study.problem, 0.0), curve.unknowns[0], tau * curve.frequency[0]
+    )
     transient.advance(40)
     assert energy_error(transient) < CRITERIA.energy
 
@@ -145,7 +147,7 @@ def test_an_undamped_motion_far_from_its_resonance_has_no_error():
 def test_the_bound_of_one_mass_is_its_resonance():
     study = bd.lumped([2.0], [0.3], [5.0], contacts=[bd.Contact(normal=0, kn=1.0)], forces={0: 0.7})
     for omega in (1.0, np.sqrt(2.5)):
-        assert ring_of(study.problem, 0.0).amplitude_bound(omega) == pytest.approx(
+        assert all_sectors(study.problem, 0.0).amplitude_bound(omega) == pytest.approx(
             0.7 / (0.3 * omega), rel=1e-9
         )
 
@@ -158,7 +160,7 @@ def test_no_springs_and_dampers_between_three_masses_exceed_the_bound():
         C = rng.uniform(0.01, 0.05) * K
         contacts = [bd.Contact(normal=0, kn=1.0), bd.Contact(1, kt=0.4, mu=0.5, preload=1.0)]
         study = bd.lumped(mass, C, K, contacts=contacts, forces={0: 1.0}, response=2)
-        ring = ring_of(study.problem, 0.0)
+        ring = all_sectors(study.problem, 0.0)
         for _ in range(10):
             added = np.diag(10.0 ** rng.uniform(-3.0, 1.5, 3))
             losses = np.diag(10.0 ** rng.uniform(-6.0, -1.0, 3))
@@ -175,7 +177,7 @@ def test_no_springs_and_dampers_between_three_masses_exceed_the_bound():
 
 def test_a_response_without_damping_has_no_bound():
     study = bd.lumped([1.0], [0.0], [1.0], contacts=[bd.Contact(normal=0, kn=1.0)], forces={0: 1.0})
-    assert ring_of(study.problem, 0.0).amplitude_bound(1.0) == np.inf
+    assert all_sectors(study.problem, 0.0).amplitude_bound(1.0) == np.inf
 
 
 # ---- results ----
@@ -202,7 +204,7 @@ def test_too_long_time_steps_are_divided_by_four(bent, monkeypatch):
 
 def test_an_amplitude_above_that_without_contacts_is_not_stated(bent, monkeypatch):
     study, curve = bent
-    monkeypatch.setattr(Ring, "amplitude_bound", lambda ring, omega: 0.005)
+    monkeypatch.setattr(AllSectors, "amplitude_bound", lambda ring, omega: 0.005)
     found = study.time_response(curve, steps_per_period=16)
     assert found.status_text.startswith("not found: its amplitude of 1")
     assert "mm is higher than without contacts" in found.reason

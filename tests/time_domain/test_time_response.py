@@ -12,11 +12,11 @@ from bdamper.contact.residual_flexibility import RESIDUAL
 from bdamper.response.events import ContinuationOptions
 from bdamper.time_domain import time_response
 from bdamper.time_domain.integration import (
-    Ring,
+    AllSectors,
     TimeLimit,
     TimeSpent,
+    all_sectors,
     every_diameter,
-    ring_of,
     transfer,
 )
 from bdamper.time_domain.steady_amplitude import BalanceCurve, SteadySearch
@@ -112,7 +112,8 @@ def test_a_motion_carried_to_another_structure_has_the_same_displacements_at_the
     own = disk(harmonics=1, blade_modes=4)
     middle, _ = structure_in_time(own.problem, 330.0)
     rings = [
-        ring_of(problem, 125.0) for problem in (own.problem, middle, richer_structure(middle)[0])
+        all_sectors(problem, 125.0)
+        for problem in (own.problem, middle, richer_structure(middle)[0])
     ]
     kept = []
     for ring in rings:
@@ -142,10 +143,10 @@ def test_a_motion_carried_to_another_structure_has_the_same_displacements_at_the
 
 def test_every_nodal_diameter_that_the_model_has_is_integrated():
     study = disk(harmonics=3)
-    ring = ring_of(study.problem, 125.0)
+    ring = all_sectors(study.problem, 125.0)
     assert ring.n == 13 and ring.nodal_diameters == (0, 5, 10, 15, 20, 25, 30)
     # harmonics 6 and 7 share a diameter, each with residual modes of its own: one set is turned to the other
-    wide = ring_of(study.replace(harmonics=8).problem, 125.0)
+    wide = all_sectors(study.replace(harmonics=8).problem, 125.0)
     assert wide.nodal_diameters == ring.nodal_diameters and wide.n_coordinates == ring.n_coordinates
     for l, basis in enumerate(wide.wide.structure.bases):
         own, reversed_ = wide._family(l)
@@ -308,7 +309,7 @@ def test_what_leaves_the_answer_open_is_its_status(bent, monkeypatch, changes, s
 
 
 def test_nodal_diameters_that_a_model_does_not_have_are_said(bent, monkeypatch):
-    monkeypatch.setattr(Ring, "nodal_diameters", ())
+    monkeypatch.setattr(AllSectors, "nodal_diameters", ())
     assert (
         bent[0].time_response(bent[1]).reason.endswith("; 0 of 1 nodal diameters were integrated")
     )
@@ -456,7 +457,7 @@ def test_a_motion_after_the_processor_time_has_the_periods_until_then(bent, monk
 def test_the_equations_of_all_sectors_count(bent):
     study, _ = bent
     limit = TimeLimit(100.0)
-    ring = ring_of(study.problem, 0.0, limit=limit)
+    ring = all_sectors(study.problem, 0.0, limit=limit)
     assert ring.limit is limit and limit.left() < 100.0
 
 
@@ -552,7 +553,7 @@ def test_the_reference_disk_beside_an_independent_integration():
     at 309 Hz with 105 \u00b5m, and with 512 steps with 106 \u00b5m.
     """
     study = disk(contact_stiffness="unit_traction")
-    ring = ring_of(study.problem, 125.0)
+    ring = all_sectors(study.problem, 125.0)
     search = SteadySearch(
         ring, ring, BalanceCurve(study.frequency_response(125.0, (285.0, 380.0))), 1024
     )

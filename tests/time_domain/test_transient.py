@@ -5,7 +5,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.contact.laws import LAW_SEPARABLE
-from bdamper.time_domain.integration import IntegrationFailed, Motion, Ring
+from bdamper.time_domain.integration import AllSectors, IntegrationFailed, Motion
 from bdamper.time_domain.transient import (
     AGREES,
     CRITERIA,
@@ -245,7 +245,7 @@ class Known:
     """A transient of which the amplitude (m) of every period is known, and the part outside the wave of the excitation."""
 
     def __init__(self, amplitude, memory=20.0, away=lambda k: 0.0 * k):
-        self.of_period, self.memory, self.harmonics, self.ring, self.away = (
+        self.of_period, self.memory, self.harmonics, self.sectors, self.away = (
             amplitude,
             memory,
             [],
@@ -333,7 +333,7 @@ def test_integration_continues_while_blades_part(size, rate, periods):
 
 @pytest.fixture
 def ring():
-    return Ring(structure(laws=[LAW_SEPARABLE]), **ALL_SECTORS)
+    return AllSectors(structure(laws=[LAW_SEPARABLE]), **ALL_SECTORS)
 
 
 def test_a_sweep_is_one_integration_with_a_changing_frequency(ring):
@@ -370,13 +370,13 @@ def test_it_runs_to_a_number_of_periods_or_to_a_decision(ring):
 
 @each("share", [0.0, 20.0])
 def test_a_motion_that_gains_energy_is_an_error(ring, monkeypatch, share):
-    own, held = Ring.integrate, ring.energy(state(ring))
+    own, held = AllSectors.integrate, ring.energy(state(ring))
 
     def gains(*given, **asked):
         path = own(*given, **asked)
         return path._replace(energy=path.energy + [0.0, 0.0, 0.0, share * held])
 
-    monkeypatch.setattr(Ring, "integrate", gains)
+    monkeypatch.setattr(AllSectors, "integrate", gains)
     transient = Transient(ring, 1.3, state(ring), 64)
     if not share:
         transient.advance(4)

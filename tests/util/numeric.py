@@ -13,8 +13,7 @@ import bdamper as bd
 from bdamper.contact.laws import ContactLaw
 from bdamper.fatigue.criteria import Material
 from bdamper.fatigue.margin import LeastMargin
-from bdamper.fem import Geometry
-from bdamper.fem import Material as Elastic
+from bdamper.fem import ElasticMaterial, Geometry
 from bdamper.fem.local_basis import LocalSizes
 from bdamper.harmonic_balance.rotor_speed import Conditions
 from bdamper.harmonic_balance.settings import Settings
@@ -62,7 +61,7 @@ def doors() -> dict[str, Any]:
     found = {
         name: thing for name, thing in found.items() if callable(thing) and not _is_error(thing)
     }
-    found |= {thing.__name__: thing for thing in FURTHER} | {"fem.Material": Elastic}
+    found |= {thing.__name__: thing for thing in FURTHER} | {"ElasticMaterial": ElasticMaterial}
     for cls in PARTS:
         for name in dir(cls):
             method = getattr(cls, name)

@@ -10,8 +10,7 @@ import pytest
 import bdamper as bd
 from bdamper.fatigue.criteria import AISI_1050, Material
 from bdamper.fatigue.margin import MarginCurve
-from bdamper.fem import Geometry
-from bdamper.fem import Material as Elastic
+from bdamper.fem import ElasticMaterial, Geometry
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.importers import (
     Sector,
@@ -288,7 +287,9 @@ VALUES = {
     "Material": (lambda s: partial(Material, ultimate_strength=9e8, yield_strength=8e8), {
         "endurance_limit": ["300 MPa", NAN, -1.0, 1e9],
     }),
-    "Elastic": (lambda s: Elastic, {"youngs_modulus": ["210 GPa", -1.0], "poisson_ratio": [30.0, 0.5], "density": [0.0]}),
+    "ElasticMaterial": (lambda s: ElasticMaterial, {
+        "youngs_modulus": ["210 GPa", -1.0], "poisson_ratio": [30.0, 0.5], "density": [0.0],
+    }),
     "Geometry": (lambda s: Geometry, {"face_angle": [60.0], "n_blades": [2.5], "twist": [30.0], "bore_radius": [-1.0]}),
     "face_gap": (lambda s: partial(bd.face_gap, s.model.interfaces["left"]), {"angle": [1.0], "interface": []}),
     "Mistuning": (lambda s: partial(Mistuning.random, 65, 0.01), {"seed": ["a"]}),
@@ -424,11 +425,11 @@ DOUBTED = {
         "amplitude: .*found 1000 m; .*millim",
     ),
     "modulus in GPa": (
-        lambda s: Elastic(210.0),
+        lambda s: ElasticMaterial(210.0),
         "youngs_modulus: .*found 210 Pa; possibly given in MPa or GPa",
     ),
     "density in g/cm3": (
-        lambda s: Elastic(2.1e11, 0.3, 7.85),
+        lambda s: ElasticMaterial(2.1e11, 0.3, 7.85),
         "density: .*found 7.85 kg/m3; .*g/cm3 or t/mm3",
     ),
     "millimetres of a disk": (

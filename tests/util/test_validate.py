@@ -13,7 +13,7 @@ from bdamper import plot as plotting
 from bdamper.fatigue.criteria import Material
 from bdamper.fatigue.haigh_table import HaighTable
 from bdamper.fatigue.margin import Rule
-from bdamper.fem import Geometry
+from bdamper.fem import ElasticMaterial, Geometry
 from bdamper.fem.local_basis import LocalSizes
 from bdamper.harmonic_balance.settings import Settings
 from bdamper.importers import Checks, Placement, Reduction, Sector, Units
@@ -175,6 +175,7 @@ def test_too_few_samples_for_the_harmonics_are_refused_at_once(study):
 OPTIONS = (
     bd.AFT(), bd.ContinuationOptions(), bd.Excitation("tip"), bd.OptimalTask(), bd.PeakOptions(),
     bd.PeakTask(), bd.PerArea(1e12), bd.ResidualModes(), bd.Response("tip"), LocalSizes(), Material(3e8, 9e8, 8e8),
+    ElasticMaterial(),
     Rule(), Units(), DiskPeakOptions(), Sector(), Placement(), Reduction(), Checks(), Geometry(),
     HaighTable((2e8,), (0.0,), (20.0,), (0.5,)),
 )  # fmt: skip
