@@ -46,9 +46,10 @@ from scipy.linalg import null_space
 
 from bdamper.fem.lowest_modes import lowest_modes
 from bdamper.fem.sector_faces import SectorFaces
-from bdamper.fem.sector_inside import CondensedSolver, SectorInside
+from bdamper.fem.sector_inside import CondensedSolver, SectorInside, reported_blocks
 from bdamper.fem.surface import Structure, hermitian, require
 from bdamper.model.modal_basis import fix_phase
+from bdamper.util.progress import Report, no_report
 
 # ---- Cyclic sector ----
 
@@ -151,6 +152,7 @@ class CyclicSector:
         )
         if self.inside is None:
             self.inside = sector_inside(self.body, self.faces, self.clamped)
+        self._report = self.inside.report
 
     def _reduced(self, matrix: sp.spmatrix) -> sp.csr_matrix:
         adjoint = self.transformation.conj().T
@@ -187,7 +189,9 @@ class CyclicSector:
             Mode shapes on all nodes of the sector.
         """
         if self._modes is None or len(self._modes[0]) < n_modes:
-            omega2, reduced = lowest_modes(self.stiffness, self.mass, self.solver.solve, n_modes)
+            omega2, reduced = lowest_modes(
+                self.stiffness, self.mass, self.solver.solve, n_modes, report=self._report
+            )
             self._reduced_shapes = reduced
             self._modes = omega2, fix_phase(self.transformation @ reduced, self.body.mass)
         return self._modes[0][:n_modes], self._modes[1][:, :n_modes]
@@ -219,7 +223,12 @@ class CyclicSector:
 
     def _solve(self, force: NDArray) -> NDArray:
         """Apply the inverse of the reduced stiffness to forces (n_independent, n)."""
-        return self.solver.solve(np.ascontiguousarray(force.astype(self.stiffness.dtype)))
+        solver = self.solver
+        displacement = np.empty(force.shape, self.stiffness.dtype)
+        for columns in reported_blocks(force.shape[1], "static shapes", self._report):
+            block = force[:, columns].astype(displacement.dtype)
+            displacement[:, columns] = solver.solve(np.ascontiguousarray(block))
+        return displacement
 
     def _without_modes(self, displacement: NDArray) -> NDArray:
         """Return displacements (n_independent, n) without their part in the modes."""
@@ -241,12 +250,14 @@ class CyclicSector:
         return hermitian(reduced @ self.contact_response(contact))
 
 
-def sector_inside(body: Structure, faces: SectorFaces, clamped: NDArray) -> SectorInside:
-    """Return the inside of a sector for all nodal diameters.
+def sector_inside(
+    body: Structure, faces: SectorFaces, clamped: NDArray, report: Report = no_report
+) -> SectorInside:
+    """Return the inside of a sector for all nodal diameters, which reports its long passes.
 
     ``clamped`` has clamped nodes or components, see :func:`cyclic_transformation`.
     """
-    return SectorInside(body, faces, fixed_components(len(body.nodes), clamped))
+    return SectorInside(body, faces, fixed_components(len(body.nodes), clamped), report)
 
 
 Sectors = Callable[[int], CyclicSector]

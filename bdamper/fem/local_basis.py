@@ -28,8 +28,8 @@ deviation of 5 % changes family 1 of a coarse disk with a soft rim by 0.05 % too
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -52,11 +52,12 @@ from bdamper.fem.reduced_bodies import (
     residual_shapes,
 )
 from bdamper.fem.sector_faces import SectorFaces
-from bdamper.fem.sector_inside import SectorInside, face_ties
+from bdamper.fem.sector_inside import SectorInside, face_ties, reported_blocks
 from bdamper.fem.surface import Structure, hermitian, require
 from bdamper.model.modal_basis import LocalBasis, fix_phase, rigid_motions
 from bdamper.model.structure import Interface, Port
 from bdamper.util import validation
+from bdamper.util.progress import Steps
 
 SPRINGS = (0.3, 3.0)
 """Stiffness of the contact springs for the loads of attachment modes, relative to the mean
@@ -104,15 +105,15 @@ class BladePart:
         Fixed components.
     stiffness : (3 n_nodes, 3 n_nodes) sparse, optional
         Stiffness of the elements of the blade alone, N/m.
-    step : callable
-        Called with a text before each nodal diameter is computed, to show progress.
+    steps : Steps
+        Steps of the work, to show progress: the clamped blade, and the disk at each nodal diameter.
     """
 
     body: Structure
     nodes: NDArray
     fixed: NDArray
     stiffness: sp.csr_matrix | None = None
-    step: Callable[[str], None] = lambda text: None
+    steps: Steps = field(default_factory=Steps, repr=False)
 
     def __post_init__(self) -> None:
         inside = self.inside
@@ -162,7 +163,11 @@ class BladePart:
     @cached_property
     def solver(self) -> Factors:
         """Factorisation of the stiffness of the blade clamped at its root."""
-        return factorise(self.body.stiffness[self.own_dofs][:, self.own_dofs])
+        report = self.steps.report_pass
+        report("factorisation", 0, 1)
+        factors = factorise(self.body.stiffness[self.own_dofs][:, self.own_dofs])
+        report("factorisation", 1, 1)
+        return factors
 
     def _spread(self, values: NDArray) -> NDArray:
         """Expand columns from the blade without its root to all nodes of the sector."""
@@ -175,13 +180,20 @@ class BladePart:
         at its root."""
         stiffness = self.body.stiffness[self.own_dofs][:, self.own_dofs]
         mass = self.body.mass[self.own_dofs][:, self.own_dofs]
-        omega2, shapes = lowest_modes(stiffness, mass, self.solver.solve, n_modes)
+        report = self.steps.report_pass
+        omega2, shapes = lowest_modes(stiffness, mass, self.solver.solve, n_modes, report=report)
         return omega2, fix_phase(self._spread(shapes), self.body.mass)
 
     def contact_columns(self, contact: sp.csr_matrix) -> NDArray:
         """Return displacements (3 n_nodes, n) of the clamped blade under unit forces on the rows of
         ``contact``."""
-        return self._spread(self.solver.solve(contact[:, self.own_dofs].T.toarray()))
+        force = contact[:, self.own_dofs].T.tocsc()
+        solver = self.solver
+        displacement = np.empty(force.shape)
+        n_columns = force.shape[1]
+        for columns in reported_blocks(n_columns, "static shapes", self.steps.report_pass):
+            displacement[:, columns] = solver.solve(force[:, columns].toarray())
+        return self._spread(displacement)
 
     def attachments(self, columns: NDArray, modes: NDArray) -> NDArray:
         """Orthogonalise static shapes ``columns`` (3 n_nodes, n) to the cantilever modes and to
@@ -219,7 +231,7 @@ def disk_matrices(
     held = blade.fixed.copy()
     held.ravel()[blade.own_dofs] = True
     held.ravel()[blade.root_dofs] = True
-    disk = SectorInside(body, sector.faces, held)
+    disk = SectorInside(body, sector.faces, held, blade.steps.report_pass)
 
     # shapes with held faces, driven by the roots
     driven = np.array(carried)
@@ -236,7 +248,7 @@ def disk_matrices(
 
     stiffness_of_wave, mass_of_wave = [], []
     for d in range(sector.faces.n_sectors // 2 + 1):
-        blade.step(f"disk of the wheel, nodal diameter {d}")
+        blade.steps.begin(f"disk of the wheel, nodal diameter {d}")
         t, _ = face_ties(disk, cyclic_transformation(len(body.nodes), sector.faces, held, d))
         adjoint = t.conj().T
         of_wave = adjoint @ (disk.face_stiffness @ t)
@@ -372,6 +384,7 @@ def local_shapes(
         Matrices of the root shapes, blade and disk together, at each nodal diameter.
     """
     contact = wanted.contact
+    blade.steps.begin("clamped blade of the wheel")
     omega2, modes = blade.cantilever(sizes.cantilever)
     first = sector(0)
     n_sectors = first.faces.n_sectors

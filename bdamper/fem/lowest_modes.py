@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from bdamper.fem.surface import hermitian
+from bdamper.util.progress import Report, no_report
 
 Solve = Callable[[NDArray], NDArray]
 """Displacements (n, k) under forces (n, k)."""
@@ -29,11 +30,17 @@ CONVERGED = 1e-12
 
 
 def lowest_modes(
-    stiffness: sp.spmatrix, mass: sp.spmatrix, solve: Solve, n_modes: int, n_rigid: int = 0
+    stiffness: sp.spmatrix,
+    mass: sp.spmatrix,
+    solve: Solve,
+    n_modes: int,
+    n_rigid: int = 0,
+    report: Report = no_report,
 ) -> tuple[NDArray, NDArray]:
     """Compute the lowest modes of ``stiffness x = omega2 mass x``.
 
     ``solve`` applies the inverse of the stiffness, apart from ``n_rigid`` motions without force.
+    ``report`` receives the number of modes that have converged.
 
     Returns
     -------
@@ -48,7 +55,7 @@ def lowest_modes(
         elastic = np.flatnonzero(omega2 > 1e-12 * np.abs(omega2).max())
         lowest = elastic[elastic >= n_rigid][:n_modes]
         return omega2[lowest], shapes[:, lowest]
-    vectors = _most_flexible(mass, solve, n_modes)
+    vectors = _most_flexible(mass, solve, n_modes, report)
     # one Rayleigh-Ritz step with the stiffness itself
     adjoint = vectors.conj().T
     reduced_stiffness = hermitian(adjoint @ (stiffness @ vectors))
@@ -57,7 +64,7 @@ def lowest_modes(
     return omega2, vectors @ combination
 
 
-def _most_flexible(mass: sp.spmatrix, solve: Solve, n_modes: int) -> NDArray:
+def _most_flexible(mass: sp.spmatrix, solve: Solve, n_modes: int, report: Report) -> NDArray:
     """Return the vectors (n, n_modes) of the largest eigenvalues of the flexibility."""
     space = _KrylovSpace(mass, solve)
     while True:
@@ -67,10 +74,13 @@ def _most_flexible(mass: sp.spmatrix, solve: Solve, n_modes: int) -> NDArray:
         largest = np.argsort(-np.abs(values))[:n_modes]
         highest = combination[:, largest]
         residual = space.residual(highest)
-        all_converged = (residual < CONVERGED * np.abs(values[largest])).all()
+        converged = residual < CONVERGED * np.abs(values[largest])
         large_enough = len(values) >= n_modes + BLOCK
-        if space.exhausted or (large_enough and all_converged):
+        if space.exhausted or (large_enough and converged.all()):
+            report("modes", n_modes, n_modes)
             return np.asarray(space.vectors @ highest)
+        # the space may still be too small although all of its modes have converged
+        report("modes", min(int(converged.sum()), n_modes - 1), n_modes)
 
 
 class _KrylovSpace:

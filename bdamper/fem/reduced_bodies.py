@@ -60,9 +60,11 @@ from bdamper.fem.factorisation import Factors, factorise
 from bdamper.fem.lowest_modes import lowest_modes
 from bdamper.fem.rotation import Rotation, spin_displacement
 from bdamper.fem.sector_faces import SectorFaces
+from bdamper.fem.sector_inside import reported_blocks
 from bdamper.fem.surface import Facets, Structure, corner_count, hermitian, require
 from bdamper.model.modal_basis import SpinStatic, fix_phase, rigid_motions
 from bdamper.model.structure import Body, BodyLoad, ModalBasis, Port, SurfaceMesh
+from bdamper.util.progress import Report, no_report
 
 # ---- Free body ----
 
@@ -114,11 +116,19 @@ class Floating:
         Rigid-body modes, orthonormal in the mass matrix.
     constrained : (n_rigid,) int
         Constrained degrees of freedom of the auxiliary problem.
+    report : Report
+        Receives the progress of long passes.
     """
 
     def __init__(
-        self, stiffness: sp.spmatrix, mass: sp.spmatrix, rigid: NDArray, constrained: NDArray
+        self,
+        stiffness: sp.spmatrix,
+        mass: sp.spmatrix,
+        rigid: NDArray,
+        constrained: NDArray,
+        report: Report = no_report,
     ) -> None:
+        self.report = report
         self.stiffness = stiffness
         self.mass = mass
         self.rigid = rigid
@@ -128,7 +138,10 @@ class Floating:
     @cached_property
     def solver(self) -> Factors:
         """Factorisation of the stiffness matrix of the constrained structure."""
-        return factorise(self.stiffness[self._kept][:, self._kept])
+        self.report("factorisation", 0, 1)
+        factors = factorise(self.stiffness[self._kept][:, self._kept])
+        self.report("factorisation", 1, 1)
+        return factors
 
     def remove_rigid(self, displacement: NDArray) -> NDArray:
         """Return ``P u``, the part (n, ...) orthogonal to the rigid-body modes in the mass
@@ -142,6 +155,16 @@ class Floating:
         out[self._kept] = self.solver.solve(np.ascontiguousarray(load[self._kept]))
         return self.remove_rigid(out)
 
+    def static_response(self, load: NDArray) -> NDArray:
+        """Return the elastic displacements (n, n_loads) under ``load`` (n, n_loads) with inertia
+        relief, a pass that is reported."""
+        # before the static shapes, whose progress follows
+        _ = self.solver
+        displacement = np.empty(load.shape, np.result_type(load, self.rigid))
+        for columns in reported_blocks(load.shape[1], "static shapes", self.report):
+            displacement[:, columns] = self.elastic_response(load[:, columns])
+        return displacement
+
     def elastic_modes(self, n_modes: int) -> tuple[NDArray, NDArray]:
         """Compute the lowest elastic modes.
 
@@ -151,8 +174,10 @@ class Floating:
         shapes : (n, n_modes), kg^-1/2
         """
         n_rigid = self.rigid.shape[1]
+        # before the modes, whose progress follows
+        _ = self.solver
         omega2, shapes = lowest_modes(
-            self.stiffness, self.mass, self.elastic_response, n_modes, n_rigid
+            self.stiffness, self.mass, self.elastic_response, n_modes, n_rigid, self.report
         )
         return omega2, self.remove_rigid(shapes)
 
@@ -168,11 +193,14 @@ class FreeBody(Generic[S]):
         Directions of the rigid-body translations and rotations as rows.
     constrained : (6,) int, optional
         Constrained degrees of freedom of the auxiliary problem.
+    report : Report
+        Receives the progress of long passes.
     """
 
     body: S
     axes: NDArray
     constrained: NDArray | None = None
+    report: Report = field(default=no_report, repr=False)
     _modes: tuple[NDArray, NDArray] | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -189,7 +217,7 @@ class FreeBody(Generic[S]):
         self.inertia: NDArray = rotation.T @ (mass @ rotation)
         motion = rigid_motions(body.nodes, self.centre, self.axes)
         self.rigid: NDArray = orthonormal(motion, mass)
-        self._floating = Floating(body.stiffness, mass, self.rigid, self.constrained)
+        self._floating = Floating(body.stiffness, mass, self.rigid, self.constrained, self.report)
 
     def remove_rigid(self, displacement: NDArray) -> NDArray:
         """Return ``P u``, the part (3 n_nodes, ...) orthogonal to the rigid-body modes in the mass
@@ -227,7 +255,7 @@ class FreeBody(Generic[S]):
     def receptance(self, contact: sp.spmatrix) -> NDArray:
         """Return the elastic receptance (n, n) between the rows of ``contact``
         (n, 3 n_nodes), m/N."""
-        return hermitian(contact @ self.elastic_response(contact.T.toarray()))
+        return hermitian(contact @ self._floating.static_response(contact.T.toarray()))
 
     def centrifugal_load(self, radial: NDArray) -> NDArray:
         """Return nodal forces (3 n_nodes,) of rotation about Z with a resultant of 1 N along
@@ -275,6 +303,8 @@ class RingSector:
     nodal_diameter : int
     radial : (3,) float, optional
         Radial direction of the sector of a split ring; None for a closed ring.
+    report : Report
+        Receives the progress of long passes.
     """
 
     def __init__(
@@ -283,6 +313,7 @@ class RingSector:
         faces: SectorFaces,
         nodal_diameter: int,
         radial: NDArray | None = None,
+        report: Report = no_report,
     ) -> None:
         require(faces.n_sectors >= 3, f"a ring has at least 3 sectors, not {faces.n_sectors}")
         require(not len(faces.axis), "a ring has no nodes on the axis of rotation")
@@ -315,7 +346,7 @@ class RingSector:
         mass = (adjoint @ body.mass @ to_nodes).tocsr()
         if n_rigid:
             rigid = orthonormal(rigid, mass)
-        self._floating = Floating(stiffness, mass, rigid, constrained)
+        self._floating = Floating(stiffness, mass, rigid, constrained, report)
 
     @property
     def n_rigid(self) -> int:
@@ -341,7 +372,7 @@ class RingSector:
         force = self.transformation.conj().T @ load
         force = force.toarray() if sp.issparse(force) else np.asarray(force)
         force = force.astype(self._floating.stiffness.dtype)
-        return np.asarray(self.transformation @ self._floating.elastic_response(force))
+        return np.asarray(self.transformation @ self._floating.static_response(force))
 
     def receptance(self, contact: sp.spmatrix) -> NDArray:
         """Return the elastic receptance (n, n) between the rows of ``contact``

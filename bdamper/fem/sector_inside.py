@@ -25,6 +25,7 @@ from bdamper.fem.factorisation import Factors, factorise
 from bdamper.fem.lowest_modes import lowest_modes
 from bdamper.fem.sector_faces import SectorFaces
 from bdamper.fem.surface import Structure, hermitian
+from bdamper.util.progress import Report, no_report
 
 STORED = 500e6
 """Largest size (bytes) of static shapes of the faces that are stored.  Larger ones are computed
@@ -43,6 +44,8 @@ class SectorInside:
     faces : SectorFaces
     fixed : (n_nodes, 3) bool
         Fixed components.
+    report : Report
+        Receives the progress of long passes, also of the nodal diameters.
 
     Attributes
     ----------
@@ -50,14 +53,18 @@ class SectorInside:
         Free degrees of freedom of the inside and of the faces.
     """
 
-    def __init__(self, body: Structure, faces: SectorFaces, fixed: NDArray) -> None:
+    def __init__(
+        self, body: Structure, faces: SectorFaces, fixed: NDArray, report: Report = no_report
+    ) -> None:
         self.body = body
+        self.report = report
         moving = ~fixed.ravel()
         on_faces = np.zeros(body.n_dof, bool)
         on_faces[body.dofs(faces.nodes)] = True
         self.face: NDArray = np.flatnonzero(moving & on_faces)
         self.inner: NDArray = np.flatnonzero(moving & ~on_faces)
         self._held: tuple[NDArray, NDArray] | None = None
+        self._momentum_of_held: NDArray = np.zeros((len(self.face), 0))
 
     @cached_property
     def stiffness(self) -> sp.csr_matrix:
@@ -72,26 +79,30 @@ class SectorInside:
     @cached_property
     def factors(self) -> Factors:
         """Factorisation of the stiffness of the inside with held faces."""
-        return factorise(self.stiffness)
+        self.report("factorisation", 0, 1)
+        factors = factorise(self.stiffness)
+        self.report("factorisation", 1, 1)
+        return factors
 
     @cached_property
     def coupling(self) -> sp.csc_matrix:
         """Stiffness (n_inner, n_face) between inside and faces."""
         return self.body.stiffness[self.inner][:, self.face].tocsc()
 
-    def _blocks_of_faces(self) -> Iterator[slice]:
-        for start in range(0, len(self.face), COLUMNS):
-            yield slice(start, start + COLUMNS)
+    def _blocks_of_faces(self, name: str) -> Iterator[slice]:
+        """Iterate over the degrees of freedom of the faces in blocks, a pass that is reported."""
+        return reported_blocks(len(self.face), name, self.report)
 
     @cached_property
     def _condensed(self) -> tuple[NDArray, NDArray | None]:
         """Stiffness of the faces, and their static shapes W unless they are too large."""
         stiffness = self.body.stiffness[self.face][:, self.face].toarray()
+        factors = self.factors
         shapes = None
         if 8 * len(self.inner) * len(self.face) <= STORED:
             shapes = np.empty((len(self.inner), len(self.face)))
-        for columns in self._blocks_of_faces():
-            shape = -self.factors.solve(self.coupling[:, columns].toarray())
+        for columns in self._blocks_of_faces("static shapes of the faces"):
+            shape = -factors.solve(self.coupling[:, columns].toarray())
             stiffness[:, columns] += self.coupling.T @ shape
             if shapes is not None:
                 shapes[:, columns] = shape
@@ -128,7 +139,9 @@ class SectorInside:
         mass = of_face[:, self.face].toarray()
         to_face = of_face[:, self.inner]
         unit_motions = np.eye(len(self.face))
-        for columns in self._blocks_of_faces():
+        # the shapes themselves come first
+        _ = self._condensed
+        for columns in self._blocks_of_faces("mass of the static shapes"):
             unit = unit_motions[:, columns]
             shape = self.static_shape(unit)
             momentum = self.mass @ shape + to_face.T @ unit
@@ -139,9 +152,25 @@ class SectorInside:
     def held_modes(self, n_modes: int) -> tuple[NDArray, NDArray]:
         """Return squared frequencies (n_modes,) and modes (n_inner, n_modes) with held faces."""
         if self._held is None or len(self._held[0]) < n_modes:
-            self._held = lowest_modes(self.stiffness, self.mass, self.factors.solve, n_modes)
+            self._held = lowest_modes(
+                self.stiffness, self.mass, self.factors.solve, n_modes, report=self.report
+            )
+            self._momentum_of_held = np.zeros((len(self.face), 0))
         omega2, shapes = self._held
         return omega2[:n_modes], shapes[:, :n_modes]
+
+    def held_momentum(self, n_modes: int) -> NDArray:
+        """Return the momentum (n_face, n_modes) of the modes with held faces on the static shapes
+        of the faces."""
+        _, held = self.held_modes(n_modes)
+        n_held = held.shape[1]
+        if self._momentum_of_held.shape[1] < n_held:
+            momentum = self.body.mass[self.face][:, self.inner] @ held
+            name = "mass of modes with held faces"
+            for columns in reported_blocks(n_held, name, self.report):
+                momentum[:, columns] += self.force_on_faces(self.mass @ held[:, columns])
+            self._momentum_of_held = momentum
+        return self._momentum_of_held[:, :n_held]
 
     def modes(self, transformation: sp.csr_matrix, n_modes: int) -> tuple[NDArray, NDArray]:
         """Compute approximate lowest modes of a nodal diameter without its own eigenproblem.
@@ -175,9 +204,7 @@ class SectorInside:
         stiffness[n_held:, n_held:] = adjoint @ (self.face_stiffness @ tie)
         mass[n_held:, n_held:] = adjoint @ (self.face_mass @ tie)
         # between both
-        momentum = self.body.mass[self.face][:, self.inner] @ held
-        momentum += self.force_on_faces(self.mass @ held)
-        mass[n_held:, :n_held] = adjoint @ momentum
+        mass[n_held:, :n_held] = adjoint @ self.held_momentum(4 * n_modes)
         mass[:n_held, n_held:] = mass[n_held:, :n_held].conj().T
 
         last = min(n_modes, size) - 1
@@ -187,6 +214,15 @@ class SectorInside:
         shapes[self.face] = motion
         shapes[self.inner] = held @ combination[:n_held] + self.static_shape(motion)
         return omega2, shapes
+
+
+def reported_blocks(n_columns: int, name: str, report: Report) -> Iterator[slice]:
+    """Iterate over columns in blocks of :data:`COLUMNS`; report the finished blocks of the pass."""
+    starts = range(0, n_columns, COLUMNS)
+    for k, start in enumerate(starts):
+        report(name, k, len(starts))
+        yield slice(start, start + COLUMNS)
+    report(name, len(starts), len(starts))
 
 
 def face_ties(inside: SectorInside, transformation: sp.csr_matrix) -> tuple[sp.csr_matrix, NDArray]:

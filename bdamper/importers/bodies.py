@@ -488,12 +488,13 @@ def cyclic_sectors(
     Sectors of the nodal diameters ``kept`` are cached, with their modes.
     """
     made: dict[int, CyclicSector] = {}
-    inside = sector_inside(body.structure, ring.faces, mask)
+    report = body.report.steps.report_pass
+    inside = sector_inside(body.structure, ring.faces, mask, report)
 
     def sector(d: int) -> CyclicSector:
         if d in made:
             return made[d]
-        body.report.step(f"nodal diameter {d}")
+        body.report.steps.begin(f"nodal diameter {d}")
         for other in made.values():
             other.forget_matrices()
         expected = "a sector whose fixed components both sector faces can have"
@@ -630,11 +631,12 @@ def _free_in_space(body: PreparedBody) -> FreeBody:
     expected = "rows for all three components of every node of a free body"
     found = f"rows missing at {len(wrong)} nodes, such as node {some_node}"
     body.require(not len(wrong), "matrices", expected, found)
-    body.report.step(body.name)
+    body.report.steps.begin(body.name)
     check_rigid_motion(body)
     with body.refusing("mass matrix", "a positive definite matrix"):
         in_model_axes = FreeBody(body.structure, np.eye(3))
-    return FreeBody(body.structure, body.damper_axes(in_model_axes.centre))
+    axes = body.damper_axes(in_model_axes.centre)
+    return FreeBody(body.structure, axes, report=body.report.steps.report_pass)
 
 
 def ring_from_matrices(
@@ -669,7 +671,10 @@ def ring_from_matrices(
     pictures: dict[int, NDArray] = {}
 
     def sector(d: int) -> RingSector:
-        return RingSector(body.structure, ring.faces, d, whole.axes[1] if split else None)
+        steps = body.report.steps
+        steps.begin(f"{body.name}, nodal diameter {d}")
+        radial = whole.axes[1] if split else None
+        return RingSector(body.structure, ring.faces, d, radial, steps.report_pass)
 
     def seen(made: RingSector, omega2: NDArray, shapes: NDArray) -> None:
         d = made.nodal_diameter
@@ -734,7 +739,7 @@ def blade_part(
     nodes = body.node_set(blade, "blade_nodes")
     expected = "the nodes of a blade from root to tip, with all its contact faces and locations"
     with body.refusing("blade_nodes", expected):
-        part = BladePart(body.structure, nodes, fixed, step=body.report.step)
+        part = BladePart(body.structure, nodes, fixed, steps=body.report.steps)
         part.check_wanted(wanted, ring.faces)
     return part
 

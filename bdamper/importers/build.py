@@ -17,9 +17,7 @@ from __future__ import annotations
 import datetime
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from itertools import count
 from math import gcd
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -68,7 +66,7 @@ from bdamper.util import validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import ModelError, SettingError, check
 from bdamper.util.formatting import counted, percent, short_repr, without_rounding
-from bdamper.util.progress import one_thread, progress_stages, shows_progress
+from bdamper.util.progress import Steps, one_thread, progress_stages, shows_progress
 from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import FilePath
 
@@ -364,7 +362,9 @@ def build_model(
         validation.check(BASE not in places, "base", "no other location 'base'", "one")
         places[BASE] = ("blade", _inertia_forces(bodies["blade"], n_blades))
     rows = stress_rows(bodies["blade"], sector, laid, ring)
-    with _shown(progress, len(bodies), ring, sector.blade_nodes is not None, report):
+    n_steps = _number_of_steps(bodies, ring, rings, sector.blade_nodes is not None)
+    with progress_stages(shows_progress(progress), "import", "step") as show:
+        report.steps = Steps(show, n_steps)
         made, shapes = _reduced(bodies, laid, places, ring, rings, sector, reduction, rows)
     if checks.check_units:
         for name, body in bodies.items():
@@ -776,24 +776,33 @@ def _location(name: str, body: PreparedBody, place: Place) -> Location:
 # Model
 
 
-@contextmanager
-def _shown(
-    progress: bool | None, n_bodies: int, ring: CyclicStructure, local: bool, report: ImportReport
-) -> Iterator[None]:
-    """Show a progress bar with the steps of the work."""
-    n_sectors = ring.faces.n_sectors
-    n_free_bodies = n_bodies - 1
+def _number_of_steps(
+    bodies: Mapping[str, PreparedBody],
+    ring: CyclicStructure,
+    rings: Mapping[str, CyclicStructure],
+    local: bool,
+) -> int:
+    """Return the number of steps of the reduction, for progress.
+
+    A step is a nodal diameter of the sector or of a ring, a free body with matrices, the clamped
+    blade of a local basis, or its disk at a nodal diameter.
+    """
+    n_steps = 0
+    for name, body in bodies.items():
+        if name != "blade" and body.has_matrices:
+            n_steps += 1
+        if name in rings:
+            n_steps += len(ring.diameters)
+    if not bodies["blade"].has_matrices:
+        return n_steps
+    diameters = set(ring.diameters)
+    if bodies["blade"].raw.faster:
+        diameters.add(0)
     if local:
-        n_diameters = len({*ring.diameters, *sampled_waves(n_sectors)})
-        n_local = n_sectors // 2 + 1
-    else:
-        n_diameters = len(ring.diameters)
-        n_local = 0
-    n_steps = n_diameters + n_free_bodies + n_local
-    step = count()
-    with progress_stages(shows_progress(progress), "import", "step") as show:
-        report.step = lambda text: show(text, next(step), n_steps)
-        yield
+        n_sectors = ring.faces.n_sectors
+        diameters.update(sampled_waves(n_sectors))
+        n_steps += 1 + n_sectors // 2 + 1
+    return n_steps + len(diameters)
 
 
 def _reduced(

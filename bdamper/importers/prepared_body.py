@@ -13,7 +13,7 @@ block is :math:`Q A^T`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -30,6 +30,7 @@ from bdamper.importers.fe_body import BOUNDS, ElementKind, FEBody, parsing
 from bdamper.importers.options import NodeSet, Placement
 from bdamper.util import validation
 from bdamper.util.errors import ModelError, check, check_sentence, mismatch, warn
+from bdamper.util.progress import Steps
 
 FaceSet = str | NDArray | tuple[NDArray, ...]
 
@@ -64,8 +65,8 @@ class ImportReport:
     ----------
     strict : bool
         Whether a failed comparison with another program raises its error.  Otherwise it warns.
-    step : callable
-        Called with a text when a step of the work begins.
+    steps : Steps
+        Steps of the work, to show progress.
     checks : list of str
         Passed checks with their numerical results.
     missing : list of str
@@ -75,7 +76,7 @@ class ImportReport:
     """
 
     strict: bool = False
-    step: Callable[[str], None] = lambda text: None
+    steps: Steps = field(default_factory=Steps)
     checks: list[str] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
     failed: list[str] = field(default_factory=list)

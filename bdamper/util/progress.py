@@ -137,6 +137,36 @@ def no_report(stage: str, done: int, total: int) -> None:
     """Report nothing."""
 
 
+@dataclass
+class Steps:
+    """Steps of long work, which a progress bar counts, and the passes within each step.
+
+    Parameters
+    ----------
+    show : Report
+        Function that shows the text of a step, the number of finished steps, and ``total``.
+    total : int
+        Number of steps.
+    """
+
+    show: Report = no_report
+    total: int = 0
+    begun: int = field(default=0, init=False)
+    current: str = field(default="", init=False)
+
+    def begin(self, text: str) -> None:
+        """Begin the next step of the work."""
+        self.show(text, self.begun, self.total)
+        self.begun += 1
+        self.current = text
+
+    def report_pass(self, name: str, done: int, total: int) -> None:
+        """Show a pass of the current step, with the finished number of its parts."""
+        parts = f" {done} of {total}" if total > 1 else ""
+        finished = max(self.begun - 1, 0)
+        self.show(f"{self.current}, {name}{parts}", finished, self.total)
+
+
 @contextmanager
 def progress_stages(show: bool, what: str, unit: str) -> Iterator[Report]:
     """Yield a function that updates a progress bar if ``show``.
@@ -239,8 +269,8 @@ def _bar(*items: Any, **options: Any) -> Any:
     """
     watched, lines = _bar_classes()
     if _is_watched():
-        # short runs show no bar
-        return watched(*items, **options, delay=1.0)
+        # short runs show no bar; a new text is drawn although no part has ended
+        return watched(*items, **options, delay=1.0, miniters=0)
     return lines(*items, **options)
 
 

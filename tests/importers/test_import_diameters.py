@@ -11,11 +11,13 @@ import pytest
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 import bdamper as bd
+from bdamper.fem import factorisation, lowest_modes, sector_inside
 from bdamper.fem.surface import Facets
 from bdamper.importers import Modes, Reduction, Sector
 from bdamper.importers.build import _diameters, _sector_faces
 from bdamper.util import storage
 from bdamper.util.errors import ModelError, SettingError
+from bdamper.util.progress import Steps
 from tests.annulus import small_sector
 from tests.fe_bodies import SIX_BLADES, contacts
 from tests.imports import build
@@ -168,6 +170,78 @@ def test_steps_are_named_and_counted(bodies, capsys, monkeypatch):
     )  # waves 0, 1, 2, 3, the disk at each, the damper
     build(*bodies, **settings, progress=False)
     assert "import" not in capsys.readouterr().err
+
+
+class Watched(Steps):
+    """Steps of an import that note each pass, and how many columns are solved outside of passes."""
+
+    made = None
+
+    def __init__(self, *given):
+        super().__init__(*given)
+        self.passes, self.most_columns = [], 0
+        Watched.made = self
+
+    def report_pass(self, name, done, total):
+        super().report_pass(name, done, total)
+        if not self.in_pass:
+            self.passes.append((name, total, []))
+        assert self.passes[-1][:2] == (name, total), "one pass at a time"
+        self.passes[-1][2].append(done)
+
+    @property
+    def in_pass(self):
+        return bool(self.passes) and self.passes[-1][2][-1] < self.passes[-1][1]
+
+    def solve(self, force):
+        if not self.in_pass:
+            self.most_columns = max(self.most_columns, force[0].size)
+
+
+@pytest.mark.parametrize("stored", [500e6, 0.0])
+def test_each_long_pass_is_reported_until_its_end(bodies, monkeypatch, stored):
+    """No solution for many right-hand sides is outside of a pass, and each pass ends at its total."""
+    monkeypatch.setattr("bdamper.importers.build.Steps", Watched)
+    monkeypatch.setattr(sector_inside, "STORED", stored)
+    monkeypatch.setattr(sector_inside, "COLUMNS", 16)
+    calls = {"factorisation": 0, "modes": 0}
+
+    class Factors(factorisation.SuperLUFactors):
+        def __init__(self, matrix):
+            calls["factorisation"] += 1
+            assert Watched.made.in_pass
+            super().__init__(matrix)
+
+        def solve(self, force):
+            Watched.made.solve(force)
+            return super().solve(force)
+
+    most_flexible = lowest_modes._most_flexible
+
+    def counted(*given):
+        calls["modes"] += 1
+        return most_flexible(*given)
+
+    monkeypatch.setattr(factorisation, "SuperLUFactors", Factors)
+    monkeypatch.setattr(lowest_modes, "_most_flexible", counted)
+    settings = {**SETTINGS, "nodal_diameters": (0, 2)}
+    build(*bodies, **settings, blade_nodes="BLADE", progress=False)
+
+    seen = Watched.made
+    assert seen.begun == seen.total
+    assert seen.most_columns <= 16
+    for name, total, done in seen.passes:
+        assert done[-1] == total, name
+        if name != "modes":
+            assert done == list(range(total + 1)), name
+    names = [name for name, *_ in seen.passes]
+    # sector, damper, clamped blade, disk
+    assert names.count("factorisation") == calls["factorisation"] == 4
+    assert names.count("modes") == calls["modes"] > 0
+    assert (
+        names.count("static shapes of the faces") == names.count("mass of the static shapes") == 2
+    )
+    assert "static shapes" in names
 
 
 def test_an_interruption_leaves_nothing_half_written(bodies, tmp_path, monkeypatch):
