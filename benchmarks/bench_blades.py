@@ -93,7 +93,7 @@ def said(balance: float, found: bd.TimeResponse | None) -> tuple[float, str]:
     if found is None:
         return np.nan, "not found"
     ratio = found.mean / balance
-    if "not settled" in found.status:
+    if "not settled" in found.reason:
         low, high = (
             a / balance for a in (min(found.answers.values()), max(found.answers.values()))
         )
