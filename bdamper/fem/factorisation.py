@@ -9,7 +9,8 @@ from __future__ import annotations
 import ctypes
 import importlib
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any, Protocol
 
 import numpy as np
@@ -103,14 +104,31 @@ class PardisoFactors:
             self._solver.set_iparm(number, value)
         # the factors are outside the memory of Python
         weakref.finalize(self, self._solver.free_memory, everything=True)
-        self._solver.factorize(self._upper)
+        with self._one_thread():
+            self._solver.factorize(self._upper)
+
+    @contextmanager
+    def _one_thread(self) -> Iterator[None]:
+        """Let the Math Kernel Library compute on one thread, also inside of a sweep.
+
+        The limit on the linear algebra of NumPy holds for libraries that were loaded before it
+        (:func:`bdamper.util.progress.single_thread`), and this one is loaded later.  More threads
+        would change the last digits.
+        """
+        set_threads = self._solver.libmkl.MKL_Set_Num_Threads_Local
+        before = set_threads(1)
+        try:
+            yield
+        finally:
+            set_threads(before)
 
     def solve(self, force: NDArray) -> NDArray:
         """Return the displacements (n, ...) under real or complex forces (n, ...)."""
         return solve_by_parts(self._solve_real, force)
 
     def _solve_real(self, force: NDArray) -> NDArray:
-        displacement = self._solver.solve(self._upper, force)
+        with self._one_thread():
+            displacement = self._solver.solve(self._upper, force)
         return np.asarray(displacement.reshape(force.shape))
 
     @property

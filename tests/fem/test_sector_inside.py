@@ -213,6 +213,29 @@ class TestPardiso:
         del second
         np.testing.assert_allclose(first.solve(force), displacement, rtol=1e-12)
 
+    def test_it_computes_on_one_thread_and_leaves_the_number_of_threads(self, grid, monkeypatch):
+        from pypardiso import PyPardisoSolver
+
+        library = PyPardisoSolver().libmkl
+        before = library.MKL_Get_Max_Threads()
+        library.MKL_Set_Num_Threads(2)
+        seen = []
+        call = PyPardisoSolver._call_pardiso
+
+        def counted(self, *matrices):
+            seen.append(library.MKL_Get_Max_Threads())
+            return call(self, *matrices)
+
+        monkeypatch.setattr(PyPardisoSolver, "_call_pardiso", counted)
+        try:
+            factorise(grid).solve(np.ones(400))
+            after = library.MKL_Get_Max_Threads()
+        finally:
+            library.MKL_Set_Num_Threads(before)
+        # factorisation and solution; others release memory
+        assert seen[:2] == [1, 1]
+        assert after == 2
+
     def test_an_indefinite_matrix_goes_to_superlu(self, grid):
         eigenvalues = np.linalg.eigvalsh(grid.toarray())
         shifted = csr_matrix(grid - eigenvalues[:2].mean() * identity(400))
