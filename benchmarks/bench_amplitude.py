@@ -45,12 +45,12 @@ WHOLE: dict[str, dict[str, Any]] = {
     "turbine_blade": {
         "blade_modes": 20,
         "damper_modes": 4,
-        "contact_stiffness": bd.ResidualModes(24),
+        "contact_stiffness": bd.ResidualModes(24, partial_contact=False),
     },
     "bladed_disk": {
         "blade_modes": 40,
         "damper_modes": 10,
-        "contact_stiffness": bd.ResidualModes(24),
+        "contact_stiffness": bd.ResidualModes(24, partial_contact=False),
     },
 }
 PACE = 60.0  # periods in which a sweep covers the half width of the resonance

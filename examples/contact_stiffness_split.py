@@ -25,14 +25,21 @@ from bdamper.plot.axes import STYLES, colours, drawing
 from bdamper.util.formatting import amount
 
 PRELOADS = (1500.0, 4000.0, 10000.0)
+
+
+def bonded(n_vectors: int, share: float) -> bd.ResidualModes:
+    """Force vectors of bonded faces alone: with those of partial contact stiff combinations fade out."""
+    return bd.ResidualModes(n_vectors, share, partial_contact=False)
+
+
 CHOICES: tuple[str | bd.ResidualModes, ...] = (
     "unit_traction",
     "cigeroglu2009",
-    bd.ResidualModes(5, 0.5),
-    bd.ResidualModes(8, 0.5),
-    bd.ResidualModes(12, 0.1),
-    bd.ResidualModes(12, 0.5),
-    bd.ResidualModes(16, 0.5),
+    bonded(5, 0.5),
+    bonded(8, 0.5),
+    bonded(12, 0.1),
+    bonded(12, 0.5),
+    bonded(16, 0.5),
 )
 SETTINGS: dict[str, Any] = {"blade_modes": 10, "harmonics": 1}
 MICROSLIP_PRELOAD = 1000.0
@@ -40,11 +47,11 @@ MICROSLIP_FORCES = np.concatenate([np.arange(15.0, 271.0, 15.0), np.arange(275.0
 MICROSLIP_CHOICES: tuple[str | bd.ResidualModes, ...] = (
     "unit_traction",
     "cigeroglu2009",
-    bd.ResidualModes(5, 0.5),
-    bd.ResidualModes(8, 0.5),
-    bd.ResidualModes(12, 0.02),
-    bd.ResidualModes(12, 0.1),
-    bd.ResidualModes(12, 0.5),
+    bonded(5, 0.5),
+    bonded(8, 0.5),
+    bonded(12, 0.02),
+    bonded(12, 0.1),
+    bonded(12, 0.5),
     bd.ResidualModes("all"),
 )
 

@@ -62,7 +62,8 @@ def test_refined_peak_is_within_the_tolerance_of_a_much_finer_study(seed):
 
 
 def test_the_largest_source_is_refined():
-    study = wedge(21)
+    # with the vectors of partial contact the harmonics are the largest source
+    study = wedge(21).replace(contact_stiffness=ResidualModes(partial_contact=False))
     peak = study.peak(60.0)
     result = study.refine(peak)
     assert result.reached and result.steps[0].largest == "residual flexibility"

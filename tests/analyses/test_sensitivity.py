@@ -118,7 +118,9 @@ def compare(study, preload, parameters):
 @pytest.mark.slow
 def test_mass_of_the_damper_on_a_flat_peak():
     """The axial place of the damper is far beyond the motion of its contacts: a change of its modes must not move it."""
-    study = shipped("bladed_disk")
+    # with the vectors of partial contact this peak is not flat
+    bonded = bd.ResidualModes(partial_contact=False)
+    study = shipped("bladed_disk").replace(contact_stiffness=bonded)
     peak = study.peak(200.0, (330.0, 370.0))  # both ends of the branch
     found = study.peak_sensitivities(peak, ["damper_inertia_factor"])["damper_inertia_factor"]
     family = setting_family(study.problem, "damper_inertia_factor", 200.0)

@@ -125,8 +125,12 @@ class TestCalculix:
         from tools.ring_sector import joined
 
         # twice as many patches along the arc change the frequencies by less than 1e-10
+        # with the vectors of partial contact the first stuck frequency alone is exact, and the second 2e-4 higher
         one = study(
-            build(bodies, points=(5, 2), n_damper_modes=30), blade_modes=20, damper_modes=24
+            build(bodies, points=(5, 2), n_damper_modes=30),
+            blade_modes=20,
+            damper_modes=24,
+            contact_stiffness=bd.ResidualModes(partial_contact=False),
         )
         text, sets = joined()
         theirs = run(self.cyclic(text, sets, ORDER, 2, True), tmp_path)[::2]

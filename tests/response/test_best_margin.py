@@ -25,7 +25,15 @@ from tests.printed import said
 @pytest.fixture(scope="module")
 def study():
     model = with_stress(bd.reference_model("bladed_disk", 9))
-    return bd.Study(model, bd.Excitation("tip", "tangential", 2.0), 5, blade_modes=5, harmonics=1)
+    # the margin has one maximum over the preload; with the vectors of partial contact it has two at one harmonic
+    return bd.Study(
+        model,
+        bd.Excitation("tip", "tangential", 2.0),
+        5,
+        blade_modes=5,
+        harmonics=1,
+        contact_stiffness=bd.ResidualModes(partial_contact=False),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -212,8 +220,10 @@ def test_over_speed_the_lighter_damper_has_the_larger_margin():
 
     The peaks below its end are lower bounds, so that the largest margin lies at the first preload beyond it.
     """
+    # the detached branch and its end are those of the force vectors of bonded faces alone
     at = bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip", amplitude=20.0), 5, harmonics=1,
-                  friction_coefficient=0.3).at_speed(480.0)  # fmt: skip
+                  friction_coefficient=0.3,
+                  contact_stiffness=bd.ResidualModes(partial_contact=False)).at_speed(480.0)  # fmt: skip
     curve = at.optimal_curve((350.0, 600.0), 5, check=False, quantity="margin", material=AISI_1050)
     assert curve.optimum.kind == "unknown" and np.isfinite(curve.amplitude).sum() == 3
     below = curve.preload < curve.optimum.preload

@@ -103,6 +103,8 @@ def test_the_response_is_the_strain_of_all_stress_rows(point, allowed):
         study = bd.Study(
             model, bd.Excitation("tip"), 5, harmonics=1, blade_modes=20, damper_modes=4,
             friction_coefficient=0.4, response=bd.Response(place, direction, elastic=ELASTIC),
+            # with the vectors of partial contact stuck dampers are exact for the first vector alone: 0.7 and 0.5 % off
+            contact_stiffness=bd.ResidualModes(partial_contact=False),
         )  # fmt: skip
         curve = study.frequency_response(20e3, (335.0, 340.0))
         strain = study.gauge_stress(curve, place, direction, ELASTIC)[:, 1]
