@@ -73,10 +73,15 @@ class PartialContact:
         return max(parts, key=lambda name: abs(self.errors[name]), default=WHOLE)
 
     @property
+    def largest_error(self) -> float:
+        """Largest error in units of its limit."""
+        whole, part = self.errors[WHOLE], self.errors[self.worst_part]
+        return max(abs(whole) / WHOLE_LIMIT, abs(part) / PART_LIMIT)
+
+    @property
     def accurate(self) -> bool:
         """Whether the errors are within the limits."""
-        whole, part = self.errors[WHOLE], self.errors[self.worst_part]
-        return abs(whole) <= WHOLE_LIMIT and abs(part) <= PART_LIMIT
+        return self.largest_error <= 1.0
 
 
 def bonded_parts(coupling: Coupling) -> dict[str, NDArray]:

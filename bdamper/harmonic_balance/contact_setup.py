@@ -265,15 +265,19 @@ def contact_of(settings: Settings, coupling: Coupling, friction: NDArray) -> Con
     """Compute the contact stiffness by the method of the settings, with residual modes if the
     method has them.
 
-    The default is residual modes.  If the model lacks the data for them, the stiffness in the model
-    is used, or unit tractions if the model has no stiffness.
+    The default is residual modes, for partial contact as well if the model says so.  If the model
+    lacks the data for them, the stiffness in the model is used, or unit tractions if the model has
+    no stiffness.
     """
     if not coupling.interfaces:
         return ContactModel({}, method="none")
     if settings.contact_stiffness is not None:
         return _contact_by(settings, coupling, friction, settings.contact_stiffness)
+    default: Any = "residual_modes"
+    if settings.model.partial_contact:
+        default = ResidualModes(partial_contact=True)
     try:
-        contact = _contact_by(settings, coupling, friction, "residual_modes")
+        contact = _contact_by(settings, coupling, friction, default)
         # the data of a harmonic may be missing
         if contact.residual is not None:
             for harmonic in sorted({0, *settings.active_harmonics}):

@@ -385,6 +385,9 @@ class Model(Plottable, Record):
     slip_resolution : float, m, optional
         Amplitude of the contact motion below which the friction of a joint is inaccurate, because
         its sliders do not resolve smaller slip.
+    partial_contact : bool, optional
+        Whether the default contact stiffness includes the force vectors of faces that touch at one
+        end.  An import sets it if the vectors of bonded faces alone are too stiff for them.
     """
 
     n_blades: int
@@ -397,6 +400,7 @@ class Model(Plottable, Record):
     provenance: Mapping[str, str] = field(default_factory=dict)
     stress: Mapping[str, StressSet] = field(default_factory=dict)
     slip_resolution: Annotated[float | None, Data(limits=validation.Limits(above=0.0))] = None
+    partial_contact: bool | None = None
 
     def __str__(self) -> str:
         sectors = f"{self.n_blades} sectors" if self.n_blades > 1 else "no sectors"
@@ -420,6 +424,8 @@ class Model(Plottable, Record):
             if np.any(face.gap > 0.0):
                 text += f", gap up to {1e6 * face.gap.max():.3g} µm"
             lines.append(text)
+        if self.partial_contact:
+            lines.append("  default contact stiffness: ResidualModes(partial_contact=True)")
         return "\n".join(lines)
 
     def mass_text(self, name: str) -> str:
@@ -543,6 +549,8 @@ class Model(Plottable, Record):
             feed_digest(digest, name, getattr(self, name))
         if self.stress:  # without stress the fingerprint is the same as in earlier versions
             feed_digest(digest, "stress", self.stress)
+        if self.partial_contact:  # likewise
+            feed_digest(digest, "partial_contact", self.partial_contact)
         return digest.hexdigest()[:16]
 
 

@@ -215,3 +215,24 @@ def test_equations_with_vectors_of_parts_change_smoothly_over_speed():
     assert own.complete
     exact = study.replace(contact_stiffness=ResidualModes("all")).run_up()
     assert own.peak.amplitude == pytest.approx(exact.peak.amplitude, rel=0.02)
+
+
+def test_a_model_that_needs_vectors_of_parts_has_them_by_default(tmp_path):
+    """The choice belongs to the model: files keep it, and it changes the fingerprint."""
+    model = bd.reference_model("turbine_blade", 9)
+    needs = replace(model, partial_contact=True)
+    assert needs.hash != model.hash and "partial_contact=True" in str(needs)
+    bd.save_model(needs, tmp_path / "model.h5")
+    loaded = bd.load_model(tmp_path / "model.h5")
+    assert loaded.partial_contact and loaded.hash == needs.hash
+
+    def flexibility(model, **options):
+        study = bd.Study(model, bd.Excitation("tip"), 5, friction_coefficient=0.3, **options)
+        return study.problem.stiffness_method, study.problem.contact.residual.basis(1)
+
+    own, basis = flexibility(loaded)
+    asked, expected = flexibility(model, contact_stiffness=ResidualModes(partial_contact=True))
+    assert own == asked
+    np.testing.assert_array_equal(basis.omega2, expected.omega2)
+    bonded, basis_of_bonded = flexibility(model)
+    assert bonded == "residual_modes" and basis_of_bonded.n_modes < basis.n_modes
