@@ -346,7 +346,7 @@ CONTRADICTIONS: list[tuple[Callable[[h5py.File], None], str]] = [
     (
         lambda file: file.create_group("excitation"),
         "/excitation: expected no other names than ['bodies', 'interfaces', 'locations', 'contact', "
-        "'static', 'mesh', 'provenance', 'stress'], found this one",
+        "'static', 'mesh', 'provenance', 'stress', 'partial_contact'], found this one",
     ),
     (
         lambda file: file.move("bodies/blade/nd000/flexibility", "bodies/blade/nd000/flexability"),
