@@ -265,9 +265,9 @@ def contact_of(settings: Settings, coupling: Coupling, friction: NDArray) -> Con
     """Compute the contact stiffness by the method of the settings, with residual modes if the
     method has them.
 
-    The default is residual modes, for partial contact as well if the model says so.  If the model
-    lacks the data for them, the stiffness in the model is used, or unit tractions if the model has
-    no stiffness.
+    The default is residual modes.  :attr:`Model.partial_contact` adds force vectors of partial
+    contact.  If the model lacks the data for them, the stiffness in the model is used, or unit
+    tractions if the model has no stiffness.
     """
     if not coupling.interfaces:
         return ContactModel({}, method="none")

@@ -926,7 +926,9 @@ def _needs_partial_contact(model: Model, nodal_diameter: int, report: ImportRepo
     if chosen.accurate or not has_effect:
         report.checks.append(compared)
         return is_needed
-    remedy = 'contact_stiffness=bd.ResidualModes("all") has no such error, at several times the time'
+    remedy = (
+        'contact_stiffness=bd.ResidualModes("all") has no such error, at several times the time'
+    )
     report.missing.append(f"{compared}; {remedy}")
     return is_needed
 

@@ -156,7 +156,7 @@ static void update_inverse(bd_time *t, const bd_time_patterns *patterns, size_t 
     double M_v[BD_TIME_MAX_RANK];
     multiply_blocks(rank, M, v, M_v);
     const double denominator = 1.0 + dot(rank, u, M_v);
-    /* a small denominator leaves no digits: compute the inverse anew */
+    /* a small denominator leaves no digits: compute the inverse from the matrix */
     if (!(fabs(denominator) > BD_TIME_SINGULAR)) {
         t->outdated[sector] = 1;
         return;
@@ -171,8 +171,8 @@ static void update_inverse(bd_time *t, const bd_time_patterns *patterns, size_t 
     }
 }
 
-/* Whether D (3, 3) differs from the stored derivatives by more than a small part of the largest
- * one. */
+/* Whether D (3, 3) differs from the stored derivatives by more than a small part of their largest
+ * entry. */
 BD_INLINE int has_changed(const double *D, const double *stored, size_t stride) {
     static const double IGNORED = 0.05;
     double change = 0.0;

@@ -32,7 +32,7 @@ def test_the_report_of_a_coarse_sector_names_the_error(bodies):
 
 
 def report_of(monkeypatch, shift, whole, part, richer):
-    """Report of the check, and its choice, with given errors of the vectors of bonded faces and of those for partial contact."""
+    """Report and choice of the check, with given errors of the vectors of bonded faces and of partial contact."""
 
     def found(coupling, options):
         error = richer if options.partial_contact else part
