@@ -84,3 +84,11 @@ def test_models_without_friction_faces_have_no_such_row(monkeypatch):
     report = ImportReport()
     assert not module._needs_partial_contact(NO_MODEL, 5, report)
     assert not report.checks and not report.missing
+
+
+@pytest.mark.parametrize("needed", [True, False])
+def test_the_imported_model_has_the_choice(bodies, monkeypatch, needed):
+    monkeypatch.setattr(module, "_needs_partial_contact", lambda *given: needed)
+    given = SIX_BLADES | {"n_modes": 4, "contacts": contacts(9)}
+    built = build(*bodies, **given, engine_order=[1], harmonics=1)
+    assert bool(built.model.partial_contact) == needed
