@@ -114,11 +114,16 @@ def study_of(name: str, sectors: Path) -> tuple[bd.Study, tuple[float, float] | 
 
 
 def optimum(study: bd.Study, preloads: tuple[float, float] | None) -> float:
-    """Return the preload (N) of the optimum; of sectors with one harmonic."""
+    """Return the preload (N) of the optimum; of sectors with one harmonic.
+
+    A curve without an optimum gives the middle of its preloads.
+    """
     if preloads is None:
         return study.optimal_curve(check=False, progress=False).optimum.preload
     quick = study.replace(harmonics=1)
-    return quick.optimal_curve(preloads, 9, check=False, progress=False).optimum.preload
+    found = quick.optimal_curve(preloads, 9, check=False, progress=False).optimum.preload
+    low, high = preloads
+    return found if np.isfinite(found) else float(np.sqrt(low * high))
 
 
 # ---- one scene ----
