@@ -164,6 +164,37 @@ def _places(n_nodes: int) -> NDArray:
     return np.concatenate([corners, bottom_edges, top_edges, upright_edges])
 
 
+def _integration_points(kind: str, n_nodes: int) -> NDArray:
+    """Return the integration points (3, n_points) of a reference element."""
+    n_corners = N_CORNER[n_nodes]
+    if n_corners == 6:
+        return _wedge_points(kind, n_nodes)
+    first = _FIRST[n_corners]
+    if n_corners == 8:
+        # exact to degree 5 with 3 x 3 x 3 points, or to degree 3 with 2 x 2 x 2 points
+        degree = 5 if n_nodes == 20 and kind != "C3D20R" else 3
+        return get_quadrature(first, degree)[0]
+    four_points = get_quadrature(first, 2)[0]
+    # a tetrahedron of first order has constant stress
+    if n_nodes == 4:
+        return four_points.mean(axis=1, keepdims=True)
+    return four_points
+
+
+def _wedge_points(kind: str, n_nodes: int) -> NDArray:
+    """Return the integration points (3, n_points) of a wedge, for which scikit-fem has no rule.
+
+    Each point of a triangle is repeated along the line of points.
+    """
+    triangle = get_quadrature(ElementTriP1(), 2)[0]
+    if kind == "C3D6R":
+        triangle = triangle.mean(axis=1, keepdims=True)
+    # two points for the first order, three for the second
+    degree = 3 if n_nodes == 6 else 5
+    (line,) = get_quadrature(ElementLineP1(), degree)[0]
+    return np.array([[x, y, z] for z in line for x, y in triangle.T]).T
+
+
 @cache
 def _samples(kind: str, n_nodes: int) -> tuple[NDArray, NDArray]:
     """Return the integration points and the extrapolation to the nodes.
@@ -176,28 +207,14 @@ def _samples(kind: str, n_nodes: int) -> tuple[NDArray, NDArray]:
     points : (3, n_points)
     extrapolation : (n_nodes, n_points)
     """
-    first = _FIRST[N_CORNER[n_nodes]]
-    element = first
-    if len(first.doflocs) == 6:
-        # scikit-fem has no rule for wedges
-        across = get_quadrature(ElementTriP1(), 2)[0]
-        if kind == "C3D6R":
-            across = across.mean(axis=1, keepdims=True)
-        line = get_quadrature(ElementLineP1(), 3 if n_nodes == 6 else 5)[0][0]
-        points = np.array([[*xy, z] for z in line for xy in across.T]).T
-    elif n_nodes == 20 and kind != "C3D20R":
-        element = _SECOND[20]
-        points = get_quadrature(first, 5)[0]
-    else:
-        # hexahedra have 2 x 2 x 2 points, tetrahedra of second order four
-        order = 3 if n_nodes > 10 or n_nodes == 8 else 2
-        points = get_quadrature(first, order)[0]
-    # a tetrahedron of first order has constant stress
-    if n_nodes == 4:
-        points = points.mean(axis=1, keepdims=True)
-    at_nodes = _values(element, _places(n_nodes).T)[0].T
-    at_points = _values(element, points)[0].T
-    return points, at_nodes @ np.linalg.pinv(at_points)
+    points = _integration_points(kind, n_nodes)
+    n_points = points.shape[1]
+    fitted = _SECOND[20] if n_points == 27 else _FIRST[N_CORNER[n_nodes]]
+    functions_at_nodes = _values(fitted, _places(n_nodes).T)[0].T
+    functions_at_points = _values(fitted, points)[0].T
+    # the pseudoinverse gives the coefficients of the fit for a value of 1 at each point
+    coefficients = np.linalg.pinv(functions_at_points)
+    return points, functions_at_nodes @ coefficients
 
 
 def in_reference_order(elements: NDArray, nodes: NDArray) -> NDArray:

@@ -274,30 +274,42 @@ def interpolation(nodes: NDArray, facets: Facets, points: NDArray) -> tuple[sp.c
 def _closest_on_facet(facet: NDArray, size: float, points: NDArray) -> NDArray:
     """Return shape functions (n, n_nodes) at the positions on a facet closest to points (n, 3).
 
-    ``facet`` (n_nodes, 3) are the positions of its nodes.
+    ``facet`` (n_nodes, 3) are the positions of its nodes, ``size`` is its largest extent (m).
     """
     n_nodes = len(facet)
-    corner = facet[: corner_count(n_nodes)]
-    # two axes along the facet
-    _, _, axes = np.linalg.svd(corner - corner.mean(axis=0))
-    across = axes[:2].T
-    corner_in_plane = corner @ across
-    facet_in_plane = facet @ across
-    # the inverse map uses corners alone: for curved edges its aim is corrected by the miss
-    aim = points @ across
+    n_corners = corner_count(n_nodes)
+    corner = facet[:n_corners]
+    # the first two principal axes of the corners lie along the facet
+    _, _, principal_axes = np.linalg.svd(corner - corner.mean(axis=0))
+    plane = principal_axes[:2].T
+    corner_in_plane = corner @ plane
+    facet_in_plane = facet @ plane
+    points_in_plane = points @ plane
+
+    # The inverse map assumes straight edges.  On a facet with curved edges it misses the points, so
+    # its targets are moved by the miss until the shape functions reach the points.
+    target = points_in_plane.copy()
     for _ in range(20):
-        reference = inverse_map(corner_in_plane, aim)
+        reference = inverse_map(corner_in_plane, target)
         position = shape_functions(reference, n_nodes) @ facet_in_plane
-        miss = points @ across - position
-        aim += np.clip(miss, -size, size)
+        miss = points_in_plane - position
+        target += np.clip(miss, -size, size)
         if np.abs(miss).max() < 1e-12 * size:
             break
-    # points outside the facet are moved to its edge
-    reference = np.clip(reference, SQUARE.min(), SQUARE.max())
-    if len(corner) == 3:
-        barycentric = np.maximum(reference, 0.0)
-        reference = barycentric / barycentric.sum(axis=1, keepdims=True)
-    return shape_functions(reference, n_nodes)
+    return shape_functions(_moved_inside(reference, n_corners), n_nodes)
+
+
+def _moved_inside(reference: NDArray, n_corners: int) -> NDArray:
+    """Return coordinates on the reference facet, moved to its edge if they lie outside.
+
+    They are points of the square (n, 2), or barycentric coordinates (n, 3) of the triangle.
+    """
+    limited = np.clip(reference, SQUARE.min(), SQUARE.max())
+    if n_corners == 4:
+        return limited
+    # barycentric coordinates are not negative and have the sum 1
+    positive = np.maximum(limited, 0.0)
+    return positive / positive.sum(axis=1, keepdims=True)
 
 
 def find_faces(

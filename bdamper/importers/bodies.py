@@ -382,18 +382,22 @@ def constrained_from_modes(
     """
     bases: dict[int, ModalBasis] = {}
     pictures: dict[int, NDArray] = {}
-    faster = body.faster
+    at_higher_speed = body.faster
     for d in ring.diameters:
         omega2, shapes = _normalised(body, d, ring, wanted.n_modes)
         compare_known(body, d, omega2, ring)
-        without_values = np.isnan(shapes).reshape(len(body.nodes), -1).any(axis=1)
-        check_reached(body, wanted, np.flatnonzero(without_values), "values of the modes")
+        # the file may contain the modes at some nodes only
+        values_of_node = shapes.reshape(len(body.nodes), -1)
+        incomplete = np.flatnonzero(np.isnan(values_of_node).any(axis=1))
+        check_reached(body, wanted, incomplete, "values of the modes")
         if d in ring.pictured:
             pictures |= _pictures(body, d, shapes)
-        bases[d] = wanted.basis(omega2, shapes)
-        if faster is not None:
-            faster_omega2, faster_shapes = _normalised(faster, d, ring, len(omega2))
-            bases[d] = basis_from_modes(body, d, bases[d], shapes, faster_omega2, faster_shapes)
+        basis = wanted.basis(omega2, shapes)
+        if at_higher_speed is not None:
+            n_modes = len(omega2)
+            higher_omega2, higher_shapes = _normalised(at_higher_speed, d, ring, n_modes)
+            basis = basis_from_modes(body, d, basis, shapes, higher_omega2, higher_shapes)
+        bases[d] = basis
     body.passed(f"{body.name}: modes rescaled, modal mass from the file or the user (not checked)")
     body.report.missing.append(NO_RECEPTANCE.format(body.name))
     return Body(body.name, "constrained", wanted.ports, bases), pictures

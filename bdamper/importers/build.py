@@ -517,7 +517,7 @@ def _sector_faces(body: PreparedBody, sector: Sector) -> SectorFaces:
         return matched
     found = f"{pair.apart}; {problems[0]}; the other way: {problems[1].split(': ')[-1]}"
     body.require(body.elements, "sector faces", pair.expected, found)
-    return _tied_faces(body, pair, sector.face_tolerance, found)
+    return _tied_faces(body, pair, sector.face_tolerance, why_unmatched=found)
 
 
 def _found_faces(body: PreparedBody, n_blades: int | None) -> SectorFaces:
@@ -583,56 +583,88 @@ def _matched_faces(body: PreparedBody, pair: _FacePair) -> tuple[SectorFaces | N
     return None, problems
 
 
+@dataclass(frozen=True)
+class _Tie:
+    """Faces with different meshes, tied by interpolation.
+
+    Parameters
+    ----------
+    faces : SectorFaces
+    angle : float or None
+        Angle between the faces of the mesh (rad), or None for one pitch.
+    """
+
+    faces: SectorFaces
+    angle: float | None
+
+
 def _tied_faces(
-    body: PreparedBody, pair: _FacePair, face_tolerance: float, found: str
+    body: PreparedBody, pair: _FacePair, face_tolerance: float, why_unmatched: str
 ) -> SectorFaces:
     """Return faces with different meshes, tied by interpolation.
-
-    The angle between the centres of such faces is biased, so that one sector more or less may fit
-    better.
 
     Parameters
     ----------
     face_tolerance : float
         Largest distance of the faces, divided by the mean edge of their elements.
-    found : str
+    why_unmatched : str
         Why the nodes do not match, for messages.
     """
-    n_blades = pair.n_blades
-    ways: list[tuple[int, float | None]] = [
-        (n, None) for n in range(max(n_blades - 1, 2), n_blades + 2)
-    ]
-    ways += [(n_blades, pitch) for pitch in pair.pitches[1:]]
-    tied = []
-    with body.refusing("sector faces", pair.expected):
-        for n, pitch in ways:
-            for left, right in ((pair.first, pair.second), (pair.second, pair.first)):
-                faces = tie_faces(body.nodes, body.boundary, left, right, n, pitch)
-                tied.append((faces, pitch))
-    best, pitch = min(tied, key=lambda way: way[0].distance)
-    if pair.exact:
-        other = best.n_sectors != n_blades and best.distance <= BOUNDS.tied_faces * body.size
-        fit = f"faces that fit {best.n_sectors} sectors"
-        body.require(not other, "sector faces", pair.expected, fit)
-        of_user = [way for way in tied if way[0].n_sectors == n_blades]
-        best, pitch = min(of_user, key=lambda way: way[0].distance)
-    elif best.n_sectors != n_blades:
-        n_blades = best.n_sectors
-        body.passed(f"{n_blades} sectors fit best")
+    tie = _best_tie(body, pair)
+    faces = tie.faces
     if pair.alike:
-        limit = face_tolerance * _mean_edge(body, best.independent)
+        limit = face_tolerance * _mean_edge(body, faces.independent)
     else:
+        # faces whose angle contradicts the number of sectors have to fit much better
         limit = BOUNDS.tied_faces * body.size
-    found += (
-        f"; meshes that differ are at best {best.distance:.3g} m apart, tolerance {limit:.3g} m"
-    )
-    body.require(best.distance <= limit, "sector faces", pair.expected, found)
-    tied_nodes = f"{len(best.dependent)} nodes tied by interpolation to {len(best.independent)}"
+    distances = f"at best {faces.distance:.3g} m apart, tolerance {limit:.3g} m"
+    found = f"{why_unmatched}; meshes that differ are {distances}"
+    body.require(faces.distance <= limit, "sector faces", pair.expected, found)
+    tied_nodes = f"{len(faces.dependent)} nodes tied by interpolation to {len(faces.independent)}"
     body.passed(
-        f"sector faces: meshes that differ, {tied_nodes}, at most {best.distance:.2g} m apart"
+        f"sector faces: meshes that differ, {tied_nodes}, at most {faces.distance:.2g} m apart"
     )
-    _report_deviation(body, pitch, n_blades)
-    return best
+    _report_deviation(body, tie.angle, faces.n_sectors)
+    return faces
+
+
+def _best_tie(body: PreparedBody, pair: _FacePair) -> _Tie:
+    """Return the tie of the two faces with the smallest distance.
+
+    The user's number of sectors has priority, but no other number may fit within the tolerance.
+    """
+    ties = _possible_ties(body, pair)
+    closest = min(ties, key=lambda tie: tie.faces.distance)
+    n_sectors = closest.faces.n_sectors
+    if n_sectors == pair.n_blades:
+        return closest
+    if not pair.exact:
+        body.passed(f"{n_sectors} sectors fit best")
+        return closest
+    contradicts = closest.faces.distance <= BOUNDS.tied_faces * body.size
+    fit = f"faces that fit {n_sectors} sectors"
+    body.require(not contradicts, "sector faces", pair.expected, fit)
+    of_user = [tie for tie in ties if tie.faces.n_sectors == pair.n_blades]
+    return min(of_user, key=lambda tie: tie.faces.distance)
+
+
+def _possible_ties(body: PreparedBody, pair: _FacePair) -> list[_Tie]:
+    """Return the ties for several numbers of sectors and angles, with either face on the left."""
+    # different meshes have different centres, so the angle between them may suggest one sector
+    # too few or too many
+    fewest = max(pair.n_blades - 1, 2)
+    variants: list[tuple[int, float | None]] = [
+        (n_sectors, None) for n_sectors in range(fewest, pair.n_blades + 2)
+    ]
+    if pair.alike:
+        variants.append((pair.n_blades, pair.angle))
+    ties = []
+    with body.refusing("sector faces", pair.expected):
+        for n_sectors, angle in variants:
+            for left, right in ((pair.first, pair.second), (pair.second, pair.first)):
+                faces = tie_faces(body.nodes, body.boundary, left, right, n_sectors, angle)
+                ties.append(_Tie(faces, angle))
+    return ties
 
 
 def _angle_between(body: PreparedBody, first: NDArray, second: NDArray) -> float:

@@ -621,35 +621,17 @@ class Deck:
 
     def body(self, instance: str | None = None) -> FEBody:
         """Return the body of the deck, or of one of its instances, without matrices."""
-        if instance is not None:
-            expected = f"an instance out of {sorted(self.instances)}"
-            check(instance.upper() in self.instances, str(self.source), expected, f"'{instance}'")
-            instance = instance.upper()
-        elif len(self.instances) == 1:
-            (instance,) = self.instances
-        model = self.model
-        for transform in model.transforms:
-            self.notes.append(
-                f"*TRANSFORM of {transform.node_set}: only supports of all three components "
-                "are known without its axes, which are not read"
-            )
-        number_of_code = self.numbers(instance)
-        if instance is None:
+        wanted = self._wanted_instance(instance)
+        self._note_transforms()
+        number_of_code = self.numbers(wanted)
+        if wanted is None:
             self._note_instances(number_of_code)
         else:
-            self._only(instance)
-        sets = self._sets_of_nodes()
-        kinds = self._kinds()
+            self._only(wanted)
+        node_sets = self._node_sets(number_of_code)
         if len(self.instances) > 1:
-            # a label that a part lacks is the number of another node of the assembly
-            for name, members in sets.items():
-                sets[name] = [code for code in members if code in number_of_code]
             self._check_nodes_of_parts(number_of_code)
-        node_sets = {}
-        for name, members in sets.items():
-            if members:
-                numbers = [number_of_code.get(code, code) for code in members]
-                node_sets[name] = np.unique(np.array(numbers, np.int64))
+        model = self.model
         elements = [
             [number_of_code.get(code, code) for code in nodes]
             for nodes in model.element_of.values()
@@ -660,11 +642,45 @@ class Deck:
             list(number_of_code.values()),
             [model.nodes[code] for code in number_of_code],
             elements,
-            kinds,
+            self._kinds(),
             node_sets=node_sets,
         )
         face_sets = self._face_sets(body.nodes, number_of_code)
-        return replace(body, face_sets=face_sets, notes=tuple(dict.fromkeys(self.notes)))
+        # several blocks of one keyword give the same note
+        notes = tuple(dict.fromkeys(self.notes))
+        return replace(body, face_sets=face_sets, notes=notes)
+
+    def _wanted_instance(self, instance: str | None) -> str | None:
+        """Return the name of the instance to read, or None for the whole deck."""
+        if instance is not None:
+            name = instance.upper()
+            expected = f"an instance out of {sorted(self.instances)}"
+            check(name in self.instances, str(self.source), expected, f"'{instance}'")
+            return name
+        if len(self.instances) == 1:
+            (only,) = self.instances
+            return only
+        return None
+
+    def _note_transforms(self) -> None:
+        """Add a note for each set of nodes with rotated axes."""
+        for transform in self.model.transforms:
+            self.notes.append(
+                f"*TRANSFORM of {transform.node_set}: only supports of all three components "
+                "are known without its axes, which are not read"
+            )
+
+    def _node_sets(self, number_of_code: dict[int, int]) -> dict[str, NDArray]:
+        """Return the node numbers of each set that is not empty."""
+        node_sets = {}
+        for name, codes in self._sets_of_nodes().items():
+            if len(self.instances) > 1:
+                # a label that a part lacks is the number of another node of the assembly
+                codes = [code for code in codes if code in number_of_code]
+            if codes:
+                numbers = [number_of_code.get(code, code) for code in codes]
+                node_sets[name] = np.unique(np.array(numbers, np.int64))
+        return node_sets
 
     def _note_instances(self, number_of_code: dict[int, int]) -> None:
         """Add a note with the node numbers of each instance."""
