@@ -525,19 +525,19 @@ class SteadyPeak(PeakTask):
         load = float(preload or 0.0)
         search = self.response(problem, load)
         if search.rattles:
-            height = np.inf
+            amplitude = np.inf
             ending = Ending(NOT_FOUND, f"{NO_STEADY}: {search.rattles}")
         else:
             # zero if nothing was found
-            height = float(np.nan_to_num(search.height, posinf=np.inf))
+            amplitude = float(np.nan_to_num(search.amplitude, posinf=np.inf))
             ending = search.ending
         return {
-            "amplitude": height,
+            "amplitude": amplitude,
             "known": search.known,
             "search_status": ending.status,
             "search_reason": ending.reason,
             "cost": search.cost,
-            "height": search.height,
+            "height": search.amplitude,
         }
 
     def response(self, problem: Problem, preload: float) -> AtPreload:

@@ -368,6 +368,13 @@ class Settings(validation.Answering):
         """Return the engine order of a force."""
         return self.engine_order if force.engine_order is None else force.engine_order
 
+    def _harmonic_of(self, force: Excitation) -> int:
+        """Return the harmonic of the response on which a force acts."""
+        if self.engine_order == 0:
+            # all harmonics have order 0, and the forces act on the first one
+            return 1
+        return self._order_of(force) // self.engine_order
+
     @property
     def acts_at_location(self) -> bool:
         """Whether the first excitation is a force (N) at a location, not a force field or a modal
@@ -382,12 +389,14 @@ class Settings(validation.Answering):
         excited: dict[int, list[tuple[str, NDArray, complex]]] = {}
         for force in self._forces:
             place = self.model.locations.get(force.location)
-            direction = FIELD
-            if place is not None and place.kind != "forces":
+            # a force field and a modal force are distributed over the body
+            is_distributed = place is None or place.kind == "forces"
+            if is_distributed:
+                direction = FIELD
+            else:
                 direction = direction_vector(force.direction, "excitation direction")
-            # engine order 0 excites the first harmonic
-            harmonic = self._order_of(force) // (self.engine_order or 1) or 1
-            excited.setdefault(harmonic, []).append((force.location, direction, force.force))
+            of_harmonic = excited.setdefault(self._harmonic_of(force), [])
+            of_harmonic.append((force.location, direction, force.force))
         return excited
 
     @property

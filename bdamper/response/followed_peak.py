@@ -222,8 +222,8 @@ def without_lost_peaks(
     }
     # include preloads at which the damper rattles, because their peaks may lead to a preload at
     # which it does not
-    heights = {preload: there.height for preload, there in known.items()}
-    found = followed_peaks(problem, heights, needs_check, peak_at, before, options)
+    amplitudes = {preload: there.amplitude for preload, there in known.items()}
+    found = followed_peaks(problem, amplitudes, needs_check, peak_at, before, options)
     changed: dict[float, AtPreload] = {}
     for preload, followed in found.items():
         if preload not in before:

@@ -386,18 +386,21 @@ class AtPreload:
         return self.top is not None and self.top.note.startswith(FOLLOWED)
 
     @property
-    def height(self) -> float:
+    def amplitude(self) -> float:
         """Amplitude (m) of the highest point: NaN if nothing was found or no digits are left,
         infinite if unbounded."""
         if self.top is None:
             return np.nan
-        unknown = self.curve.without_amplitude
-        return self.top.peak.amplitude if unknown is None else unknown.amplitude
+        # a resonance whose amplitude is unbounded or has no digits may exceed the highest point
+        without_amplitude = self.curve.without_amplitude
+        if without_amplitude is not None:
+            return without_amplitude.amplitude
+        return self.top.peak.amplitude
 
     @property
     def value(self) -> float:
         """ln(amplitude) of the highest point, infinite if unknown."""
-        return float(np.log(self.height)) if self.known else np.inf
+        return float(np.log(self.amplitude)) if self.known else np.inf
 
     @property
     def ending(self) -> Ending:
@@ -597,7 +600,7 @@ def as_peak(problem: Problem, response: AtPreload, frequency: tuple[float, float
     if end.ok:
         return peak
     if response.curve.without_amplitude is not None:
-        return replace(peak, amplitude=response.height, half_range=response.height)
+        return replace(peak, amplitude=response.amplitude, half_range=response.amplitude)
     # users would take this number for a result in spite of its status
     nan = float("nan")
     return replace(peak, amplitude=nan, half_range=nan, lower_bound=peak.amplitude)

@@ -528,7 +528,7 @@ def _ending_of_optimum(
     for preload in sorted(known):
         response = known[preload]
         # an amplitude that is not known may have a lower bound above the optimum
-        if preload > edge and not response.known and not response.height >= amplitude:
+        if preload > edge and not response.known and not response.amplitude >= amplitude:
             may_be_lower.append(preload)
     if may_be_lower:
         unknown = counted(len(may_be_lower), "preload")
@@ -664,7 +664,7 @@ def _columns(
             samples.append(Sample(np.log(preload), np.inf, np.nan))
         else:
             curves.append(response.curve)
-            lower_bounds.append(response.height if top is None else np.nan)
+            lower_bounds.append(response.amplitude if top is None else np.nan)
             samples.append(Sample(np.log(preload), response.value, response.slope))
         tops.append(top)
         endings.append(_ending(response, preload, edge, why_rattling))

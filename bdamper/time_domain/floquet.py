@@ -143,9 +143,8 @@ def cycles(
     for point in range(system.n_points):
         parts = _parts_of_point(system, x, point)
         pieces += _normal_pieces(system, x, point, parts)
-        tangential_pieces, slider_events = _tangential_pieces(system, x, point, parts)
-        pieces += tangential_pieces
-        events += slider_events
+        pieces += _tangential_pieces(system, point, parts)
+        events += _slider_events(system, x, point, parts)
     return _columns(pieces), _columns(events)
 
 
@@ -201,37 +200,59 @@ def _normal_pieces(
     return [_Piece(point, 0, begin, end, kn) for begin, end, state in seen if state != OPEN]
 
 
-def _tangential_pieces(
-    system: Equations[SectorData], x: NDArray, point: int, parts: list[list[_Part]]
-) -> tuple[list[_Piece], list[_SliderEvent]]:
-    """Return the segments in stick and in slip of a point, and the events that set its sliders."""
+def _limit_stiffness(system: Equations[SectorData], point: int) -> dict[int, float]:
+    """Return dT/dv = +-mu kn of a point (N/m) in slip of either direction.
+
+    A constant normal load does not change the friction limit.
+    """
     p = system.structure.points
-    # a constant normal load does not change the friction limit
-    limit_stiffness = 0.0
+    stiffness = 0.0
     if int(p.law[point]) != LAW_CONSTANT:
-        limit_stiffness = float(p.mu[point]) * float(p.kn[point])
-    slip_stiffness = {SLIP_PLUS: limit_stiffness, SLIP_MINUS: -limit_stiffness}
+        stiffness = float(p.mu[point]) * float(p.kn[point])
+    return {SLIP_PLUS: stiffness, SLIP_MINUS: -stiffness}
+
+
+def _tangential_pieces(
+    system: Equations[SectorData], point: int, parts: list[list[_Part]]
+) -> list[_Piece]:
+    """Return the segments of a point in stick and in slip."""
+    limit_stiffness = _limit_stiffness(system, point)
     pieces: list[_Piece] = []
+    for axis in _sliding_axes(system, point):
+        kt = float(system.structure.points.kt[point, axis])
+        for begin, end, state in parts[axis]:
+            if state == STICK:
+                pieces.append(_Piece(point, 1 + axis, begin, end, kt))
+            elif state in limit_stiffness:
+                pieces.append(_Piece(point, 3 + axis, begin, end, limit_stiffness[state]))
+    return pieces
+
+
+def _slider_events(
+    system: Equations[SectorData], x: NDArray, point: int, parts: list[list[_Part]]
+) -> list[_SliderEvent]:
+    """Return the segments of a point in stick whose slider is set at their beginning.
+
+    The equations for ``dw`` at the beginning of this file define the factor of ``dv``.
+    """
+    limit_stiffness = _limit_stiffness(system, point)
     events: list[_SliderEvent] = []
     for axis in _sliding_axes(system, point):
-        kt = float(p.kt[point, axis])
+        kt = float(system.structure.points.kt[point, axis])
+        # permanent stick sets no slider
+        if len(parts[axis]) == 1:
+            continue
         for index, (begin, end, state) in enumerate(parts[axis]):
-            if state in slip_stiffness:
-                pieces.append(_Piece(point, 3 + axis, begin, end, slip_stiffness[state]))
             if state != STICK:
                 continue
-            pieces.append(_Piece(point, 1 + axis, begin, end, kt))
-            # permanent stick sets no slider
-            if len(parts[axis]) == 1:
-                continue
-            # the segment before the first one is the last one of the period
-            state_before = parts[axis][index - 1][2]
-            if state_before in slip_stiffness:
-                factor = -slip_stiffness[state_before] / kt
+            # the last segment of the period precedes the first one
+            _, _, state_before = parts[axis][index - 1]
+            if state_before in limit_stiffness:
+                factor = -limit_stiffness[state_before] / kt
             else:
                 factor = _closing_factor(x[point], axis, begin)
             events.append(_SliderEvent(point, axis, begin, end - begin, factor))
-    return pieces, events
+    return events
 
 
 def _closing_factor(x: NDArray, axis: int, angle: float) -> float:

@@ -596,38 +596,64 @@ def _objects_of_texts(stored: NDArray) -> NDArray:
 
 def from_json(hint: object, value: object) -> Any:
     """Convert a value read from JSON to the annotated type of its field."""
-    return _from_json(hint, value)
+    return _converted(hint, value)
 
 
-def _from_json(hint: Any, value: Any) -> Any:
+def _converted(hint: Any, value: Any) -> Any:
+    """Convert a value read from JSON to the type of a hint, and the values in it."""
     origin = get_origin(hint)
-    inner = get_args(hint)
     if value is None or hint is Any or origin in (dict, Mapping):
         return value
     if is_array(hint):
-        if isinstance(value, Mapping):
-            return value["real"] + 1j * np.array(value["imag"])
-        return np.array(value)
+        return _array_from_json(value)
     if origin is tuple:
-        kinds = inner[:1] * len(value) if inner[-1] is ... else inner
-        return tuple(_from_json(kind, item) for kind, item in zip(kinds, value))
-    if isinstance(hint, InitVar):
-        return _from_json(hint.type, value)
+        return _tuple_from_json(get_args(hint), value)
     if origin in (Union, UnionType):
-        kinds = tuple(kind for kind in inner if kind is not NoneType)
-        if len(kinds) == 1:
-            return _from_json(kinds[0], value)
-        # such as int | tuple[int, ...]
-        return tuple(value) if isinstance(value, list) else value
+        return _alternative_from_json(get_args(hint), value)
+    if isinstance(hint, InitVar):
+        return _converted(hint.type, value)
     if is_dataclass(hint):
-        hints = get_type_hints(hint)
-        # a file of another version may have further fields
-        arguments = {
-            name: _from_json(hints[name], item) for name, item in value.items() if name in hints
-        }
-        return hint(**with_separate_reasons(arguments, hints))  # type: ignore[operator]
+        return _dataclass_from_json(hint, value)
     is_named_tuple = isinstance(hint, type) and issubclass(hint, tuple)
-    return hint(*value) if is_named_tuple else hint(value)
+    if is_named_tuple:
+        return hint(*value)
+    # a number, a text or a truth value
+    return hint(value)
+
+
+def _array_from_json(value: Any) -> NDArray:
+    """Return an array from its list, or from the lists of its real and imaginary parts."""
+    if isinstance(value, Mapping):
+        return value["real"] + 1j * np.array(value["imag"])
+    return np.array(value)
+
+
+def _tuple_from_json(kinds: tuple[Any, ...], values: Sequence[Any]) -> tuple[Any, ...]:
+    """Return a tuple with the annotated ``kinds`` of its items."""
+    # tuple[float, ...] has any number of items of one kind
+    if kinds[-1] is ...:
+        kinds = kinds[:1] * len(values)
+    return tuple(_converted(kind, item) for kind, item in zip(kinds, values))
+
+
+def _alternative_from_json(alternatives: tuple[Any, ...], value: Any) -> Any:
+    """Convert a value to one of several types, for example ``float | None``."""
+    kinds = [kind for kind in alternatives if kind is not NoneType]
+    if len(kinds) == 1:
+        return _converted(kinds[0], value)
+    # among several, such as int | tuple[int, ...], only a tuple differs from its form in JSON
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _dataclass_from_json(kind: Any, value: Mapping[str, Any]) -> Any:
+    """Return a dataclass from the values of its fields."""
+    hints = get_type_hints(kind)
+    arguments = {}
+    for name, item in value.items():
+        # a file of another version may have further fields
+        if name in hints:
+            arguments[name] = _converted(hints[name], item)
+    return kind(**with_separate_reasons(arguments, hints))
 
 
 def to_json(value: Any) -> Any:
