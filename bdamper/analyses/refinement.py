@@ -197,7 +197,7 @@ class Refinement(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-r
             table.append(
                 (
                     amount(step.amplitude, "m"),
-                    amount(step.frequency, "Hz", 4),
+                    amount(step.frequency, "Hz"),
                     percent(step.error),
                     step.largest,
                     str(step.evaluations),

@@ -1053,5 +1053,5 @@ def _doubt(
     i = margins.least
     least, hertz = float(margins.margin[i]), float(whole.frequency[i])
     if least < (1.0 - AGREES) * value:
-        return f"on the response curve there the margin is {least:.4g} at {hertz:.6g} Hz"
+        return f"on the response curve there the margin is {least:.4g} at {amount(hertz, 'Hz')}"
     return ""

@@ -835,7 +835,7 @@ class Comparison(Result, Plottable, Tabular, Storable, kind="bdamper-comparison"
             row = (
                 name,
                 amount(outcome.amplitude, "m"),
-                amount(outcome.frequency, "Hz", 6),
+                amount(outcome.frequency, "Hz"),
                 amount(outcome.preload, "N"),
                 percent(changes[name], True) if name in changes else "",
                 amount(result.cost.seconds, "s"),

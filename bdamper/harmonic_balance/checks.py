@@ -24,6 +24,7 @@ from bdamper.harmonic_balance.study_boundary import A, P, R, problem_of
 from bdamper.model.loads import Response
 from bdamper.util import plausible_ranges, validation
 from bdamper.util.errors import PlausibilityWarning, SettingError, warn, warn_implausible
+from bdamper.util.formatting import amount
 from bdamper.util.progress import one_thread
 
 ALONG = 0.12
@@ -417,7 +418,7 @@ def check_interval(case: LoadCase, frequency: tuple[float, float]) -> None:
     weaker = 20.0
     if as_radians and response_as_radians > weaker * response:
         nearest = sorted({resonance.frequency for resonance in as_radians})[:3]
-        near = ", ".join(f"{hertz:.4g}" for hertz in nearest)
+        near = ", ".join(f"{hertz:.5g}" for hertz in nearest)
         weak = "without a resonance"
         if response:
             weak = f"with a response {response_as_radians / response:.2g} times weaker"
@@ -459,7 +460,7 @@ def _check_far(
     nearest = min(hertz, key=lambda f: abs(np.log(f / high)))
     warn_implausible(
         "frequency",
-        f"an interval in Hz around a resonance, such as {nearest:.4g} Hz",
+        f"an interval in Hz around a resonance, such as {amount(nearest, 'Hz')}",
         f"({low:g}, {high:g}), far from every resonance; possibly given in kHz, or a wrong digit",
     )
 
@@ -483,7 +484,7 @@ def _check_direction(problem: Problem, sector: SectorData, frequency: tuple[floa
     if not (along <= ALONG * motion).all():
         return
     share = np.max(along / np.where(motion > 0.0, motion, 1.0))
-    modes_at = ", ".join(f"{f:.4g}" for f in hertz[within][:3])
+    modes_at = ", ".join(f"{f:.5g}" for f in hertz[within][:3])
     warn_implausible(
         "excitation direction",
         f"along the motion of a mode in the interval ({modes_at} Hz)",

@@ -244,7 +244,7 @@ def read_ring_down(
     modes = _modes(motion, step, band) if ends_early else []
     if len(modes) > 1:
         bands = " or ".join(_proposed(modes, k) for k in range(len(modes)))
-        found = f"modes at {', '.join(f'{each:.4g}' for each in modes)} Hz; read one with {bands}"
+        found = f"modes at {', '.join(f'{each:.5g}' for each in modes)} Hz; read one with {bands}"
         check(falls_far, source, "a decay of one mode", found)
         warn(f"{source}: other modes end the decay: {found}")
     expected = f"a decay over more than {3.0 * window:.3g} periods"

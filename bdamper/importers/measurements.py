@@ -30,7 +30,7 @@ from bdamper.importers.fe_body import data_lines, parsing, reader
 from bdamper.util import quantities, validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import check, check_sentence, import_extra, mismatch
-from bdamper.util.formatting import counted, short_repr
+from bdamper.util.formatting import amount, counted, short_repr, span
 from bdamper.util.records import check_all
 from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import Storable, existing
@@ -215,8 +215,8 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
     def _statement(self) -> Statement:
         top = int(np.argmax(self.amplitude))
         largest = f"{self.amplitude[top]:.6g} {self.unit}".rstrip()
-        verdict = f"Largest value {largest} at {self.frequency[top]:.6g} Hz: {self.name}"
-        band = f"{self.frequency.min():.6g} to {self.frequency.max():.6g} Hz"
+        verdict = f"Largest value {largest} at {amount(self.frequency[top], 'Hz')}: {self.name}"
+        band = span(self.frequency.min(), self.frequency.max(), "Hz")
         rows = [Row("Frequency", band, counted(len(self.frequency), "point"))]
         if self.source:
             rows.append(Row("Source", "", self.source))

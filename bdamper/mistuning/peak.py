@@ -569,7 +569,7 @@ def _tuned_higher(top: Climbed | None, tuned: Peak, low: float, high: float) -> 
         tuned_is_higher = in_band and top.height * (1.0 + MISSED) < highest_tuned
         if not tuned_is_higher:
             return ""
-    tuned_peak = f"{amount(highest_tuned, 'm')} at {amount(tuned.frequency, 'Hz', 6)}"
+    tuned_peak = f"{amount(highest_tuned, 'm')} at {amount(tuned.frequency, 'Hz')}"
     return f"; searched from {low:.6g} to {high:.6g} Hz, but the tuned disk has {tuned_peak}"
 
 

@@ -27,6 +27,7 @@ from bdamper.plot.motion import VIEW, sectors_shown, surface_motion
 from bdamper.util import validation
 from bdamper.util.display import register_plot
 from bdamper.util.errors import SettingError, import_extra
+from bdamper.util.formatting import amount
 from bdamper.util.storage import file_errors
 
 # ---- Export ----
@@ -85,7 +86,7 @@ def export_modes(
     shapes = np.moveaxis(mesh.modes[diameter], 2, 0)
     fields = {}
     for number, (f, shape) in enumerate(zip(frequency, shapes), 1):
-        fields[f"mode {number}, {f:.2f} Hz, {{}}"] = shape
+        fields[f"mode {number}, {amount(f, 'Hz')}, {{}}"] = shape
     return _write(path, mesh.points, mesh.quads, fields)
 
 
@@ -350,7 +351,7 @@ def plot_mode(
             surfaces.append((deformed @ rotation.T, mesh.quads, amplitude))
     omega = float(np.sqrt(model.bodies[body].bases[diameter].omega2[mode - 1]))
     frequency = omega / (2.0 * np.pi)
-    title = f"mode {mode}, nodal diameter {diameter}: {frequency:.1f} Hz"
+    title = f"mode {mode}, nodal diameter {diameter}: {amount(frequency, 'Hz')}"
     return plot_surfaces(surfaces, title=title)
 
 

@@ -506,7 +506,7 @@ def plot_loops(
             where_text += f", {_name(result, places[0])}"
         ax.set(xlabel=f"Motion {where_text} (m)", ylabel=f"Force {where_text} (N)")
     preload = amount(result.preload, "N")
-    ax.set_title(f"Friction over a cycle at {result.frequency:.4g} Hz, preload {preload}")
+    ax.set_title(f"Friction over a cycle at {amount(result.frequency, 'Hz')}, preload {preload}")
 
 
 @picture(Hysteresis, "history", size=(COLUMN, 3.3), rows=2)
@@ -534,7 +534,7 @@ def plot_history(result: Hysteresis, where: int, ax: NDArray = NEW) -> None:
         motions.plot(time, result.gap[row], **lines[-1], label="gap")
     forces.set(ylabel="Contact force (N)", xlim=(0.0, 1.0))
     preload = amount(result.preload, "N")
-    forces.set_title(f"{_name(result, row)}, {result.frequency:.5g} Hz, preload {preload}")
+    forces.set_title(f"{_name(result, row)}, {amount(result.frequency, 'Hz')}, preload {preload}")
     motions.set(ylabel="Motion and gap (m)", xlabel="Time (periods)")
 
 

@@ -272,7 +272,7 @@ def plot_stress(cycle: StressCycle, point: int | None = None, ax: Axes = NEW) ->
     ax.set(
         xlabel="Angle of the excitation (degrees)",
         ylabel="Stress (MPa)",
-        title=f"{cycle.names[row]}, {cycle.frequency:.5g} Hz, preload {preload}",
+        title=f"{cycle.names[row]}, {amount(cycle.frequency, 'Hz')}, preload {preload}",
         xlim=(0.0, 360.0),
     )
     ax.set_xticks(np.arange(0, 361, 60))

@@ -160,7 +160,7 @@ def _of_peak(peak: DiskPeak, result: str) -> str:
         warning = ", dampers held"
     else:
         warning = f", {peak.status}: {peak.reason}"
-    return f"preload {amount(peak.preload, 'N')}, {peak.frequency:.5g} Hz, {result}{warning}"
+    return f"preload {amount(peak.preload, 'N')}, {amount(peak.frequency, 'Hz')}, {result}{warning}"
 
 
 @picture(TimeResponse)
@@ -184,7 +184,7 @@ def plot_blades(found: TimeResponse, ax: Axes = NEW) -> None:
     _bars(ax, mean, found.blade, yerr=[below, above], capsize=2.0, ecolor="0.4")
     ax.axhline(found.balance, color="k", linewidth=1.0, label="harmonic balance")
     warning = "" if found.mean > 0.0 else ", no steady state near the peak"
-    title = f"preload {amount(found.preload, 'N')}, {found.frequency:.5g} Hz{warning}"
+    title = f"preload {amount(found.preload, 'N')}, {amount(found.frequency, 'Hz')}{warning}"
     ax.set(ylabel="Amplitude in time, mean and range (m)", title=title)
 
 
@@ -203,7 +203,7 @@ def plot_periods(found: MotionInTime, ax: Axes = NEW) -> None:
             found.balance, color="k", linestyle="-.", linewidth=1.0, label="harmonic balance"
         )
     verdict = f": {found.verdict}" if found.verdict else ""
-    title = f"{found.frequency:.6g} Hz, preload {amount(found.preload, 'N')}{verdict}"
+    title = f"{amount(found.frequency, 'Hz')}, preload {amount(found.preload, 'N')}{verdict}"
     ax.set(xlabel="Period of the excitation", title=title)
 
 

@@ -33,7 +33,7 @@ from bdamper.harmonic_balance.sector import SectorData, excitation_ramp, support
 from bdamper.response.continuation import DRIFTED_OFF, TWO_PI, Follower, follow
 from bdamper.response.events import SIDE_POINTS, ContinuationOptions, Path
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND
-from bdamper.util.formatting import counted
+from bdamper.util.formatting import amount, counted
 from bdamper.util.progress import CostMeter
 
 # ---- coverage of a frequency interval ----
@@ -108,7 +108,7 @@ class LeftOut(NamedTuple):
         """Reason with the middle of the part, for example "unbounded at 30 Hz: no damping"."""
         kind, _, cause = self.why.partition(": ")
         middle = 0.5 * (self.low + self.high)
-        return f"{kind} at {middle:.6g} Hz: {cause}"
+        return f"{kind} at {amount(middle, 'Hz')}: {cause}"
 
 
 @dataclass(frozen=True, eq=False)

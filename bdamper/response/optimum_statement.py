@@ -265,7 +265,7 @@ def _doubts(curve: OptimalCurve) -> str:
     if rattling:
         doubts.append(f"{NO_STEADY} is expected")
     if broken:
-        places = " and ".join(f"{(part.low + part.high) / 2.0:.4g} Hz" for part in broken[:2])
+        places = " and ".join(amount((part.low + part.high) / 2.0, "Hz") for part in broken[:2])
         doubts.append(
             f"a path of the response curve broke off near {places}, so that a higher branch may be "
             "missing"

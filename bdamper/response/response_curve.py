@@ -67,6 +67,7 @@ from bdamper.response.response_curve_result import (
 )
 from bdamper.util import validation
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, SettingError
+from bdamper.util.formatting import amount, span
 from bdamper.util.progress import Cost, CostMeter, is_part_of_work, progress_bar, single_thread
 
 # ---- mean position of free bodies ----
@@ -419,7 +420,7 @@ def _reason(case: LoadCase, search: Coverage, curve: ResponseCurve) -> str:
     reason = curve.reason
     if curve.complete:
         bottom, top = search.outside
-        searched = f"from {bottom / TWO_PI:.4g} to {top / TWO_PI:.4g} Hz"
+        searched = f"from {span(bottom / TWO_PI, top / TWO_PI, 'Hz')}"
         broken = ", where a path broke off (missing_ranges)" if search.lost else ""
         reason += f"; folds looked for {searched}{broken}, closed branches not"
     why_rattling = rattles(curve, open_at_rest(case))
@@ -598,7 +599,9 @@ class Jump(NamedTuple):
     after: float
 
     def __str__(self) -> str:
-        return f"jump at {self.frequency:.6g} Hz from {self.before:.4g} to {self.after:.4g} m"
+        return (
+            f"jump at {amount(self.frequency, 'Hz')} from {self.before:.4g} to {self.after:.4g} m"
+        )
 
 
 @dataclass(frozen=True)

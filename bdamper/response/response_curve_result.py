@@ -296,7 +296,7 @@ class ResponseCurve(
             if not self.amplitude[i] > amplitude:
                 continue
             of_branch = self.frequency[self.branch == self.branch[i]]
-            end = amount(of_branch[0], "Hz", 4)
+            end = amount(of_branch[0], "Hz")
             peak = peak_text(self.amplitude[i], self.frequency[i], 4)
             texts.append(
                 f"higher on a separate branch that enters and leaves at {end}: {peak}, widen the "

@@ -366,7 +366,7 @@ class _Linear:
         if self.curvature == 0.0:
             raise NoDerivative(
                 "sensitivities: expected a curved peak, found a flat one at "
-                f"{peak.frequency:.6g} Hz"
+                f"{amount(peak.frequency, 'Hz')}"
             )
 
     def move(self, r_p: NDArray) -> NDArray:
@@ -414,7 +414,7 @@ class _Linear:
         if not (np.abs(above - below) > tolerance).any():
             return
         found = " and ".join(
-            f"{amplitude:.3g} m, {speed / (2.0 * np.pi):.3g} Hz"
+            f"{amplitude:.3g} m, {amount(speed / (2.0 * np.pi), 'Hz')}"
             for speed, amplitude in (above, below)
         )
         raise NoDerivative(

@@ -312,7 +312,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
 
     def _time_rows(self) -> list[Row]:
         """Return the range of the amplitude with its frequency and mean, and single periods."""
-        place = amount(self.frequency, "Hz", 6)
+        place = amount(self.frequency, "Hz")
         # answers that differ have no common mean
         if "not settled" not in self.reason:
             place += f", mean {amount(self.mean, 'm')}"
@@ -328,7 +328,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         if exceeds(self.half_range, self.mean):
             rows.append(half_range_row(self.half_range))
         if not np.isnan(self.jump_frequency):
-            rows.append(Row("Jump", amount(self.jump_frequency, "Hz", 6), "to a lower amplitude"))
+            rows.append(Row("Jump", amount(self.jump_frequency, "Hz"), "to a lower amplitude"))
         return rows
 
     def _check_rows(self) -> list[Row]:
@@ -437,7 +437,7 @@ class MotionInTime(
 
     def _statement(self) -> Statement:
         solution = f"the {amount(self.balance, 'm')} solution"
-        subject = about(self.settings, self.preload, amount(self.frequency, "Hz", 6))
+        subject = about(self.settings, self.preload, amount(self.frequency, "Hz"))
         if not self.verdict:
             verdict = f"Amplitude by time integration {amount(self.mean, 'm')}{subject}"
         elif self.verdict == "undecided":
@@ -829,7 +829,7 @@ class Convergence(Result, Plottable, Tabular):
         table = [
             ("Harmonics", *(str(peak.harmonics) for peak in self.peaks)),
             ("Peak", *(amount(peak.amplitude, "m") for peak in self.peaks)),
-            ("Frequency", *(amount(peak.frequency, "Hz", 4) for peak in self.peaks)),
+            ("Frequency", *(amount(peak.frequency, "Hz") for peak in self.peaks)),
         ]
         rows = [
             Row("Internal resonance" if i == 0 else "", f"harmonic {item.harmonic}", item.mode_text)

@@ -174,7 +174,7 @@ class TimeSweep(
         rows += [
             Row(
                 "Jump",
-                amount(jump.frequency, "Hz", 6),
+                amount(jump.frequency, "Hz"),
                 f"{amount(jump.before, 'm')} to {amount(jump.after, 'm')}",
             )
             for jump in self.jumps

@@ -78,10 +78,12 @@ FITTING = {
     "g": "m k",
 }
 """Allowed prefixes of each unit; kg is formatted in multiples of g."""
+DIGITS = {"Hz": 5}
+"""Significant digits of units in which small changes matter; other units have three."""
 PREFIXES = {"n": 1e-9, "µ": 1e-6, "m": 1e-3, " ": 1.0, "k": 1e3, "M": 1e6, "G": 1e9}
 
 
-def amount(value: float, unit: str = "", digits: int = 3) -> str:
+def amount(value: float, unit: str = "", digits: int | None = None) -> str:
     """Return a number with its unit and the largest prefix that keeps it at least one.
 
     Parameters
@@ -90,10 +92,13 @@ def amount(value: float, unit: str = "", digits: int = 3) -> str:
     unit : str
         Unit without a prefix, except kg.  "" for a plain number, "%" for per cent; "per ..." may
         follow.
-    digits : int
-        Significant digits; all digits before the decimal point are shown.
+    digits : int, optional
+        Significant digits, by default five for Hz and three for other units; all digits before
+        the decimal point are shown.
     """
     base, per, rest = unit.partition(" per ")
+    if digits is None:
+        digits = DIGITS.get(base, 3)
     size = abs(value)
     # the prefixes apply to the gram
     if base == "kg":
@@ -118,8 +123,10 @@ def span(low: float, high: float, unit: str, near: float | None = None) -> str:
     scale = 1.0
     if reference:
         scale = 10.0 ** round(np.log10(float(number) / reference))
-    # all digits before the decimal point
-    return f"{amount(scale * low)} to {amount(scale * high)} {prefixed_unit}"
+    digits = DIGITS.get(unit)
+    return (
+        f"{amount(scale * low, '', digits)} to {amount(scale * high, '', digits)} {prefixed_unit}"
+    )
 
 
 def area_text(area: float) -> str:
@@ -149,11 +156,8 @@ def unit_prefix(size: float, unit: str) -> str:
 
 
 def peak_text(amplitude: float, frequency: float, digits: int = 3) -> str:
-    """Return an amplitude (m) and its frequency (Hz) as text.
-
-    Six digits distinguish points that lie close together.
-    """
-    return f"{amount(amplitude, 'm', digits)} at {amount(frequency, 'Hz', digits)}"
+    """Return an amplitude (m), with the given digits, and its frequency (Hz) as text."""
+    return f"{amount(amplitude, 'm', digits)} at {amount(frequency, 'Hz')}"
 
 
 def spaced(name: str) -> str:

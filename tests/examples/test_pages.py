@@ -135,7 +135,9 @@ def index(seen, page, folder):
         assert printed.startswith(shown.rstrip("\n"))
 
 
-FITTING = re.compile(r"^\| (\d+) N \| ([\d,]+) rpm, (\d+) Hz \| ([\d,]+) N \| ([\d,]+) N \|$", re.M)
+FITTING = re.compile(
+    r"^\| (\d+) N \| ([\d,]+) rpm, ([\d.]+) Hz \| ([\d,]+) N \| ([\d,]+) N \|$", re.M
+)
 """Row of the first page: excitation, crossing, preload there, and the optimum at speed."""
 
 

@@ -496,7 +496,7 @@ def test_a_narrow_band_shows_the_resonance_that_passes_through_it(
     assert height == pytest.approx(whole.peak.amplitude, rel=1e-8)
     assert amplitude is None or height == pytest.approx(amplitude, rel=1e-2)
     assert height > 2.0 * narrow.peak.amplitude and "widen the interval" in said(narrow)
-    assert "; folds looked for from 274.6 to 367.4 Hz" in narrow.reason
+    assert "; folds looked for from 274.59 to 367.37 Hz" in narrow.reason
     assert narrow.reason.endswith("closed branches not")
 
 
