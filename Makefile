@@ -6,8 +6,9 @@
 #   make docs-check  the same pages without running notebooks and examples, half a minute
 #   make manual    the built manual as one archive, dist/bdamper-manual.tar.gz
 #   make links     whether pages that the documentation names still exist (needs a network)
-# For developers: bench, accuracy, hard, fuzz, lint, sanitize, clean, and:
+# For developers: accuracy, hard, fuzz, lint, sanitize, clean, and:
 #   make nightly   required before a release besides .ci/run: portability, nastran, others, browser, links, newest
+#   make bench     times, counts and memory of typical works, into docs/evidence/times.md (some ten minutes)
 #   make validate  public problems and closed forms computed again, into docs/evidence/validated.md (needs CalculiX)
 #   make kernels   tests of the core under each kernel of the core
 #   make portability  tests that rounding affects, under each kernel of the core and of OpenBLAS; more folders with the oldest dependencies
@@ -72,7 +73,7 @@ nightly:
 	@for target in portability nastran others browser links newest; do $(MAKE) $$target || exit 1; done
 
 bench: $(VENV)/test.stamp
-	$(call step,benchmarks,$(PY) -m benchmarks core tracking evaluations optimal effects)
+	$(call step,times of typical works into docs/evidence/times.md,$(PY) -m benchmarks.bench_works)
 
 peers: $(VENV)/dev.stamp $(VENV)-peers/peers.stamp
 	$(call step,beside a published package,$(PY) -m benchmarks.peers $(VENV)-peers/bin/python)

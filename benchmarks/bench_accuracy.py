@@ -29,7 +29,7 @@ from bdamper.response.peak import Peak
 from bdamper.time_domain.integration import STEPS, AllSectors, Motion
 from bdamper.util.formatting import percent
 from bdamper.util.progress import CostMeter
-from benchmarks import PLAIN, convergence_scenes, estimate_scenes
+from benchmarks import PLAIN, convergence_scenes, estimate_scenes, fill
 from tests.following import changed, find_start, slider_interval
 
 ROOT = Path(__file__).parents[1]
@@ -424,14 +424,6 @@ TABLES: dict[str, Callable[[], str]] = {
     "ways": ways, "jacobians": jacobians, "time_integration": time_integration, "work": work,
     "convergence": convergence_scenes.table, "estimates": estimate_scenes.table,
 }  # fmt: skip
-
-
-def fill(text: str, name: str, table: str) -> str:
-    """The document with the table between the marks of a name replaced."""
-    pattern = rf"(<!-- {name} -->\n).*?(<!-- end -->)"
-    if not re.search(pattern, text, re.S):
-        raise ValueError(f"no place for '{name}' in the document")
-    return re.sub(pattern, lambda m: m.group(1) + table + "\n" + m.group(2), text, flags=re.S)
 
 
 def markdown(result: AccuracyCost) -> str:

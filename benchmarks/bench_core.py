@@ -1,4 +1,4 @@
-"""The C core: residual and Jacobian against the matrix products they contain, scaling, and the accuracy of sampling.
+"""The C core: residual and Jacobian against the matrix products they contain, and the accuracy of sampling.
 
 All times are the best of several on one thread, ratios are within this run.  The floor is the modal matrix products alone,
 ``G_l^T Z_l`` for every harmonic over all contact points, by the BLAS of SciPy on arrays of the same shapes.  The state is
@@ -14,7 +14,6 @@ for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import time  # noqa: E402
 from collections.abc import Callable  # noqa: E402
-from pathlib import Path  # noqa: E402
 
 import numpy as np  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
@@ -23,7 +22,6 @@ from scipy.linalg.blas import dgemm  # noqa: E402
 from bdamper import _core  # noqa: E402
 
 POINTS, MODES = 96, 16
-FIGURES = Path("figures")
 SEPARABLE, CONSTANT, COUPLED = 0, 2, 3
 
 
@@ -214,78 +212,13 @@ def _evaluate(
     return F, J
 
 
-def scaling() -> None:
-    """Cost over contact points and harmonics, as a table and a figure."""
-    points, harmonics = (24, 48, 96, 192, 384, 768), (1, 2, 3, 5, 7, 10, 14, 20)
-    over_points, over_harmonics = {}, {}
-    for h in (1, 5):
-        over_points[h] = [(case := Case(p, MODES, h)).seconds(case.system()) for p in points]
-    for name, evaluation, n_time in (("event_driven", 0, 0), ("sampled(128)", 1, 128)):
-        cases = [Case(POINTS, MODES, h) for h in harmonics]
-        over_harmonics[name] = [c.seconds(c.system(evaluation, n_time)) for c in cases]
-    print("## Cost of residual and Jacobian\n")
-    print("| contact points | " + " | ".join(f"H = {h}, ms" for h in over_points) + " |")
-    print("|---|---|---|")
-    for i, p in enumerate(points):
-        print(f"| {p} | " + " | ".join(f"{1e3 * t[i]:.3f}" for t in over_points.values()) + " |")
-    for h, t in over_points.items():
-        print(
-            f"\nexponent over contact points at H = {h}: {np.polyfit(np.log(points), np.log(t), 1)[0]:.2f}"
-        )
-    print(
-        "\n| harmonics | "
-        + " | ".join(f"{name}, ms" for name in over_harmonics)
-        + " |\n|---|---|---|"
-    )
-    for i, h in enumerate(harmonics):
-        print(f"| {h} | " + " | ".join(f"{1e3 * t[i]:.3f}" for t in over_harmonics.values()) + " |")
-    for name, t in over_harmonics.items():
-        size = [2 * h + 1 for h in harmonics]
-        print(f"\nexponent over 2H + 1, {name}: {np.polyfit(np.log(size), np.log(t), 1)[0]:.2f}")
-    _draw(points, over_points, harmonics, over_harmonics)
-    print()
-
-
-def _draw(points: tuple, over_points: dict, harmonics: tuple, over_harmonics: dict) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, (left, right) = plt.subplots(1, 2, figsize=(8.0, 3.4), constrained_layout=True)
-    for h, t in over_points.items():
-        left.loglog(points, 1e3 * np.array(t), "o-", label=f"H = {h}")
-    left.loglog(
-        points, 1e3 * over_points[1][0] * np.array(points) / points[0], "k:", label="linear"
-    )
-    left.set(xlabel="contact points", ylabel="residual and Jacobian, ms")
-    size = 2 * np.array(harmonics) + 1
-    for name, t in over_harmonics.items():
-        right.loglog(size, 1e3 * np.array(t), "o-", label=name)
-    right.loglog(
-        size,
-        1e3 * over_harmonics["event_driven"][0] * (size / size[0]) ** 2,
-        "k:",
-        label="quadratic",
-    )
-    right.set(xlabel="coefficients 2H + 1", ylabel="residual and Jacobian, ms")
-    for ax in (left, right):
-        ax.legend(frameon=False)
-        ax.grid(color="0.9")
-    FIGURES.mkdir(exist_ok=True)
-    figure.savefig(FIGURES / "cost_of_the_core.png", dpi=160)
-    plt.close(figure)
-    print(f"\nfigure: {FIGURES / 'cost_of_the_core.png'}")
-
-
 def main() -> None:
-    """Print all tables and draw the figure."""
+    """Print both tables."""
     speed()
     print(
         "## AFT against exact evaluation, mean relative error over 100 states with three harmonics\n"
     )
     print(accuracy_table() + "\n")
-    scaling()
 
 
 if __name__ == "__main__":

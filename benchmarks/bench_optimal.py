@@ -1,4 +1,4 @@
-"""Optimal curve against maxima of full response curves, and a sweep on one and two workers: ratios within one run.
+"""Optimal curve against maxima of full response curves: ratios within one run.
 
 Reference model, one harmonic, 24 contact points a face, 50 preloads.
 """
@@ -6,9 +6,6 @@ Reference model, one harmonic, 24 contact points a face, 50 preloads.
 from __future__ import annotations
 
 import time
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
-
-import numpy as np
 
 import bdamper as bd
 from benchmarks import PLAIN
@@ -35,29 +32,6 @@ def optimal_against_tracking(
     return fast_cpu / slow_cpu
 
 
-def sweep_on_two_workers(study: bd.Study) -> None:
-    """Prints the time of 64 points on two workers over that on one, for processes and threads."""
-    over = {
-        "friction_coefficient": np.linspace(0.1, 0.6, 8).tolist(),
-        "preload": np.geomspace(200.0, 5e3, 8).tolist(),
-    }
-    pools: tuple[type[Executor], ...] = (ProcessPoolExecutor, ThreadPoolExecutor)
-    for pool in pools:
-        seconds = []
-        for workers in (1, 2):
-            with pool(max_workers=workers) as executor:  # type: ignore[call-arg]
-                warm = {"friction_coefficient": [0.1, 0.2], "preload": [500.0]}
-                bd.sweep(study, over=warm, frequency=(250.0, 400.0), executor=executor)
-                start = time.perf_counter()
-                result = bd.sweep(study, over=over, frequency=(250.0, 400.0), executor=executor)
-                seconds.append(time.perf_counter() - start)
-                assert len(result) == 64
-        print(
-            f"64 sweep points, {pool.__name__}: one worker {seconds[0]:.2f} s, two {seconds[1]:.2f} s, "
-            f"ratio {seconds[1] / seconds[0]:.2f}"
-        )
-
-
 def main() -> None:
     study = bd.Study(
         bd.reference_model(contact_points=24), bd.Excitation("tip"), 5, friction_coefficient=0.3, **PLAIN
@@ -65,7 +39,6 @@ def main() -> None:
     study.frequency_response(1000.0, (340.0, 360.0))
     optimal_against_tracking(study, (100.0, 25e3), (250.0, 400.0))
     optimal_against_tracking(study, (10.0, 25e3), (250.0, 400.0))
-    sweep_on_two_workers(study)
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ import numpy as np
 
 import bdamper as bd
 from benchmarks import PLAIN
+from benchmarks.measuring import peak_memory
 
 WORKERS = 2
 STAND_IN = 200_000
@@ -61,12 +62,6 @@ def workers(name: str) -> Iterator[Executor | None]:
         yield None
 
 
-def peak_megabytes() -> float:
-    """Return the peak of the memory of this process, not of the one that began it as ``getrusage`` does."""
-    status = Path("/proc/self/status").read_text()
-    return int(status.partition("VmHWM:")[2].split()[0]) / 1024.0
-
-
 def case(name: str, points: int) -> None:
     """Run a sweep of stand-in points with a results file, continue it when it is complete, and print a row."""
     with tempfile.TemporaryDirectory() as folder, workers(name) as executor:
@@ -90,7 +85,7 @@ def case(name: str, points: int) -> None:
             f"{span:.1f}",
             f"{share:.0%}",
             f"{1e3 * client / points:.2f}",
-            f"{peak_megabytes():.0f}",
+            f"{peak_memory():.0f}",
         )
         print("|", " | ".join(map(str, cells)), "|", flush=True)
         subprocess.run(
@@ -107,7 +102,7 @@ def continued(points: int, path: str) -> None:
     ).complete
     span, client = time.perf_counter() - begin, time.process_time() - client
     print(
-        f"| continued | {points} | {span:.1f} | | {1e3 * client / points:.2f} | {peak_megabytes():.0f} |",
+        f"| continued | {points} | {span:.1f} | | {1e3 * client / points:.2f} | {peak_memory():.0f} |",
         flush=True,
     )
 
@@ -139,7 +134,7 @@ def real(points: int) -> None:
         share = f"{result.seconds.sum() / all_workers:.0%}, {first.seconds.mean() * n / all_workers:.0%}"
         processor = f"{1e3 * result.cost['processor'].mean():.0f} ms of processor"
         cells = f"peaks, {name}, {processor}", n, f"{span:.1f}", share, f"{1e3 * client / n:.2f}"
-        print("|", " | ".join(map(str, cells)), f"| {peak_megabytes():.0f} |", flush=True)
+        print("|", " | ".join(map(str, cells)), f"| {peak_memory():.0f} |", flush=True)
 
 
 def main() -> None:

@@ -1,0 +1,123 @@
+"""Counts and units of the benchmarks; no test depends on a time."""
+
+import numpy as np
+import pytest
+
+from bdamper.fem.generated_models import SectorFE
+from bdamper.fem.meshes import Geometry, sector_mesh
+from benchmarks import bench_import, bench_works, measuring
+
+MORE = 1.1
+"""Ratio by which the evaluations of a work may exceed the stored number."""
+
+
+@pytest.fixture(scope="module")
+def stored():
+    """Return the stored run: its head and the record of each work."""
+    head, *records = measuring.read_lines(bench_works.STORED)
+    return head, {record["work"]: record for record in records}
+
+
+def count_from_mesh(density):
+    """Return the equations of a sector from the nodes of its mesh, without any matrix."""
+    geometry = Geometry()
+    mesh = sector_mesh(geometry, density)
+    midpoints = mesh.p[:, mesh.edges].mean(axis=1)
+    x, y, _ = np.hstack([mesh.p, midpoints])
+    radius = np.hypot(x, y)
+    clamped = radius < geometry.bore_radius + 1e-8
+    at_second_face = np.abs(np.arctan2(x, y) - 0.5 * geometry.pitch) < 1e-9
+    dependent = at_second_face & (radius < geometry.rim_radius + 1e-8)
+    return int(3 * (~clamped & ~dependent).sum())
+
+
+def test_the_large_mesh_has_some_100000_equations():
+    assert 90_000 <= count_from_mesh(bench_import.DENSITIES["large"]) <= 120_000
+
+
+def test_equations_of_an_import_are_counted_once():
+    density = bench_import.DENSITIES["smallest"]
+    assert bench_import.count_equations(SectorFE(density=density)) == count_from_mesh(density)
+
+
+def test_every_work_is_stored_with_its_counts(stored):
+    head, records = stored
+    assert list(records) == list(bench_works.WORKS)
+    assert set(head) == {"processor", "version", "date"}
+    for record in records.values():
+        assert record["counts"]
+        assert all(count > 0 for count in record["counts"].values())
+    for mesh in bench_import.QUICK:
+        counts = records[f"import, {mesh} mesh"]["counts"]
+        assert counts == {"equations": count_from_mesh(bench_import.DENSITIES[mesh])}
+
+
+def test_a_peak_takes_no_more_evaluations_than_stored(stored):
+    """Fewer are welcome: run ``make bench`` afterwards."""
+    _, records = stored
+    counts = bench_works.WORKS["peak, disk"]()()
+    known = records["peak, disk"]["counts"]
+    assert counts.keys() == known.keys()
+    assert counts["evaluations"] <= MORE * known["evaluations"]
+
+
+def test_the_shortest_run_is_the_unit(monkeypatch):
+    seconds = iter([0.4, 0.3, 0.3, 0.2, 0.2, 0.5])
+    monkeypatch.setattr(measuring, "processor_time", lambda work: next(seconds))
+    clock = measuring.UnitClock()
+    clock.run(1)
+    clock.run(2)
+    assert clock.shortest == measuring.Unit(0.3, 0.2)
+    assert clock.shortest.seconds == pytest.approx(0.5)
+
+
+def record(work, processor, contact, evaluations):
+    return {
+        "work": work, "counts": {"evaluations": evaluations}, "processor": processor,
+        "wall": 2.0 * processor, "memory": 100.0, "factorisations": 0.5, "contact": contact,
+    }  # fmt: skip
+
+
+HEAD = {"processor": "some processor", "version": "2", "date": "2026-01-01"}
+
+
+def test_runs_are_compared_in_units():
+    """Twice the time of a machine that is half as fast is no change."""
+    slow = record("peak", 4.0, 1.0, 300) | {"factorisations": 1.0}
+    fast = record("peak", 1.0, 0.5, 400)
+    lines = bench_works.comparison(HEAD, [slow], HEAD | {"version": "1"}, [fast]).splitlines()
+    assert lines[0] == "version 2 over version 1"
+    assert lines[-1].split() == ["peak", "2.00", "2.00", "1.00", "evaluations", "0.75"]
+
+
+def test_a_changed_unit_is_reported():
+    before, after = [record("peak", 1.0, 0.5, 300)], [record("peak", 1.0, 0.25, 300)]
+    text = bench_works.comparison(HEAD, after, HEAD, before)
+    assert "Contact forces take 0.50 times as long" in text
+
+
+def test_the_table_has_a_row_for_each_work():
+    text = bench_works.table(HEAD, [record("peak", 2.0, 0.5, 1300)])
+    assert text.splitlines()[-1] == "| peak | 1,300 evaluations | 2 | 4 | 2 | 4 | 100 |"
+
+
+def test_page_and_stored_runs_agree(stored):
+    head, records = stored
+    page = measuring.EVIDENCE.read_text()
+    assert bench_works.table(head, list(records.values())) in page
+
+
+def test_memory_and_processor_of_this_process():
+    assert measuring.peak_memory() > 10.0
+    assert measuring.processor_name()
+
+
+def test_an_unknown_work_is_refused(monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["bench_works", "peek"])
+    with pytest.raises(SystemExit):
+        bench_works.main()
+    assert "unknown works: peek" in capsys.readouterr().err
+
+
+def test_the_stored_file_is_small():
+    assert bench_works.STORED.stat().st_size < 10_000
