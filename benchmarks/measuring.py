@@ -35,7 +35,7 @@ RUNS = 5
 """Runs of the unit in a process, of which the shortest counts."""
 RESULTS = Path(__file__).parent / "results"
 EVIDENCE = Path(__file__).parents[1] / "docs" / "evidence" / "times.md"
-"""Page of the manual with times."""
+"""Page of the manual with times and growth."""
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 

@@ -1,11 +1,14 @@
-"""Counts and units of the benchmarks; no test depends on a time."""
+"""Counts, units and exponents of the benchmarks; no test depends on a time."""
+
+import json
 
 import numpy as np
 import pytest
 
+import bdamper as bd
 from bdamper.fem.generated_models import SectorFE
 from bdamper.fem.meshes import Geometry, sector_mesh
-from benchmarks import bench_import, bench_works, measuring
+from benchmarks import bench_growth, bench_import, bench_works, measuring
 
 MORE = 1.1
 """Ratio by which the evaluations of a work may exceed the stored number."""
@@ -105,6 +108,29 @@ def test_page_and_stored_runs_agree(stored):
     head, records = stored
     page = measuring.EVIDENCE.read_text()
     assert bench_works.table(head, list(records.values())) in page
+    growths = bench_growth.stored_growths()
+    assert bench_growth.table(growths) in page
+    assert [measured.sizes for measured in growths[:-1]] == [g.sizes for g in bench_growth.GROWTHS]
+    for line in bench_growth.STORED.read_text().splitlines():
+        one = json.loads(line)
+        assert len(one["sizes"]) == len(one["seconds"])
+
+
+def test_an_exponent_is_that_of_the_largest_sizes():
+    sizes = np.array([1.0, 2.0, 4.0, 8.0])
+    assert bench_growth.exponent(sizes, 3.0 * sizes**2.5) == pytest.approx(2.5)
+    assert bench_growth.exponent(sizes, np.maximum(sizes**2, 3.9)) == pytest.approx(2.0, abs=0.03)
+
+
+def test_counted_operations_are_those_of_the_package():
+    """A Newton iteration of the core counts as much as the cost of a result."""
+    problem = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5).problem
+    system = problem.system(100.0)
+    points = system.n_points
+    n = system.n_unknowns
+    modes = n / (2 * bench_growth.HARMONICS + 1)
+    mine = bench_growth.operations(points, modes, bench_growth.HARMONICS)
+    assert 1e-6 * mine == pytest.approx(system.work[:3].sum())
 
 
 def test_memory_and_processor_of_this_process():
@@ -119,5 +145,6 @@ def test_an_unknown_work_is_refused(monkeypatch, capsys):
     assert "unknown works: peek" in capsys.readouterr().err
 
 
-def test_the_stored_file_is_small():
-    assert bench_works.STORED.stat().st_size < 10_000
+def test_stored_files_are_small():
+    files = [bench_works.STORED, bench_growth.STORED]
+    assert all(file.stat().st_size < 10_000 for file in files)
