@@ -127,7 +127,7 @@ static int start(bd_time *t, const bd_time_path *path, double angle) {
     }
 
     /* coordinates without mass follow from the forces */
-    bd_time_patterns *instant = &t->patterns[0];
+    bd_time_patterns *instant = &t->of_instant;
     const double tolerance = larger(1e-3 * path->tolerance, 1e-13);
     bd_time_make_patterns(t, instant, 0.0, 0.0);
     find_load(t, angle, t->load);
@@ -148,10 +148,8 @@ static int start(bd_time *t, const bd_time_path *path, double angle) {
     return 1;
 }
 
-/* Patterns for a step, and the pattern forces of the last contact forces. */
-static void use_patterns(bd_time *t, double h, double radius) {
-    bd_time_patterns *patterns = &t->patterns[1];
-    bd_time_make_patterns(t, patterns, h, radius);
+/* Begin steps with these patterns: the pattern forces of the last contact forces, and the states. */
+static void use_patterns(bd_time *t, const bd_time_patterns *patterns) {
     multiply((size_t)t->n_sector, (size_t)patterns->rank, t->rows, t->point_force,
              patterns->pattern_transposed, t->pattern_force);
     mark_outdated(t);
@@ -211,11 +209,12 @@ static void finish_step(bd_time *t, double h, bd_time_alpha w, const double *res
 
 /* Take one step, first without contact forces at its end, then with them; `next` is the excitation
  * there. If the forces are not found, return 0 and leave the state unchanged. */
-static int take_step(bd_time *t, const bd_time_path *path, double h, const double *restrict next) {
+static int take_step(bd_time *t, const bd_time_path *path, const bd_time_patterns *patterns,
+                     double h, const double *restrict next) {
     const bd_time_alpha w = bd_time_weights(path->spectral_radius);
     memcpy(t->last_contact_force, t->contact_force, sizeof(double) * t->n_coordinate);
     predict_end(t, h, w, next);
-    if (!contact_at_end(t, &t->patterns[1], path->tolerance, 1)) return 0;
+    if (!contact_at_end(t, patterns, path->tolerance, 1)) return 0;
     finish_step(t, h, w, next);
     return 1;
 }
@@ -226,42 +225,63 @@ static void restore(bd_time *t) {
     bd_time_reset_states(t);
 }
 
-/* Prepare patterns and compliance for steps of length h; `last` is the length of the last step, or
- * 0 before the first. */
-static void use_length(bd_time *t, const bd_time_path *path, double h, double last) {
+/* Length of the last step, and how often it had been halved. The length is 0 before the first. */
+typedef struct {
+    double length;
+    int n_halving;
+} last_step;
+
+/* Return the patterns for steps of length h, and prepare the compliance for it. Patterns of each
+ * number of halvings are kept, because a step that has to be halved is seldom the only one. */
+static const bd_time_patterns *use_length(bd_time *t, const bd_time_path *path, double h,
+                                          int n_halving, last_step *last) {
     const double radius = path->spectral_radius;
-    const double change = fabs(h - t->patterns[1].length);
-    if (last == 0.0 || change > BD_TIME_STEP_CHANGE * h) use_patterns(t, h, radius);
-    if (h == last) return;
-    bd_time_compliance(t, h, radius, t->displacement_compliance, t->acceleration_compliance);
+    bd_time_patterns *patterns = &t->of_step[n_halving];
+    const int is_first = last->length == 0.0;
+    const int is_unknown = patterns->rank < 0 || patterns->spectral_radius != radius;
+    const int has_other_length = fabs(h - patterns->length) > BD_TIME_STEP_CHANGE * h;
+    const int is_outdated = is_first || is_unknown || has_other_length;
+    if (is_outdated) bd_time_make_patterns(t, patterns, h, radius);
+    if (is_outdated || n_halving != last->n_halving) use_patterns(t, patterns);
+    if (h != last->length)
+        bd_time_compliance(t, h, radius, t->displacement_compliance, t->acceleration_compliance);
+    last->length = h;
+    last->n_halving = n_halving;
+    return patterns;
 }
 
-/* Advance over step k of length h; *last_length is the length of the last step, or 0. If the
- * contact forces are not found, the remainder of the step is halved repeatedly. Return 0 if the
- * shortest step also fails. */
-static int advance(bd_time *t, const bd_time_path *path, long k, double h, double *last_length) {
+/* Advance over step k of length h. If the contact forces are not found, the remainder of the step
+ * is halved repeatedly. Return 0 if the shortest step also fails. */
+static int advance(bd_time *t, const bd_time_path *path, long k, double h, last_step *last) {
     const int whole = 1 << BD_TIME_HALVINGS; /* shortest steps in the step */
-    int done = 0, size = whole;
+    int done = 0, n_halving = 0;
     while (done < whole) {
+        const int size = whole >> n_halving;
         const double part = h * size / whole;
-        use_length(t, path, part, *last_length);
-        *last_length = part;
+        const bd_time_patterns *patterns = use_length(t, path, part, n_halving, last);
         if (k % BD_TIME_REFACTOR == BD_TIME_REFACTOR - 1) mark_outdated(t);
 
         const int end = done + size;
         const long step_at_end = path->first_step + k + end / whole;
         const double angle = angle_of(path, step_at_end, (double)(end % whole) / whole);
         find_load(t, angle, t->next_load);
-        if (take_step(t, path, part, t->next_load)) {
+        if (take_step(t, path, patterns, part, t->next_load)) {
             swap(&t->load, &t->next_load);
             done = end;
             continue;
         }
         restore(t);
-        if (size == 1) return 0;
-        size /= 2;
+        if (n_halving == BD_TIME_HALVINGS) return 0;
+        ++n_halving;
     }
     return 1;
+}
+
+/* Forget patterns of halved steps that an earlier integration with steps of another length has
+ * left, so that it has no influence. */
+static void forget_halved_steps(bd_time *t, double h) {
+    for (int i = 1; i < BD_TIME_LENGTHS_OF_STEP; ++i)
+        if (t->of_step[i].length != h / (1 << i)) t->of_step[i].rank = -1;
 }
 
 bd_status BD_JOIN(bd_time_integrate_, BD_VARIANT)(bd_time *t, const bd_time_path *path);
@@ -278,14 +298,16 @@ bd_status BD_JOIN(bd_time_integrate_, BD_VARIANT)(bd_time *t, const bd_time_path
     const double square = path->omega * path->omega;
     const double change = path->omega_end * path->omega_end - square;
     const double slope = path->n_step > 0 ? change / (double)path->n_step : 0.0;
-    double omega = path->omega, last_length = 0.0;
+    double omega = path->omega;
+    last_step last = {0.0, 0};
     for (long k = 0; k < path->n_step; ++k) {
         const double omega_after = sqrt(square + slope * (double)(k + 1));
         const double h = 2.0 * BD_TWO_PI / steps / (omega + omega_after);
         omega = omega_after;
         record(t, path, k);
         if (k % steps == 0) memset(t->energy, 0, sizeof t->energy);
-        if (!advance(t, path, k, h, &last_length)) return BD_NOT_CONVERGED;
+        if (k == 0) forget_halved_steps(t, h);
+        if (!advance(t, path, k, h, &last)) return BD_NOT_CONVERGED;
         const int ends_period = (k + 1) % steps == 0;
         if (path->energy && ends_period)
             memcpy(path->energy + 4 * (k / steps), t->energy, sizeof t->energy);

@@ -62,6 +62,20 @@ static void set_families(bd_time *t, const bd_time_input *in) {
     if (in->n_force > 0) memcpy(t->force_order, in->force_order, sizeof(int) * (size_t)in->n_force);
 }
 
+/* Assign the arrays of patterns to the memory from `first` on, if there is memory already; return
+ * their size. */
+static size_t assign_patterns(const bd_time *t, size_t first, bd_time_patterns *patterns) {
+    const size_t r = (size_t)t->max_rank;
+    const size_t of_pattern = padded(r * t->rows);
+    const size_t of_compliance = padded(2 * r * r * (size_t)t->n_family);
+    if (t->memory) {
+        patterns->pattern = t->memory + first;
+        patterns->pattern_transposed = patterns->pattern + of_pattern;
+        patterns->compliance = patterns->pattern_transposed + of_pattern;
+    }
+    return 2 * of_pattern + of_compliance;
+}
+
 /* Assign the arrays of doubles to the memory, or count their size before allocation. */
 static size_t assign_arrays(bd_time *t) {
     const size_t n = t->n_coordinate, stride = t->stride, rows = t->rows;
@@ -120,12 +134,6 @@ static size_t assign_arrays(bd_time *t) {
         {&t->pattern_motion, pattern_forces},
         {&t->krylov, (BD_TIME_VECTORS + 1) * pattern_forces},
         {&t->krylov_motion, BD_TIME_VECTORS * pattern_forces},
-        {&t->patterns[0].pattern, r * rows},
-        {&t->patterns[0].pattern_transposed, r * rows},
-        {&t->patterns[0].compliance, 2 * r * r * n_family},
-        {&t->patterns[1].pattern, r * rows},
-        {&t->patterns[1].pattern_transposed, r * rows},
-        {&t->patterns[1].compliance, 2 * r * r * n_family},
         {&t->work, work},
     };
     size_t used = 0;
@@ -133,6 +141,9 @@ static size_t assign_arrays(bd_time *t) {
         if (t->memory) *part[i].array = t->memory + used;
         used += padded(part[i].size);
     }
+    used += assign_patterns(t, used, &t->of_instant);
+    for (int i = 0; i < BD_TIME_LENGTHS_OF_STEP; ++i)
+        used += assign_patterns(t, used, &t->of_step[i]);
     return used;
 }
 
@@ -393,19 +404,26 @@ static void set_row_scales(const bd_time *t, const double *S, double *factor) {
     }
 }
 
-/* Number of the first n columns, orthogonal and the largest first, that are patterns. Set the
- * largest neglected compliance. */
+/* Compliance of a column: the square of its length. */
+static double column_compliance(size_t rows, const double *L, size_t column) {
+    const double *entries = L + column * rows;
+    return inner(rows, entries, entries);
+}
+
+/* Number of the first columns, orthogonal and the largest first, that are patterns. Set the largest
+ * neglected compliance. */
 static size_t count_patterns(size_t rows, size_t n_found, const double *L, double *neglected) {
-    size_t n = 0;
-    for (; n < n_found; ++n) {
-        const double compliance = inner(rows, L + n * rows, L + n * rows);
-        if (n >= BD_TIME_MIN_RANK && !(compliance > BD_TIME_RANK_TOLERANCE)) {
-            *neglected = compliance;
-            break;
-        }
-    }
+    static const double ROUNDING = 1e-14;
+    /* columns of the size of rounding have no direction */
+    const double rounding = n_found ? ROUNDING * column_compliance(rows, L, 0) : 0.0;
+    size_t n_usable = 0;
+    while (n_usable < n_found && column_compliance(rows, L, n_usable) > rounding) ++n_usable;
+
+    size_t n = n_usable < BD_TIME_MIN_RANK ? n_usable : BD_TIME_MIN_RANK;
+    while (n < n_usable && column_compliance(rows, L, n) > BD_TIME_RANK_TOLERANCE) ++n;
+    if (n < n_usable) *neglected = column_compliance(rows, L, n);
     /* fill a block of 8 if there are columns for it */
-    return padded(n) < n_found ? padded(n) : n;
+    return padded(n) < n_usable ? padded(n) : n;
 }
 
 /* Patterns V of the motion without the scale of the rows. */
@@ -564,7 +582,8 @@ bd_status bd_time_create(bd_time *t, const bd_time_input *in) {
     set_phases(t, in);
     set_points(t, in);
     set_coordinates(t, in);
-    t->patterns[0].rank = t->patterns[1].rank = -1;
+    t->of_instant.rank = -1;
+    for (int i = 0; i < BD_TIME_LENGTHS_OF_STEP; ++i) t->of_step[i].rank = -1;
     return BD_OK;
 }
 

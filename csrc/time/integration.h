@@ -33,6 +33,11 @@ typedef struct {
     long n_solution, n_evaluation;
 } bd_time_effort;
 
+/* Residual relative to the forces above which a step is unsolved, number of times that such a step
+ * is halved, and number of lengths that it then has. */
+#define BD_TIME_UNSOLVED 1e-2
+enum { BD_TIME_HALVINGS = 6, BD_TIME_LENGTHS_OF_STEP = BD_TIME_HALVINGS + 1 };
+
 /* Compliance of the contacts to their own forces within a step: u = u* - C p for the patterns V of
  * the motion, x = V u, and the pattern forces p = V' F. */
 typedef struct {
@@ -101,8 +106,9 @@ typedef struct bd_time {
     double *pattern_force, *residual, *pattern_correction, *pattern_motion;
     /* (BD_TIME_VECTORS + 1, n_sector, max_rank) of GMRES; C times them */
     double *krylov, *krylov_motion;
-    int *outdated;                /* (n_sector) 1: recompute M */
-    bd_time_patterns patterns[2]; /* patterns of an instant, and of a step */
+    int *outdated; /* (n_sector) 1: recompute M */
+    bd_time_patterns of_instant;
+    bd_time_patterns of_step[BD_TIME_LENGTHS_OF_STEP]; /* step halved 0, 1, ... times */
     /* energies of the steps since the last reset, see bd_time_path.energy */
     double energy[4];
     double largest_force; /* largest pattern force so far */
@@ -153,11 +159,6 @@ enum { BD_TIME_EASY_ITERATIONS = 2 };
 enum { BD_TIME_LENGTHS = 8 };
 #define BD_TIME_SLOPE 0.5
 #define BD_TIME_CONVERGES 0.1
-
-/* Residual relative to the forces above which a step is unsolved, and number of times that such a
- * step is halved. */
-#define BD_TIME_UNSOLVED 1e-2
-enum { BD_TIME_HALVINGS = 6 };
 
 /* Patterns: compliance times stiffness below which a pattern is neglected, and
  * largest number of patterns. */
