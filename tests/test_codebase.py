@@ -167,6 +167,7 @@ def test_allocation_only_where_things_are_made(path):
             assert function.endswith("_create"), f"{path.name}: allocation in {function}"
 
 
+@pytest.mark.slow
 def test_imports_run_downward():
     wrong = []
     for path in python_files():

@@ -21,6 +21,7 @@ QUICK = {
 SLOW = ("optimum", "margin")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command", [pytest.param(c, marks=[pytest.mark.slow] * (c in SLOW)) for c in QUICK]
 )

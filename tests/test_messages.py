@@ -14,6 +14,7 @@ def fragments():
     return [fragment for row in rows for fragment in row["texts"]]
 
 
+@pytest.mark.slow
 def test_the_page_is_made_of_the_texts_of_the_package():
     """``python tools/messages.py`` writes it again."""
     assert messages.PAGE.read_text(encoding="utf-8") == messages.page()
@@ -37,6 +38,7 @@ def f(n):
         messages.text_of("seat of the damper", texts)
 
 
+@pytest.mark.slow
 def test_every_warning_is_on_the_page():
     """Warnings with a text in the call, and the likely mistakes of values that are not plausible."""
     explained = [pattern(fragment) for fragment in fragments() if len(fragment) > 8]

@@ -21,6 +21,7 @@ def model():
     return wedge_model()
 
 
+@pytest.mark.slow
 @each(
     "settings",
     [

@@ -46,6 +46,7 @@ def peak(study, place):
     return study.peak(*place)
 
 
+@pytest.mark.slow
 def test_all_sources_of_a_peak(study, place, peak):
     errors = study.estimate_errors(peak)
     told_of = [source for source in SOURCES if source != "contact_forces"]  # exact already
@@ -66,6 +67,7 @@ def test_all_sources_of_a_peak(study, place, peak):
         errors["friction"]
 
 
+@pytest.mark.slow
 def test_an_optimal_curve_names_the_estimate_and_its_price():
     """The reference with all force vectors decides; its time grows with its unknowns squared."""
     model = bd.reference_model("turbine_blade", 9)
@@ -86,6 +88,7 @@ def test_an_optimal_curve_names_the_estimate_and_its_price():
     assert "takes as long as about 7 response curves" in said(without)
 
 
+@pytest.mark.slow
 def test_a_model_that_has_no_more_modes_gives_no_number(study, place, peak):
     """Fewer modes say nothing; the contact points have an estimate by a coarser set."""
     rich = richer_study(study.problem, "modes")[0]
@@ -98,6 +101,7 @@ def test_a_model_that_has_no_more_modes_gives_no_number(study, place, peak):
     assert errors.unknown == ("modes",) and errors["contact points"].known
 
 
+@pytest.mark.slow
 def test_coarser_set_bounds_the_change_by_finer_points(place):
     """The finer points are those of the model from which the examined model was united."""
     fine = plain_study(bd.reference_model("bladed_disk", 24), bd.Excitation("tip"), 5)
@@ -155,6 +159,7 @@ def test_peaks_that_do_not_approach_each_other_are_not_decided():
     assert not ErrorEstimates(1.0, 1.0, 1.0, (known,)).undecided
 
 
+@pytest.mark.slow
 def test_harmonics_between_are_computed_after_a_large_change(study, place):
     one = study.replace(harmonics=1, friction_coefficient=0.4)
     peak = one.peak(1000.0, place[1])
@@ -184,6 +189,7 @@ def test_time_is_the_farther_end_of_the_range_of_time_integration():
     assert "Not covered" in str(study.estimate_errors(peak)) and "Not covered" not in str(errors)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", ["harmonics", "contact points", "modes", "contact_forces"])
 def test_estimate_is_the_change_to_the_richer_study(study, place, source):
     changes = {
@@ -202,6 +208,7 @@ def test_estimate_is_the_change_to_the_richer_study(study, place, source):
     assert 0.5 < size / np.abs(error).max() < 2.0, (estimated, error)
 
 
+@pytest.mark.slow
 def test_harmonics_that_newton_does_not_reach_are_those_of_a_whole_curve(study, place):
     own = study.replace(harmonics=1, friction_coefficient=0.4)
     peak = own.peak(1000.0, place[1])
@@ -245,6 +252,7 @@ def test_top_at_an_end_of_the_interval_is_estimated_at_its_frequency(study, plac
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "number", [1023, *(pytest.param(n, marks=pytest.mark.slow) for n in (1047, 1070)), 1253]
 )
@@ -255,6 +263,7 @@ def test_resonance_that_comes_into_the_interval_is_found(number):
     assert np.abs(compared.true).max() > 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "number", [*(pytest.param(n, marks=pytest.mark.slow) for n in (61, 173)), 29, 69]
 )
@@ -266,6 +275,7 @@ def test_resonance_that_leaves_the_interval_is_followed(number):
     assert compared.estimated == pytest.approx(compared.true, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_resonance_far_beyond_the_interval_is_not_known():
     compared = accuracy_cases.compare(2071)
     assert np.isnan(compared.estimated).all() and compared.text.endswith(
@@ -329,6 +339,7 @@ def result(study, place):
     return bd.accuracy_cost(study, *place, vary=vary, tolerance=0.06, sources=())
 
 
+@pytest.mark.slow
 def test_errors_are_those_of_the_curves(study, place, result):
     top = study.replace(harmonics=4).frequency_response(*place).peak
     assert (result.richest.values, result.richest.part, result.richest.difference) == (
@@ -495,6 +506,7 @@ def test_errors_contain_the_error_of_the_reference():
     )
 
 
+@pytest.mark.slow
 def test_settings_within_the_tolerance_have_the_error_of_the_reference_too():
     vary = {"harmonics": [1, 3, 5, 10, 20], "blade_modes": [5, 10, 20]}
     study = shipped().replace(contact_stiffness=ResidualModes(24))
@@ -605,6 +617,7 @@ def test_default_ladders_suit_every_model(name):
 # ---- effectivity ----
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "number", [2, 4, 8, *(pytest.param(n, marks=pytest.mark.slow) for n in (12, 20))]
 )

@@ -48,6 +48,7 @@ def changes(study, effects, advice):
     return known / a.amplitude - 1.0, b.frequency / a.frequency - 1.0
 
 
+@pytest.mark.slow
 def test_every_effect_that_is_on_has_a_row(full, advice):
     assert {e.name for e in advice.effects} == set(parts(full.problem, Effects.of(full)))
     assert all(e.on for e in advice.effects)
@@ -64,6 +65,7 @@ def test_every_effect_that_is_on_has_a_row(full, advice):
     assert sizes == sorted(sizes, reverse=True)
 
 
+@pytest.mark.slow
 def test_changes_are_those_of_the_study_without_the_effect(full, advice):
     known = [e for e in advice.effects if e.source != "unknown"]
     assert {e.source for e in known} == {"estimated", "computed"} and len(known) >= 10
@@ -96,6 +98,7 @@ def test_what_is_left_out_changes_no_more_than_the_tolerance(full, advice):
         assert e.significant or e.size <= TOLERANCE
 
 
+@pytest.mark.slow
 def test_effects_that_the_study_lacks_are_judged_against_what_the_model_can_do(full, advice):
     cheap = full.replace(harmonics=1, rigid_modes=("TX", "TY", "TZ", "RX"), separation=False)
     other = cheap.effect_significance(
@@ -188,6 +191,7 @@ def test_effects_that_change_more_together_are_taken_back():
     ]
 
 
+@pytest.mark.slow
 def test_an_effect_without_which_no_peak_or_no_whole_curve_is_found_is_called_for(
     full, monkeypatch
 ):
@@ -305,6 +309,7 @@ def test_only_the_axial_planes_hold_the_damper_along_the_axis(full):
     assert module.free_motions(fixed.replace(constraint_planes=False).problem, PRELOAD) == 0
 
 
+@pytest.mark.slow
 def test_an_effect_that_holds_the_damper_is_judged_by_the_complete_curve_without_it():
     """Without its planes the damper of the blade drifts away near the peak, although the peak itself hardly changes."""
     study = bd.Study(

@@ -64,6 +64,7 @@ def series(*amplitudes, status="complete", reason="", tolerance=0.05, internal_r
 
 
 class TestPeaks:
+    @pytest.mark.slow
     def test_are_those_of_studies_with_so_many_harmonics(self, study):
         found = study.harmonic_convergence(study.peak(5000.0, INTERVAL), harmonics=(3, 5, 7))
         assert [p.harmonics for p in found.peaks] == [1, 3, 5, 7] and found.status == "complete"
@@ -241,6 +242,7 @@ class TestMeetings:
             rf"harmonic {ratio} is within .* % of mode 2 of the stuck structure \(", str(met)
         )
 
+    @pytest.mark.slow
     def test_at_the_nodal_diameter_of_the_harmonic(self, blade):
         """Harmonic 16 of engine order 5 has nodal diameter 20 of 60 sectors."""
         found = list(room._meetings(blade.replace(harmonics=16).problem, blade.peak(103.6)))
@@ -298,6 +300,7 @@ class TestClaims:
 
 
 class TestOptimalCurve:
+    @pytest.mark.slow
     def test_has_it_at_its_optimum(self, study, curve, tmp_path, capsys, monkeypatch):
         monkeypatch.setattr("bdamper.util.progress.FIRST_LINE", 0.0)
         found = room.with_convergence(study.problem, curve, lambda: curve, progress=True)
@@ -321,6 +324,7 @@ class TestOptimalCurve:
         found.save(tmp_path / "optimal.h5")
         assert bd.load(tmp_path / "optimal.h5").convergence == more
 
+    @pytest.mark.slow
     def test_shows_its_progress_if_the_curve_does(self, study, curve, monkeypatch):
         shown = []
         monkeypatch.setattr(

@@ -46,6 +46,7 @@ def found(study):
     return study.resonance_crossings(SPEEDS, [5], damper_mass_factor=(0.999, 1.0, 1.001))
 
 
+@pytest.mark.slow
 def test_an_order_that_the_model_has_no_modes_for_fails_alone(study, found):
     """The other crossings are there, and what the model neglects is told of them."""
     both = study.resonance_crossings(SPEEDS, [4, 5])
@@ -211,6 +212,7 @@ def test_crossings_of_an_earlier_version_have_the_present_names(found, tmp_path)
     assert bd.load(path).names == found.names
 
 
+@pytest.mark.slow
 def test_a_crossing_is_the_highest_point_of_the_line(study, found):
     """On the line, at the preload of its speed, and solutions on the line beside it are lower, as a maximum has them."""
     assert found.complete and {value["kind"] for value in found.values} == {"complete"}
@@ -290,6 +292,7 @@ def newton_fails(study, monkeypatch):
     monkeypatch.setattr(engine_order_line, "find_peak", lambda *_, **__: peak)
 
 
+@pytest.mark.slow
 def test_where_newtons_method_fails_the_peak_at_fixed_speed_is_found_by_a_search(
     study, found, monkeypatch
 ):
@@ -397,6 +400,7 @@ def line(study):
     return family, follow_line(family, (440.0, 500.0), 1, CostMeter())
 
 
+@pytest.mark.slow
 def test_the_highest_point_of_a_run_up_is_made_at_its_own_speed(line):
     """Not that of the interpolated equations."""
     family, (_, curve, highest) = line
@@ -439,6 +443,7 @@ def test_the_equations_along_the_line_are_those_of_each_speed(line):
     assert gradient[-1] == pytest.approx(difference(0.5, height), rel=1e-6) and gradient[-1] != 0.0
 
 
+@pytest.mark.slow
 def test_corners_of_tables_over_speed_take_a_shorter_range(study):
     """Friction that rises from a speed near the crossing on: polynomials over the whole range are off there."""
     table = {300.0: 0.3, 435.0: 0.3, 600.0: 0.6}
@@ -645,6 +650,7 @@ def test_edge_contact_at_a_crossing_is_noted(study, found, monkeypatch):
     )
 
 
+@pytest.mark.slow
 def test_where_interpolation_fails_the_peak_at_fixed_speed_is_found_exactly(
     study, found, monkeypatch
 ):

@@ -167,6 +167,7 @@ def test_constant_normal_load_limits_friction_by_its_static_value(full):
 # ---- contact points ----
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", ["left", "right"])
 @each(
     ("points", "most", "grid"),
@@ -247,6 +248,7 @@ def peak_of_disk(points, most=None):
     return study.peak(34.0)
 
 
+@pytest.mark.slow
 @each(("points", "most"), [(48, 24), (48, 12), (48, 9), (24, 12), (24, 9)])
 def test_united_points_have_the_peak_of_a_model_with_as_many(points, most):
     """Two rows of groups along t1 let the damper roll: 0.84 to 1.1 mm where models of 9, 24 and 48 points have 16 um."""

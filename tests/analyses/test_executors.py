@@ -72,6 +72,7 @@ def test_points_that_were_finished_are_returned(how):
     assert result.array("value")[:2].tolist() == [2.0, 4.0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", REASONS)
 def test_curves_that_were_finished_are_returned(how, tmp_path):
     whole = optimal_curve(pressed().problem, **ASKED)

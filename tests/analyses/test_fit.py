@@ -88,6 +88,7 @@ def tests(jenkins):
     return [measured(truth, blank(load, (0.2, 0.32), phase=load != 2.0)) for load in LOADS]
 
 
+@pytest.mark.slow
 def test_a_jenkins_oscillator_is_recovered_without_noise(jenkins, tests):
     found = fit(jenkins, tests, RANGES)
     assert found.values == pytest.approx(list(TRUE.values()), rel=1e-6)
@@ -98,6 +99,7 @@ def test_a_jenkins_oscillator_is_recovered_without_noise(jenkins, tests):
     )  # slip tells friction, stick stiffness
 
 
+@pytest.mark.slow
 def test_derivatives_of_residuals(jenkins, tests):
     objective = Objective(
         jenkins, tests, RANGES | {"damping_factor": (0.1, 10.0), "force_factor": (0.5, 2.0)}, 0.02
@@ -195,6 +197,7 @@ def oscillator(frequency=0.2, stiffness=0.5, friction=1.0, exponent=0.8):
     return bd.joint(frequency, 0.01, stiffness, friction, exponent, sliders=4)
 
 
+@pytest.mark.slow
 def test_a_joint_is_recovered_from_forces_that_differ_between_points():
     """The stuck frequency, stiffness and friction limits of a function, without noise and from other initial values."""
     true = {"frequency": 0.204, "stiffness": 0.4, "friction": 1.3}
@@ -243,6 +246,7 @@ def by_differences(objective, x, step=1e-5):
     ]
 
 
+@pytest.mark.slow
 def test_a_joint_is_recovered_from_its_nonlinear_mode():
     """Amplitude, frequency and damping of free vibration, some of them not measured; force and damping ratio balance."""
     mode = oscillator(**JOINT).nonlinear_mode(0.0, 1, (0.1, 3.0))
@@ -289,6 +293,7 @@ def test_response_control_has_one_force_where_the_curve_has_three_responses():
     assert found.values == pytest.approx([0.04, 0.05], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_phase_control_of_a_joint():
     """Force and frequency at phase resonance and given amplitude: for one mode those of the nonlinear mode."""
     mode = oscillator(**JOINT).nonlinear_mode(0.0, 1, (0.1, 3.0))
@@ -306,6 +311,7 @@ def test_phase_control_of_a_joint():
     assert found.values == pytest.approx(list(JOINT.values()), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_repeated_tests_give_the_noise_and_are_left_out_together(jenkins):
     truth = vary(jenkins, TRUE)
     plans = [blank(load, (0.2, 0.32), 40, phase=False) for load in (0.5, 2.0, 2.0, 2.0)]
@@ -411,6 +417,7 @@ def test_a_force_of_wrong_gain_is_a_residual_of_its_logarithm(control, times):
     assert np.abs(part.residual[:, 1]).max() < 1e-4
 
 
+@pytest.mark.slow
 def test_a_fit_to_a_force_of_wrong_gain_says_that_the_model_is_wrong():
     """Far from the right friction limit, some points have no solution with a force near the nominal one."""
     curve = oscillator().frequency_response(0.0, (0.15, 0.25))

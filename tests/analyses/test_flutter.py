@@ -49,6 +49,7 @@ def test_limit_cycles_are_those_of_the_closed_form(tmp_path):
     assert bd.load(tmp_path / "flutter.h5").summary() == found.summary()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("cycle", "ends"), [(1, (1, 1)), pytest.param(2, (1, np.inf), marks=pytest.mark.slow)]
 )

@@ -167,6 +167,7 @@ def test_what_does_not_fit_is_refused(study, curve, wrong, message):
         wrong(study, curve)
 
 
+@pytest.mark.slow
 def test_pictures(study, curve, cycle):
     found = study.dissipation(curve)
     axes = [

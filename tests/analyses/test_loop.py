@@ -31,6 +31,7 @@ def loop(spread, swing, n=200, kt=KT, mu=MU):
     return x, parallel_sliders(np.tile(x, 2), spread, kt, mu)[n:]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slip", [1.3, 3.0])
 def test_spread_sliders_are_found_again(slip):
     x, force = loop(0.6, slip * REACH)
@@ -48,6 +49,7 @@ def test_spread_sliders_are_found_again(slip):
     )  # one slider makes the contact too soft
 
 
+@pytest.mark.slow
 def test_noise_on_the_displacement_is_no_friction():
     """Noise of 2 % of the swing, 1,000 points; sliders driven by the noisy displacement give mu 6.9 % too high."""
     x, force = loop(0.3, 9e-6, 1000, 1e7, 0.3)
@@ -80,6 +82,7 @@ def with_backlash(x, spread, play, n=20, fine=50):
     return np.array(out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drift", [(0.0, 0.0), (0.5, 0.3)])
 def test_backlash_and_drift_are_found_again(drift):
     """Five periods with noise, clearance and unequal friction, and displacement and force that drift."""
@@ -103,6 +106,7 @@ def test_backlash_and_drift_are_found_again(drift):
     assert bd.fit_loop(x, force, normal=NORMAL).misfit > 2.0 * POOR
 
 
+@pytest.mark.slow
 def test_cycles():
     """Figures of each cycle, measured: steady ones agree with the loop, friction that grows is named."""
     swing, turns = 4.0 * REACH, np.sin(2.0 * np.pi * np.arange(1200) / 300)
@@ -179,6 +183,7 @@ class TestRecords:
 
     x, force = loop(0.3, 3.0 * REACH)
 
+    @pytest.mark.slow
     def test_start_and_stop_are_left_out(self):
         """Ten periods whose amplitude rises and falls, and three that begin at rest with the full amplitude."""
         t = np.linspace(0.0, 20.0 * np.pi, 3000)

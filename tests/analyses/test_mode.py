@@ -159,6 +159,7 @@ def test_one_curve_serves_all_preloads():
         mode.at_preload(10.0)
 
 
+@pytest.mark.slow
 def test_a_constant_force_keeps_a_mode_at_its_preload():
     """A force that does not grow with the preload changes the static state otherwise."""
     study = wedge.study(0.5, 1)
@@ -275,6 +276,7 @@ def test_what_does_not_fit_is_named():
         two.nonlinear_mode(0.0, 2, (0.1, 1.0))
 
 
+@pytest.mark.slow
 def test_a_path_that_leaves_the_symmetric_motion_says_so_and_the_advice_helps():
     """A friction-damped beam: with all harmonics the path takes a branch with even ones, and turns back."""
     mass, stiffness = rigs.beam_matrices()

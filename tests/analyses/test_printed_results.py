@@ -3,6 +3,8 @@
 import re
 from pathlib import Path
 
+import pytest
+
 from tests.every_result import RESULTS, result
 
 TEXTS = Path(__file__).parents[1] / "golden" / "printed.txt"
@@ -20,6 +22,7 @@ def printed():
     return text
 
 
+@pytest.mark.slow
 def test_every_kind_of_result_prints_what_it_printed():
     assert printed() == TEXTS.read_text(encoding="utf-8")
 

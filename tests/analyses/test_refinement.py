@@ -61,6 +61,7 @@ def test_refined_peak_is_within_the_tolerance_of_a_much_finer_study(seed):
     assert result.peak.frequency == pytest.approx(finer.frequency, rel=0.005)
 
 
+@pytest.mark.slow
 def test_the_largest_source_is_refined():
     # with the vectors of partial contact the harmonics are the largest source
     study = wedge(21).replace(contact_stiffness=ResidualModes(partial_contact=False))
@@ -99,6 +100,7 @@ def test_file_contains_all_but_the_study(masses, refined, tmp_path):
     assert again.problem.harmonic_numbers == (1, 2, 3, 4, 5)
 
 
+@pytest.mark.slow
 def test_modes_that_the_model_lacks_are_named():
     """After all modes a part of the last change is left."""
     study = wedge(22)

@@ -131,6 +131,7 @@ def test_mass_of_the_damper_on_a_flat_peak():
     assert found.frequency == pytest.approx(frequency, rel=1e-3) == pytest.approx(-5.942, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("above", "below"), [(1.0, -1.0), (2.0, 1.0)])
 def test_a_kink_has_no_derivative(above, below):
     """Where the equations change at other rates above and below the value, both sides disagree."""
@@ -176,6 +177,7 @@ class TestCurve:
         assert len(curve.folds) >= 2
         return curve
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("name", PARAMETERS)
     def test_at_fixed_frequencies(self, study, curve, name):
         found = study.curve_sensitivities(curve, [name])[name]

@@ -150,6 +150,7 @@ class TestAnswers:
                 alone = highest_peak(study.replace(friction_coefficient=mu).problem, p, INTERVAL)
                 assert amplitude[i, j] == pytest.approx(alone.amplitude, rel=1e-12)
 
+    @pytest.mark.slow
     def test_threads_and_processes_give_the_same(self, study, serial):
         with ThreadPoolExecutor(2) as pool:
             assert answers(
@@ -337,6 +338,7 @@ class TestInterrupted:
             os.kill(worker, signal.SIGKILL)
             os.waitpid(worker, 0)
 
+    @pytest.mark.slow
     def test_samples(self, study, monkeypatch):
         """Percentiles are those of the draws that were run; a robust optimum is never taken over a part of them."""
         whole, made = optimal_curve, []
@@ -426,6 +428,7 @@ class TestResultsFile:
     def run(self, study, path, evaluate=quick_question, **more):
         return bd.sweep(study, over=self.over, evaluate=evaluate, resume=path, **more)
 
+    @pytest.mark.slow
     def test_killed_at_random_moments_and_resumed(self, study, tmp_path):
         """10 kills, each at a random moment; no finished point is lost, and the results are those of one quiet run."""
         assert hasattr(os, "fork")
@@ -457,6 +460,7 @@ class TestResultsFile:
         assert answers(self.run(study, path, slow_question)) == quiet
         assert path.read_bytes() == before
 
+    @pytest.mark.slow
     def test_torn_last_line_at_every_length(self, study, tmp_path):
         """The file may end anywhere."""
         path = tmp_path / "r.jsonl"
@@ -480,6 +484,7 @@ class TestResultsFile:
             )  # and the mended file reads well
             assert path.read_bytes().startswith(content[: starts[1]])
 
+    @pytest.mark.slow
     def test_a_point_takes_little_memory_also_when_it_is_read(self, study, tmp_path, monkeypatch):
         """Its numbers and pointers to texts that are the same; each line of the file is read once."""
         n, read = 3000, []
@@ -582,6 +587,7 @@ class TestWarnings:
         # lines are at most 88 wide
         assert " ".join(result.summary().split()).count(f"scan {search}") == 1
 
+    @pytest.mark.slow
     def test_optimal_curves_and_what_is_made_of_them(self, study, monkeypatch, tmp_path):
         whole = optimal_curve
 
@@ -625,6 +631,7 @@ def found_at_all(height, known=True, rattles=""):
 
 
 class TestUncertainty:
+    @pytest.mark.slow
     def test_every_draw_is_its_own_optimal_curve(self, study, samples, curve):
         from bdamper.harmonic_balance.parameters import vary
 
@@ -675,6 +682,7 @@ class TestUncertainty:
 
     BEST, HEIGHT = 300.0 / np.sqrt(0.2 * 0.4), 1.0 + 0.5 * np.log(2.0)
 
+    @pytest.mark.slow
     def test_a_robust_optimum_of_given_peaks(self, robust):
         whole = robust(tolerance=1e-6)
         assert (whole.preload, whole.amplitude) == pytest.approx((self.BEST, self.HEIGHT), rel=1e-5)
@@ -690,6 +698,7 @@ class TestUncertainty:
             1.0 + np.log(8.0 / 3.0)
         )
 
+    @pytest.mark.slow
     def test_lower_bounds_are_no_candidates(self, robust):
         """They leave a doubt where they are lower than the answer, also if only the first grid has met them."""
 
@@ -733,6 +742,7 @@ class TestUncertainty:
         )
         assert found.preload == alone and found.status_text.startswith("incomplete: ")
 
+    @pytest.mark.slow
     def test_an_unknown_draw_counts_as_infinite(self, robust):
         """One unknown draw of three has no influence on the median, and excludes a preload from the maximum."""
 
@@ -746,6 +756,7 @@ class TestUncertainty:
         with pytest.raises(bd.BdamperError, match="has a steady peak in all 3 draws"):
             robust(gone)
 
+    @pytest.mark.slow
     def test_percentiles_of_a_robust_optimum_are_draws(self, robust):
         """70 % of three draws: two of three are only 67 %, so that it is the highest one."""
         found = robust(percentile=70.0, tolerance=1e-6)
@@ -845,6 +856,7 @@ class TestUncertainty:
             peak_interval(study.problem.at(p), None, 2) for p in np.geomspace(1e3, 1.01e3, 5)
         }
 
+    @pytest.mark.slow
     def test_other_friction_is_that_of_other_studies(self, study, monkeypatch, tmp_path):
         curve = study.optimal_curve((500.0, 3000.0), 3, frequency=INTERVAL, check=False)
         found = robust_optimum.with_other_friction(study.problem, curve)

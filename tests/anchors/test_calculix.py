@@ -34,12 +34,14 @@ def cyclic_frequencies(fe, d, n_modes, folder):
     return pairs[:, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("d", [0, 32, *(pytest.param(d, marks=pytest.mark.slow) for d in (5, 30))])
 def test_sector(fe, d, tmp_path):
     ours = np.sqrt(fe.cyclic(d).modes(8)[0]) / (2 * np.pi)
     np.testing.assert_allclose(cyclic_frequencies(fe, d, 8, tmp_path), ours, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_free_damper(fe, tmp_path):
     ours = np.sqrt(fe.damper.modes(14)[0]) / (2 * np.pi)
     theirs = run(free_input(fe.damper.body, 14), tmp_path)
@@ -47,6 +49,7 @@ def test_free_damper(fe, tmp_path):
     np.testing.assert_allclose(theirs[6:], ours[6:], rtol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "structure",
     [

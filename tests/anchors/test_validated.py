@@ -17,6 +17,7 @@ LONG = {
 LONG |= {"Den Hartog's oscillator", "Goodman and Klumpp's beam", "Finite element models by others"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=pytest.mark.slow) if n in LONG else n for n in PROBLEMS]
 )

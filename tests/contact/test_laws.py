@@ -57,6 +57,7 @@ def test_forces_do_not_depend_on_where_a_body_has_moved(law, contact_forces):
             np.testing.assert_allclose(away[part], near[part], rtol=1e-12, atol=1e-13)
 
 
+@pytest.mark.slow
 @each(("law", "contact_forces"), SERVED)
 def test_tangent_is_the_derivative_on_random_states(law, contact_forces):
     """Five thousand states over all laws and evaluations: a random direction each; a state whose finite difference

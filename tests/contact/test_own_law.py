@@ -96,6 +96,7 @@ def test_a_sweep_in_time_is_that_of_our_friction():
 class TestOurFriction:
     """A law that is separable friction gives the curve of separable friction."""
 
+    @pytest.mark.slow
     def test_a_damper_under_load(self):
         """Statics with slip under the load, then tracking with 18 own points among constraint planes."""
         model = bd.reference_model("bladed_disk")

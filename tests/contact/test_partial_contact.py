@@ -43,6 +43,7 @@ def test_parts_are_at_the_ends_of_every_face(name):
         assert np.abs(front[:, 2].mean() - rear[:, 2].mean()) > 0.6 * np.ptp(points[:, 2])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_vectors_of_parts_are_exact_for_parts(name):
     """Six vectors of stuck modes are up to 7 % off; points keep 0.19 of their flexibility."""
@@ -57,6 +58,7 @@ def test_vectors_of_parts_are_exact_for_parts(name):
     assert ResidualSet.make(made, friction, ResidualModes(partial_contact=True)).share > 0.19
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_all_vectors_are_exact_for_every_part(name):
     found = partial_contact(coupling(name), ResidualModes("all"))
@@ -91,6 +93,7 @@ def test_shift_is_that_of_the_coordinates_with_springs():
         assert found.errors[part] == pytest.approx(expected - 1.0, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_shifts_of_several_modes_are_those_of_the_stuck_damper():
     """Interlaced frequencies of the coordinates with springs at all points, for each of the lowest modes."""
     made = coupling("bladed_disk")
@@ -152,6 +155,7 @@ def test_parts_that_do_not_shift_the_mode_have_no_error():
     assert abs(found.shift) < 1e-6 and found.errors == {} and found.worst_part == "whole faces"
 
 
+@pytest.mark.slow
 def test_as_many_vectors_as_asked_for():
     """Ten blade modes and six motions of the damper have sixteen stuck modes."""
     made = coupling("bladed_disk")
@@ -201,6 +205,7 @@ def test_every_harmonic_has_as_many_vectors(name):
     assert [residual.basis(harmonic).n_modes for harmonic in range(4)] == [10, 10, 10, 10]
 
 
+@pytest.mark.slow
 def test_equations_with_vectors_of_parts_change_smoothly_over_speed():
     """A run-up interpolates over speed, and has the highest point of all vectors to 2 %."""
     given = ResidualModes(partial_contact=True)
@@ -217,6 +222,7 @@ def test_equations_with_vectors_of_parts_change_smoothly_over_speed():
     assert own.peak.amplitude == pytest.approx(exact.peak.amplitude, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_model_that_needs_vectors_of_parts_has_them_by_default(tmp_path):
     """The choice belongs to the model: files keep it, and it changes the fingerprint."""
     model = bd.reference_model("turbine_blade", 9)

@@ -34,6 +34,7 @@ def coupling(request):
     return coupling_of(bd.reference_model("bladed_disk", request.param), 5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mu", [0.0, 0.05, 0.3, 0.6, 1.0, 1.8, 2.5])
 def test_certificate_on_the_reference_model(coupling, mu):
     n = coupling.n_points
@@ -41,6 +42,7 @@ def test_certificate_on_the_reference_model(coupling, mu):
     assert worst(problem, solve_static_contact(problem)) < 1e-10
 
 
+@pytest.mark.slow
 def test_frictionless_force_is_that_of_statics(coupling):
     """Faces at 60 degrees from the radial axis: N = P/(2 sin 60) on each."""
     n = coupling.n_points
@@ -49,6 +51,7 @@ def test_frictionless_force_is_that_of_statics(coupling):
     np.testing.assert_allclose(half, 1.0 / (2.0 * np.sin(np.pi / 3)), rtol=1e-10)
 
 
+@pytest.mark.slow
 @each("own", [0.02, 1.0, 5.0])
 @each("mu", [0.0, 0.2, 0.5, 1.0, 2.0])
 def test_random_wedges(mu, own):
@@ -171,6 +174,7 @@ def test_certificate_sees_each_violation(coupling):
     broken("sense", p, d, -np.sign(s.force[p, d]) * far, "motion")
 
 
+@pytest.mark.slow
 def test_what_goes_round_in_circles_is_given_up(monkeypatch):
     """The states that are found are the same, with fewer factorisations; rounding decides which of them go round."""
     solved = {}

@@ -54,6 +54,7 @@ def bonded(model, blade_modes, damper_modes, contact):
     return study.problem.system(0.0).structure.linear.modes(springs)[0][:5] / (2 * np.pi)
 
 
+@pytest.mark.slow
 @each("damper_modes", [0, 10])
 @each("blade_modes", [10, 20])
 def test_bonded_frequencies_within_a_fifth_of_a_percent(reference, blade_modes, damper_modes):
@@ -92,6 +93,7 @@ def shift_by_a_third(coupling, at_end, options):
     return float(first - np.sqrt(elastic.min()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "end"), [("turbine_blade", "inner"), ("bladed_disk", "outer")])
 def test_soft_forces_represent_faces_that_touch_at_an_end(name, end):
     """Against the flexibility of the points that touch; forces of stuck modes alone are 7 and -4 % off."""
@@ -107,6 +109,7 @@ def test_soft_forces_represent_faces_that_touch_at_an_end(name, end):
     assert error(n_soft=6) < 0.25 * error()
 
 
+@pytest.mark.slow
 def test_forces_that_the_mesh_hardly_resolves_do_not_limit_the_share():
     """48 points on faces with fewer nodes: 36 force patterns have 0.002 to 0.02 of the flexibility of a point."""
     coupling = coupling_of(bd.reference_model("paper_disk", 48), 5, 10)
@@ -126,6 +129,7 @@ def test_diagonal_stiffness_alone_is_percents_off(reference):
     assert np.abs(error).max() > 0.02
 
 
+@pytest.mark.slow
 def test_without_inertia_the_fifth_frequency_is_not_good_enough(reference):
     """The massless ones are exact for the static residual flexibility: 0.23 % at mode 5 with ten blade modes."""
     error = (

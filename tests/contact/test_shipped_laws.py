@@ -97,6 +97,7 @@ class TestIwan:
         with pytest.raises(bd.SettingError, match="chi: expected"):
             bd.ContactLaw.iwan(1.0, 1.0, chi, 0.2)
 
+    @pytest.mark.slow
     def test_amplitudes_below_the_first_elements_are_told(self):
         """A force of 1e-5 moves the joint by about 1e-4 of macroslip in resonance."""
 

@@ -86,6 +86,7 @@ PEAKS = {
 LONG = "turbine blade, 50 N"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "row", [pytest.param(row, marks=pytest.mark.slow) if row == LONG else row for row in PEAKS]
 )

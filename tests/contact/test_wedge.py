@@ -258,6 +258,7 @@ class TestForcesOfTheUser:
             )
         return s, solution, static
 
+    @pytest.mark.slow
     def test_gives_what_the_condensed_problem_gives(self, parts):
         s, solution, static = parts
         model = replace(s.model, static=static)
@@ -278,6 +279,7 @@ class TestForcesOfTheUser:
             expected = solution.force[rows][sure] / left_out[rows][sure]
             np.testing.assert_allclose(contact.stiffness[sure], expected, rtol=1e-6)
 
+    @pytest.mark.slow
     def test_out_of_balance_is_refused(self, parts):
         s, _, static = parts
         bad = {name: replace(c, force=1.1 * c.force) for name, c in static.items()}

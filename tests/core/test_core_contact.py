@@ -74,6 +74,7 @@ def test_a_contact_that_only_just_stays_closed(delta):
     assert result.shares[4] < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_harm", HARMONICS)
 def test_events_that_coincide(n_harm):
     """Coefficients in halves: roots on samples of the bracketing grid, at each other's place, and touching."""
@@ -89,6 +90,7 @@ def test_events_that_coincide(n_harm):
         assert_near(exact.force, sampled.force, 1e-3 * size)
 
 
+@pytest.mark.slow
 def test_closing_where_a_bound_of_the_slider_is_extreme():
     """u' = ± (mu kn/kt) v' at the closing of one harmonic, give or take rounding: slip begins at once, or after no time."""
     rng = default_rng(49)
@@ -136,6 +138,7 @@ def test_any_input_gives_the_force_in_time(x, kt, kn, mu, n0, w):
     assert_near(result.force, in_time, 2e-4 * size + 1e-14)
 
 
+@pytest.mark.slow
 @each("evaluation", [EXACT, SAMPLED, PLAIN])
 @each("n_harm", HARMONICS)
 def test_tangent_is_the_derivative(n_harm, evaluation):

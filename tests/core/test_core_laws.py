@@ -137,6 +137,7 @@ class TestShipped:
         x[2, 0] += 6.0  # closed
         return x
 
+    @pytest.mark.slow
     def test_the_periodic_state_is_that_of_plain_sliders(self, name):
         function, p, n_state, forces = LAWS[name]
         x, n_time = self.motion(3), 32

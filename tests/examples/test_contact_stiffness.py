@@ -25,6 +25,7 @@ def test_split_between_diagonal_and_residual_modes():
     assert rows[0].amplitude == pytest.approx(rows[1].amplitude, rel=0.02)
 
 
+@pytest.mark.slow
 def test_microslip():
     module = example("contact_stiffness_split")
     curves = module.microslip_study(9, module.MICROSLIP_CHOICES[-2:])

@@ -102,6 +102,7 @@ def test_mass_and_radius_are_those_of_the_mesh(decks):
     assert radius == pytest.approx(np.hypot(*(moment / volume)[1:]), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_free_blade_is_that_of_the_raw_matrices(decks):
     """A mode of the cyclic matrices without the importer, and its resonance F phi^2/(2 zeta omega^2).
 

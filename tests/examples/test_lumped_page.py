@@ -20,6 +20,7 @@ def page():
     return space
 
 
+@pytest.mark.slow
 def test_one_mass(page):
     assert page["peak"].amplitude == pytest.approx(3.53659833, abs=6e-9)
     assert 2 * np.pi * page["peak"].frequency == pytest.approx(1.1086214, abs=6e-8)

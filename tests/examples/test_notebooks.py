@@ -55,6 +55,7 @@ def test_notebook_runs(path, tmp_path):
     assert any("image/png" in o.get("data", {}) for o in code[0].outputs), "a picture comes first"
 
 
+@pytest.mark.slow
 def test_an_implausible_value_is_an_error_in_every_notebook(tmp_path):
     code = "import bdamper as bd\nimport warnings\nwarnings.warn('possibly given in per cent', bd.PlausibilityWarning)"
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(code)])

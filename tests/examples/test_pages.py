@@ -149,6 +149,7 @@ def first_study(excitation):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [0, 1])
 def test_damper_of_the_first_page_meets_its_engine_order(number):
     """At the speed of the crossing the preload follows from the mass, and the frequency from the engine order."""
@@ -164,6 +165,7 @@ def test_damper_of_the_first_page_meets_its_engine_order(number):
     assert preload == pytest.approx(found.array("preload").item(), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_recipe_from_preload_to_mass():
     """Its numbers, and m r Omega^2 at the speed of the crossing."""
     page = DOCS / "how-to.md"

@@ -72,6 +72,7 @@ def test_body(tmp_path):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_stored_curves_belong_to_the_shipped_model():
     """The converged counterparts were computed with this model, and are solutions."""
     model = bd.reference_model("paper_disk")

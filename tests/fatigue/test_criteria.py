@@ -57,6 +57,7 @@ def test_findley_of_uniaxial_stress_is_its_closed_form():
     assert value[0] == pytest.approx(0.5 * (k * top + np.hypot(amplitude, k * top)), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_findley_on_the_amplitude_alone_finds_the_factor_at_which_the_whole_criterion_is_met():
     c, k, limit = random_cycles(2, 2), 0.3, 2.0
     factor = 1.0 / findley(c, k, limit)
@@ -65,6 +66,7 @@ def test_findley_on_the_amplitude_alone_finds_the_factor_at_which_the_whole_crit
     np.testing.assert_allclose(findley(grown, k), limit, rtol=2e-5)
 
 
+@pytest.mark.slow
 def test_amplitudes_do_not_depend_on_axes():
     c = random_cycles(20, 3)
     rotation = np.linalg.qr(np.random.default_rng(4).standard_normal((3, 3)))[0]

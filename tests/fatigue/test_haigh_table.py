@@ -197,6 +197,7 @@ def peak(study):
     return study.peak(200.0)
 
 
+@pytest.mark.slow
 def test_margins_at_the_temperature_of_each_point(study, peak, material, tmp_path):
     degrees = {"root": 20.0, "root point 2": 450.0}
     margins = study.margin(peak, material, line="table", temperature=degrees)

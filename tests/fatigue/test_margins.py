@@ -56,6 +56,7 @@ def curve(study, peak):
     return study.frequency_response(200.0, (285.0, 360.0))
 
 
+@pytest.mark.slow
 def test_margins_of_a_peak(study, peak):
     cycle, margins = study.stress(peak), study.margin(peak, AISI_1050)
     assert isinstance(margins, Margins) and len(margins) == 3 and margins.names[0] == "root point 1"
@@ -72,6 +73,7 @@ def test_margins_of_a_peak(study, peak):
     np.testing.assert_array_equal(again.factor, margins.factor)
 
 
+@pytest.mark.slow
 def test_a_table_that_is_cut_keeps_the_worst_points_and_counts_the_others():
     """The highest of ten points was left out where it was one of the last two."""
     model = with_stress(bd.reference_model("bladed_disk", 9), n=10)
@@ -223,11 +225,13 @@ def test_more_speed_leaves_less_margin_and_a_mean_beyond_the_strength_none(study
     assert any("yields in the first cycle" in warning for warning in broken.warnings)
 
 
+@pytest.mark.slow
 def test_findley_leads_to_a_margin_of_the_same_size(study, peak):
     plain, other = study.margin(peak, AISI_1050), study.margin(peak, AISI_1050, criterion="findley")
     assert other.least < 20.0 * plain.least
 
 
+@pytest.mark.slow
 def test_points_beside_contact_faces_do_not_count(study):
     """However large their stress; with them alone there is no margin."""
     study, root = study.replace(harmonics=1), study.model.stress["root"]
@@ -255,6 +259,7 @@ def test_points_beside_contact_faces_do_not_count(study):
             beside.margin(result, AISI_1050)
 
 
+@pytest.mark.slow
 def test_the_headline_says_what_makes_the_least_margin_doubtful(study):
     """Elements that differ at its point, and smaller factors that are left out; not doubts about other points."""
     one, root = study.replace(harmonics=1, friction_law="bonded"), study.model.stress["root"]
@@ -314,6 +319,7 @@ def test_a_curve_without_any_margin_says_so(study, curve, tmp_path):
     assert str(bd.load(tmp_path / "none.h5")) == str(none)
 
 
+@pytest.mark.slow
 def test_what_cannot_be_asked_is_said(study, peak, curve):
     with pytest.raises(SettingError, match="expected a model with stress sets"):
         study.replace(model=replace(study.model, stress={})).stress(peak)
@@ -353,6 +359,7 @@ def test_what_cannot_be_asked_is_said(study, peak, curve):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("settings", [{}, {"separation": False}, {"variable_normal_load": False}])
 def test_contact_forces_are_those_of_the_equations_in_the_axes_of_the_model(study, settings):
     other = study.replace(**settings)

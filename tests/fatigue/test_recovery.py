@@ -118,6 +118,7 @@ def test_stuck_stress_is_that_of_the_whole_finite_element_model(fe, model, rows,
     assert bare[0] > 0.03 and bare[4] > 0.5  # airfoil above the root, shank
 
 
+@pytest.mark.slow
 def test_stress_of_one_mode_by_hand_and_of_the_excitation_on_the_others(model):
     study = study_of(model)
     bare = replace(model.stress["blade"], contact={}, static=None)

@@ -155,6 +155,7 @@ def slender_sector():
     return body, match_faces(body.nodes, left, right, N), clamped_nodes(body)
 
 
+@pytest.mark.slow
 def test_residual_flexibility_of_a_slender_blade_keeps_its_digits():
     """Against the sum over all other modes of the dense eigenproblem; the difference of two solutions loses five digits."""
     body, faces, clamped = slender_sector()

@@ -19,6 +19,7 @@ def model(fe):
     return bladed_disk(9, n_modes=12, nodal_diameters=(1, 5), fe=fe)
 
 
+@pytest.mark.slow
 def test_model_passes_its_checks(model):
     check_model(model)
     assert set(model.bodies["blade"].bases) == {0, 1, 5}
@@ -90,6 +91,7 @@ def test_load_of_the_damper(model):
     np.testing.assert_allclose(load.generalised[:6], [0, mass**-0.5, 0, 0, 0, 0], atol=1e-10)
 
 
+@pytest.mark.slow
 def test_another_grid_uses_the_same_modes(model, fe):
     other = bladed_disk((2, 3), n_modes=12, nodal_diameters=(5,), fe=fe)
     assert np.array_equal(
@@ -106,6 +108,7 @@ def test_surface_quadrilaterals_run_around_their_faces(model):
         assert np.all(np.einsum("ij,ij->i", first, second) > 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("d", [pytest.param(0, marks=pytest.mark.slow), 5])
 def test_bonded_frequencies_against_a_penalty(fe, d):
     """Very stiff springs between the patch means approach the bonded frequencies from below."""
@@ -135,6 +138,7 @@ def test_bonded_frequencies_against_a_penalty(fe, d):
     np.testing.assert_allclose(error[0] / error[1], 10.0, rtol=0.2)
 
 
+@pytest.mark.slow
 def test_bonded_damper_stiffens_the_first_mode(fe, model):
     free = np.sqrt(model.bodies["blade"].bases[5].omega2[0]) / (2 * np.pi)
     assert 280.0 < free < 290.0

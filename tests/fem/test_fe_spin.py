@@ -161,6 +161,7 @@ def over_speed(fe):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("d", [0, 5])
 def test_frequencies_at_a_speed_that_the_model_does_not_know(fe, over_speed, d):
     sector = fe.rotation().at_speed(fe.cyclic(d), 450.0)
@@ -172,6 +173,7 @@ def test_frequencies_at_a_speed_that_the_model_does_not_know(fe, over_speed, d):
     assert at_rest.speed.checked_at == 600.0 and 1e-8 < at_rest.speed.error < 1e-3
 
 
+@pytest.mark.slow
 def test_flexibility_and_contact_stiffness_at_a_speed_that_the_model_does_not_know(fe, over_speed):
     contact = fe.blade_contact(*(wedge_patches(fe.geometry, side, 2) for side in ("left", "right")))
     sector = fe.rotation().at_speed(fe.cyclic(5), 450.0)

@@ -33,6 +33,7 @@ def test_rig_is_three_sectors_less_two_airfoils():
     assert whole.p.shape[1] < 3 * one.p.shape[1]
 
 
+@pytest.mark.slow
 def test_models_pass_the_checks(small_rig, small_blade):
     for model in (small_rig, small_blade):
         check_model(model)

@@ -88,6 +88,7 @@ def test_sum_over_all_modes_is_the_receptance():
     assert rest[0][-1] > rest[1][-1] > rest[2][-1]
 
 
+@pytest.mark.slow
 def test_elastic_modes(free):
     omega2, modes = free.modes(12)
     assert np.all(omega2[:6] == 0.0)
@@ -112,6 +113,7 @@ def test_centrifugal_load(free):
     np.testing.assert_allclose(generalised, [0, free.total_mass**-0.5, 0, 0, 0, 0], atol=1e-10)
 
 
+@pytest.mark.slow
 def test_patch_receptance_converges_while_a_node_does_not():
     patch, node = [], []
     for n in (1, 2, 4):

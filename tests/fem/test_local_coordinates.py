@@ -31,6 +31,7 @@ def model(annulus):
     return model
 
 
+@pytest.mark.slow
 def test_local_matrices_are_the_projection_of_the_whole_annulus(annulus, model):
     local, deviation = model.bodies["blade"].local, 0.05 * DEVIATION[:6]
     assert local.n == 40
@@ -66,6 +67,7 @@ def frequency_errors(annulus, local, deviation, stuck=None, n=None):
     return found / annulus.frequencies(k, m, n) - 1.0
 
 
+@pytest.mark.slow
 def test_frequencies_of_a_mistuned_wheel_are_those_of_the_annulus(annulus, model):
     """Family 1 of a soft disk, free, standard deviation 5 %: 9e-6."""
     error = frequency_errors(annulus, model.bodies["blade"].local, 0.05 * DEVIATION[:6])

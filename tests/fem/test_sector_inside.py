@@ -44,6 +44,7 @@ def exact_omega2(sector, shapes):
     return (strain.real / kinetic.real).astype(float)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("d", DIAMETERS)
 def test_the_solver_inverts_the_stiffness_of_a_nodal_diameter(fe, d):
     sector = fe.cyclic(d)
@@ -56,6 +57,7 @@ def test_the_solver_inverts_the_stiffness_of_a_nodal_diameter(fe, d):
     np.testing.assert_allclose(one, found[:, 0], rtol=0.0, atol=1e-12 * scale)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("d", DIAMETERS)
 def test_shapes_are_as_accurate_as_from_a_factorisation_of_the_nodal_diameter(fe, d):
     """What remains of a difference in the frequencies is rounding of the strain energy.
@@ -78,6 +80,7 @@ def test_shapes_are_as_accurate_as_from_a_factorisation_of_the_nodal_diameter(fe
     np.testing.assert_allclose(omega2, reference, rtol=ROUNDING)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("d", DIAMETERS)
 def test_modes_of_the_inside_give_upper_bounds_close_to_the_modes(fe, d):
     exact, shapes = fe.cyclic(d).modes(12)
@@ -91,6 +94,7 @@ def test_modes_of_the_inside_give_upper_bounds_close_to_the_modes(fe, d):
     assert np.array_equal(sector.approximate_modes(12)[0], own), "modes that exist are used"
 
 
+@pytest.mark.slow
 def test_static_shapes_that_are_not_stored_give_the_same(fe, monkeypatch):
     stored = CyclicSector(fe.blade, fe.faces, fe.clamped, 3)
     again = CyclicSector(fe.blade, fe.faces, fe.clamped, 3)

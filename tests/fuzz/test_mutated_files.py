@@ -412,6 +412,7 @@ def run(case: int, folder: Path, scratch: Path) -> str:
     return "valid"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     not hasattr(signal, "setitimer"), reason="needs an alarm of the operating system"
 )

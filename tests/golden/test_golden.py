@@ -16,6 +16,7 @@ FREQUENCY = ("maxima at", "optimum at", "peak at", "frequency", "speed")
 """Places of stationary values, which are found less sharply than these."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow if name in SLOW else ()) for name in SCENES]
 )

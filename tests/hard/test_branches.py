@@ -380,6 +380,7 @@ def test_support_is_drag_on_the_vibration_and_spring_on_the_mean_of_free_bodies(
     np.testing.assert_allclose(by_part, slope, rtol=0, atol=1e-6 * np.abs(slope).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "wide"), [(1889, False), (127, True)])
 def test_a_support_that_fades_where_nothing_else_starts(seed, wide, monkeypatch):
     """Shrouds that just touch, and a damper thrown about by 16 times its preload."""

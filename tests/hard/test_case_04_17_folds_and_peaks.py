@@ -132,6 +132,7 @@ def test_turning_twice_is_seen_in_the_cubic_through_both_ends():
     assert not turns_twice(1.0, -1.0, 0.3)  # one extremum, which the signs show
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("case", "folds", "step"), [("reference", 4, 0.05), ("random", 16, 0.01)])
 def test_a_pair_of_folds_in_one_step_is_not_stepped_over(case, folds, step):
     """0.04 Hz apart at 344.2 Hz on the reference disk, 0.01 Hz at 345.4 Hz on a random one: as with small steps."""

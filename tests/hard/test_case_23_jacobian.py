@@ -219,6 +219,7 @@ def check_event(state, seed):
     return True
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("first", "end"),
     [pytest.param(*ends, marks=[pytest.mark.slow] if ends[0] >= QUICK else []) for ends in BATCHES],

@@ -60,6 +60,7 @@ def outcomes(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "batch",
     [

@@ -235,6 +235,7 @@ def test_case_20_very_stiff_normal_contact():
     assert result.residual < 1e-9
 
 
+@pytest.mark.slow
 def test_memory_of_ten_thousand_points_at_five_harmonics():
     """Within 1 GiB, arrays handed over included (the interpreter with NumPy takes some 50 MB of it).
 

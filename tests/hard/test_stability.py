@@ -134,6 +134,7 @@ def test_sign_of_the_determinant_agrees_with_the_multipliers(path):
             assert (np.linalg.slogdet(J)[0] > 0) == (largest < 1.0)
 
 
+@pytest.mark.slow
 def test_a_neutral_position_has_no_sign():
     """Under a constant normal load a wedge in gross slip has mean positions that no contact determines."""
     study = plain_study(

@@ -110,6 +110,7 @@ DISTANCE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [pytest.param(n, marks=[pytest.mark.slow] * (n == "constant normal load")) for n in LAWS],

@@ -309,6 +309,7 @@ def doubted(ask, load, found):
     assert caught[0].filename == __file__
 
 
+@pytest.mark.slow
 @each("name", CONTRADICTIONS)
 def test_a_preload_that_contradicts_the_speed_of_the_study_is_named_once(quick, peak, name):
     found = (

@@ -117,6 +117,7 @@ def test_a_heavier_body_at_a_speed_has_its_load():
         vary(problem, {"damper_inertia_factor.rear": 2.0})
 
 
+@pytest.mark.slow
 def test_sweeps_and_sensitivities_know_single_bodies(study):
     peak = study.replace(harmonics=1).peak(300.0, (310.0, 370.0))
     found = study.replace(harmonics=1).peak_sensitivities(
@@ -156,6 +157,7 @@ def test_a_heavier_damper_is_one_with_more_inertia_and_more_preload():
     assert found.change("heavier") == pytest.approx(expected, rel=1e-6) and abs(expected) > 0.1
 
 
+@pytest.mark.slow
 def test_a_body_without_load_has_mass_alone(study):
     bare = {name: replace(body, load=None) for name, body in study.model.bodies.items()}
     own = study.replace(model=replace(study.model, bodies=bare), load_per_preload=None)
@@ -166,6 +168,7 @@ def test_a_body_without_load_has_mass_alone(study):
         vary(own.problem, {"damper_mass_factor.rear": -1.0})
 
 
+@pytest.mark.slow
 def test_richer_modes_are_those_that_bodies_have(study):
     """As far as each body goes, which has its own number of them."""
     front = study.model.bodies["front"]

@@ -70,6 +70,7 @@ def test_settings_of_the_paper_by_name(disk):
     assert paper.frequency_response(2000.0, (345.0, 375.0)).complete
 
 
+@pytest.mark.slow
 def test_a_model_without_the_flexibility_says_what_stands_in(disk):
     model = without_flexibility(disk, 15)
     fallen = study(model)

@@ -21,6 +21,7 @@ def marked(curve):
     return [i for i, kind in enumerate(curve.point_kind) if kind == "maximum"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["free", "stuck"])
 def test_every_resonance_is_a_maximum(study, kind):
     """Those that a uniform grid of 0.2 Hz sees, and no others."""

@@ -51,6 +51,7 @@ def test_one_damper_with_its_share_is_the_study_without_loads(name):
     assert half.peak.amplitude == pytest.approx(expected.peak.amplitude, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(
     "shares",
@@ -71,6 +72,7 @@ def test_a_damper_split_into_shares_responds_as_the_whole(name, shares):
     assert abs(other.peak(300.0, NAMES[name]).amplitude / expected.amplitude - 1.0) > 0.02
 
 
+@pytest.mark.slow
 def test_fixed_loads_of_bodies_are_added_to_those_of_the_preload():
     shares = {"front": 0.3, "rear": 0.7}
     both = split_study("bladed_disk", shares, shares)
@@ -88,6 +90,7 @@ def test_fixed_loads_of_bodies_are_added_to_those_of_the_preload():
     assert apart.wedge_friction(300.0).interfaces == both.wedge_friction(300.0).interfaces
 
 
+@pytest.mark.slow
 def test_the_preload_comes_after_the_assembly():
     """Friction remembers the order: fixed loads and preload that grow together lead to another equilibrium."""
     shares = {"front": 0.3, "rear": 0.7}

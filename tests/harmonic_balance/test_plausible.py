@@ -38,6 +38,7 @@ def test_intervals_in_radians_per_second_and_loads_of_another_size_are_named():
         plausible_ranges.check("Study", "preload", [20.0, 200.0], strong.problem.sizes)
 
 
+@pytest.mark.slow
 def test_a_range_is_named_once_at_the_line_of_the_user_and_not_for_each_of_its_preloads():
     interval, quick = (
         (270.0, 380.0),
@@ -58,6 +59,7 @@ def test_a_range_is_named_once_at_the_line_of_the_user_and_not_for_each_of_its_p
 SHIPPED = [("bladed_disk", 9), ("bladed_disk", 24), ("blade_to_ground", 24), ("test_rig", 24)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "points"), SHIPPED)
 def test_shipped_scenes_are_plausible(name, points):
     """The models with the settings of the examples, around their first modes, and ranges of preloads."""
@@ -94,6 +96,7 @@ ASKED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "asked",
     [

@@ -69,6 +69,7 @@ def with_rows(faces, rows):
     return [replace(face, reach=(rows - 1) / rows * face.half_length, rows=rows) for face in faces]
 
 
+@pytest.mark.slow
 def test_rows_agree_with_the_equilibrium_of_the_points():
     """Random wedges on one to eight rows of points: 200 of 200 agree with linear programs."""
     rng = np.random.default_rng(81)
@@ -93,6 +94,7 @@ def test_rows_agree_with_the_equilibrium_of_the_points():
     assert 20 < rolling < 180
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("points", "friction", "doubted"),
     [
@@ -141,6 +143,7 @@ def test_strips_under_level_faces_are_not_doubted(friction):
     assert rolling_dampers(study.problem) == ()
 
 
+@pytest.mark.slow
 def test_headline_checks_and_files(tmp_path):
     curve = disk(9, friction_coefficient=FRICTION_BETWEEN_LIMITS).optimal_curve(
         [100.0, 200.0, 400.0], check=False

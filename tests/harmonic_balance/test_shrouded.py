@@ -14,6 +14,7 @@ def model():
     return bd.reference_model("shrouded_blade")
 
 
+@pytest.mark.slow
 def test_a_drift_that_ends_in_a_turn_is_no_fold_within_a_step(model):
     """Both tangents of the step point backward: the search for a fold between them had no bracket."""
     study = bd.Study(

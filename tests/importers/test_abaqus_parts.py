@@ -287,6 +287,7 @@ def dialects():
             )
 
 
+@pytest.mark.slow
 @needs_ccx
 @pytest.mark.parametrize(("name", "parts"), dialects())
 def test_each_dialect_gives_the_same_frequencies(name, parts, matrices, reference, tmp_path):

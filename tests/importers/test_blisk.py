@@ -187,6 +187,7 @@ def results(study, around):
     return study.peak(0.0, around), study.frequency_response(0.0, around)
 
 
+@pytest.mark.slow
 @each("name", NEEDS)
 def test_what_needs_a_contact_is_refused_with_one_sentence(name, study, results):
     message = rf"^{name.split()[0]}: expected a model with contacts, found none; use free, campbell, .*BladedDisk$"
@@ -207,6 +208,7 @@ def test_a_preload_is_refused(study):
         study.peak(100.0)
 
 
+@pytest.mark.slow
 def test_the_model_can_be_stored_and_drawn(built, study, around, tmp_path):
     built.save(tmp_path / "blisk.h5")
     model = bd.load_model(tmp_path / "blisk.h5")

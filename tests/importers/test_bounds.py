@@ -128,6 +128,7 @@ def refused(path, expected):
         tracemalloc.stop()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "names",
     [

@@ -133,6 +133,7 @@ def reference(tmp_path_factory):
     return made
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is not installed")
 @pytest.mark.parametrize("k", range(N_DECKS))
 def test_each_drawn_deck_builds_to_the_same_frequencies_or_is_refused_by_keyword_and_line(

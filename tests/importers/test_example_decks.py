@@ -129,6 +129,7 @@ def test_a_pair_of_faces_has_one_contact(tmp_path):
             build_model(*bodies, contacts=[*faces, again], **settings)
 
 
+@pytest.mark.slow
 def test_decks_and_instances_give_the_same_model_on_the_command_line(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["decks", "calculix"]) == main(["decks", "abaqus"]) == main(["decks", "ansys"]) == 0

@@ -97,6 +97,7 @@ def rounded(body, share, direction):
     return replace(body, nodes=nodes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("direction", [(1.0, 0.0, 0.0), (0.0, 0.6, -0.8)])
 def test_sector_faces_match_as_exactly_as_files_round_positions(bodies, direction):
     """Six digits of a position are rounded by 5e-6 of the sector; what is 3e-5 off is another mesh, 3e-4 another face."""

@@ -65,6 +65,7 @@ def same(found, expected):
             np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-9 * np.abs(b).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sectors", [-1, 1, 2])
 def test_a_damper_drawn_anywhere_is_moved_between_the_first_two_blades(bodies, plain, sectors):
     """At the other flank, beside the next blade, or further on."""
@@ -115,6 +116,7 @@ def in_axes(body, axis, radial):
     return turned(body, Placement(axis=axis, radial=radial).rotation.T)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("axis", "radial", "sense", "flank"),
     [
@@ -150,6 +152,7 @@ def wheel_of(bodies, axis, radial, sense, flank):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("points", "warned"),
     [((2, 2), True), ((2, 6), True), (10, True), (1, True), ((3, 2), False), (9, False)],

@@ -74,6 +74,7 @@ def same(found, expected, tolerance):
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=tolerance * np.abs(expected).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "as_arrays",
     [
@@ -150,6 +151,7 @@ def test_points_at_a_contact_face_and_on_the_cut_faces(fe, bodies):
     )
 
 
+@pytest.mark.slow
 def test_nodes_inside_the_body_without_its_surface_draw_a_warning(bodies):
     """A section with its surface draws none: bending has its largest stress at the surface."""
     blade, damper = bodies
@@ -247,6 +249,7 @@ def imported(request, tmp_path_factory):
     return own, folder, bodies, built.model
 
 
+@pytest.mark.slow
 @needs_ccx
 def test_modes_have_the_stress_of_calculix(imported):
     """At nodal diameter 4, where either direction and any phase may come."""

@@ -26,6 +26,7 @@ def fe():
     return small_sector(N)
 
 
+@pytest.mark.slow
 def test_a_set_of_nodes_makes_the_local_basis(fe, bodies):
     built = build(
         *bodies,

@@ -108,6 +108,7 @@ def assert_same(model, reference, faces=("left", "right"), tolerance=1e-8):
             assert np.abs(error).max() < 10 * tolerance * scale
 
 
+@pytest.mark.slow
 def test_gives_the_reference_model(built, reference):
     assert_same(built.model, reference)
     np.testing.assert_allclose(
@@ -173,6 +174,7 @@ def test_other_axes_and_units(bodies, built):
     assert_same(other.model, built.model, ("left", "right", "front", "back")[:2], tolerance=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("given", ["quads", "corners only", "renumbered"])
 def test_faces_in_other_forms(bodies, built, given):
     blade, damper = bodies
@@ -208,6 +210,7 @@ def test_faces_in_other_forms(bodies, built, given):
         assert_same(model, built.model)
 
 
+@pytest.mark.slow
 def test_meshes_need_not_match(fe, bodies):
     """A damper of another mesh gives the same points and areas; the matrices on both sides average the same field."""
     density = MeshDensity(2, 2, 1, 4, 2, 2, 1, 6, 5, 1, 2, 7)
@@ -308,6 +311,7 @@ def test_measured_gap(bodies):
         np.testing.assert_allclose(face.gap, 2e-5 * face.frame[:, 2, 1], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_needs_no_finite_element_library(bodies, tmp_path):
     """Matrices from anywhere are enough: the same in an interpreter in which scikit-fem cannot be imported."""
     with open(tmp_path / "bodies.pickle", "wb") as file:
@@ -545,6 +549,7 @@ BAD_DAMPERS = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("change", "message"), BAD_DAMPERS, ids=[m[:40] for _, m in BAD_DAMPERS])
 def test_bad_damper(bodies, change, message):
     with pytest.raises(BdamperError, match=message):
@@ -619,6 +624,7 @@ BAD_SETTINGS = [
 ]
 
 
+@pytest.mark.slow
 @each(("change", "message"), BAD_SETTINGS, ids=[m[:40] for _, m in BAD_SETTINGS])
 def test_bad_settings(bodies, change, message):
     with pytest.raises((ModelError, SettingError), match=message):
@@ -718,6 +724,7 @@ def test_a_number_that_is_none_is_named_with_its_matrix_and_row(bodies):
         read_arrays(bodies[0].stiffness, bad, (numbers, nodes), source="sector")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("factor", "words"),
     [
@@ -765,6 +772,7 @@ def scaled(body, length, mass):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("length", "mass", "message"),
     [

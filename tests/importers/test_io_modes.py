@@ -68,6 +68,7 @@ def file_modes(fe, numbers, kind, scale=1.0):
     return tuple(out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["plain", "turned", "mixed", "pairs"])
 def test_waves_are_put_in_the_agreed_direction_and_length(fe, bodies, built, kind):
     blade, damper = bodies
@@ -92,6 +93,7 @@ def test_waves_are_put_in_the_agreed_direction_and_length(fe, bodies, built, kin
     assert "modal mass from the file or the user (not checked)" in text
 
 
+@pytest.mark.slow
 def test_modes_beside_matrices_are_compared(fe, bodies, built):
     blade, damper = bodies
     given = replace(blade, modes=file_modes(fe, blade.numbers, "pairs"))
@@ -163,6 +165,7 @@ def test_damper_from_mass_properties(fe, bodies, built):
     assert "elastic deformation of the damper (no matrices)" in said(other)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "centre", [np.zeros(1), np.zeros(2), np.array([0.0, np.nan, 0.0])], ids=["one", "two", "nan"]
 )

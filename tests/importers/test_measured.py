@@ -393,6 +393,7 @@ def test_clipped_peaks_are_named(band):
     assert mode.damping_ratio == pytest.approx(np.full(len(mode.amplitude), 0.004), rel=0.01)
 
 
+@pytest.mark.slow
 @each(("digit", "damping", "frequency"), [(2048, 0.004, 1.7), (512, 1e-3, 50.0), (64, 0.004, 50.0)])
 def test_digits_are_not_clipping(recwarn, digit, damping, frequency):
     """A coarse converter has equal samples at smooth peaks, and equal peaks."""

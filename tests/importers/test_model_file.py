@@ -391,6 +391,7 @@ def named(path: str, value: Any, expected: str) -> tuple[Callable[[h5py.File], N
 CASES = [*(named(*case) for case in BROKEN), *CONTRADICTIONS]
 
 
+@pytest.mark.slow
 @each(("change", "message"), CASES, ids=[message for _, message in CASES])
 def test_one_broken_thing_is_named(saved, tmp_path, change, message):
     copy = shutil.copy(saved, tmp_path)
@@ -522,6 +523,7 @@ def mutate_attribute(item: h5py.Group | h5py.Dataset, path: str, rng: random.Ran
     return f"replace {path}@{name}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "part", [pytest.param(i, marks=[pytest.mark.slow] if i > 0 else []) for i in range(10)]
 )

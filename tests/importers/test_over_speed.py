@@ -41,6 +41,7 @@ def frequencies(fe, rotation, omega, d, n):
     return np.sqrt(rotation.at_speed(fe.cyclic(d), omega).modes(n)[0])
 
 
+@pytest.mark.slow
 def test_matrices_at_two_speeds(fe, bodies, rotation):
     blade, damper = bodies
     given = over_speed({TOP: at(blade, rotation, TOP), 0.0: blade})
@@ -116,6 +117,7 @@ def modal_body(fe, rotation, blade, omega, **options):
     )
 
 
+@pytest.mark.slow
 def test_modes_alone_at_two_speeds(fe, bodies, rotation):
     blade, damper = bodies
     given = over_speed({
@@ -132,6 +134,7 @@ def test_modes_alone_at_two_speeds(fe, bodies, rotation):
     assert "overlap of modes over speed at least 0.99" in said(built)
 
 
+@pytest.mark.slow
 def test_modes_that_are_no_combinations_of_the_first_are_refused(fe, bodies, rotation):
     blade, damper = bodies
     first, other = (
@@ -148,6 +151,7 @@ def test_modes_that_are_no_combinations_of_the_first_are_refused(fe, bodies, rot
         build(over_speed({0.0: first, TOP: replace(other, modes=tuple(cut))}), damper, **SETTINGS)
 
 
+@pytest.mark.slow
 def test_speeds_that_do_not_fit_together_are_refused(fe, bodies, rotation):
     blade, _ = bodies
     with pytest.raises(SettingError, match="two rotor speeds"):

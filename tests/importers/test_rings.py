@@ -120,6 +120,7 @@ class TestCalculix:
             ours[n_rigid : n_rigid + 2], theirs[n_rigid : n_rigid + 2], rtol=1e-4
         )
 
+    @pytest.mark.slow
     def test_bonded_ring(self, bodies, tmp_path):
         """Sector and ring with common nodes on their face: so many patches leave the face no other motion."""
         from tools.ring_sector import joined

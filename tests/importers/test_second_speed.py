@@ -29,6 +29,7 @@ def dense_frequencies(fe, stiffness):
     return np.sqrt(eigh(K, M, eigvals_only=True, subset_by_index=(0, COUNT - 1)))
 
 
+@pytest.mark.slow
 def test_frequencies_at_both_speeds_are_those_of_the_full_matrices(fe, bodies):
     blade, damper = bodies
     running = replace(blade, stiffness=blade.stiffness + LAST**2 * fe.rotation().per_squared_speed)

@@ -108,6 +108,7 @@ def errors(response, exact):
     return np.abs(response / exact - 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("d", [0, 2, 3])
 def test_a_sector(fe, built, nodes, d):
     omega = np.sqrt(fe.cyclic(d).modes(1)[0][0]) * np.array(RATIOS)
@@ -128,6 +129,7 @@ def test_a_study_counts_modes_and_residual_vectors_apart(built):
     assert f"(blade {MODES} of {n_natural} modes and {vectors}, damper 6 of " in str(asked)
 
 
+@pytest.mark.slow
 def test_at_speed(fe, nodes):
     """Stiffness linear in the squared speed; full matrices at a speed between those given."""
     blade, damper = blade_and_damper(fe)
@@ -145,6 +147,7 @@ def test_at_speed(fe, nodes):
     assert errors(found(study(without(running), PAIRS[0], d), omega), exact[0]).max() > 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("deviation", [pytest.param(0.0, marks=pytest.mark.slow), 0.03])
 def test_a_wheel(fe, built, nodes, deviation):
     """Equal and unequal blades in a wheel beside the matrices of all sectors, put together in one global frame.
@@ -171,6 +174,7 @@ def test_a_wheel(fe, built, nodes, deviation):
     assert min(alone) > 0.03
 
 
+@pytest.mark.slow
 def test_they_are_no_modes(built, tmp_path):
     """Counts, ranges and names of modes; a file keeps them, and one without them reads as before."""
     model, asked = built.model, study(built.model, PAIRS[2], 2, blade_modes=1)

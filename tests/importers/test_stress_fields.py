@@ -228,6 +228,7 @@ def stress_of(body: FEBody, moved, first):
 NAMES = [f"{reader.__name__}-{kind}{''.join(options.values())}" for reader, kind, options in CASES]
 
 
+@pytest.mark.slow
 @each(("reader", "kind", "options"), CASES, ids=NAMES)
 def test_fields_of_every_element_type_of_every_reader(reader, kind, options, tmp_path):
     """Exact where the element can follow the field; where it has one strain across, that of a linear fit."""

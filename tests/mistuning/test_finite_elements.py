@@ -54,6 +54,7 @@ def solved(wheel, frequency):
     return X, system
 
 
+@pytest.mark.slow
 def test_directions_of_a_wheel_of_finite_elements():
     """A pattern turned by a blade turns the answer; blades that are twisted have no mirror plane."""
     frequency = 330.0

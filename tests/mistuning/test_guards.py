@@ -47,6 +47,7 @@ def test_a_gap_of_the_dampers_is_one_of_the_study():
     )
 
 
+@pytest.mark.slow
 def test_a_curve_has_its_folds_and_no_solution_far_from_the_one_before():
     """Of six blades at 300 N; beyond a fold the frequency turns."""
     curve = BladedDisk(study(), 0.3 * PATTERN.deviation).frequency_response(

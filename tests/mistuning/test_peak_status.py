@@ -14,6 +14,7 @@ from tests.mistuning.test_symmetry import PATTERN, study
 from tests.printed import said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hidden", [(433.0, 447.0), (470.0, 600.0)])
 def test_a_part_of_the_band_without_solutions_leaves_a_lower_bound(monkeypatch, hidden):
     wheel = BladedDisk(study(), mistuning=PATTERN)
@@ -79,6 +80,7 @@ def test_candidates_are_of_different_blades_or_frequencies_and_gaps_part_neighbo
     assert found == [(1.0, 0), (1.0, 1), (4.0, 0), (5.0, 1)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("preload", [1500.0, 2000.0])
 def test_the_error_covers_more_harmonics(preload):
     """Of the highest blade, and of the tuned disk; the searches with three harmonics are

@@ -151,6 +151,7 @@ def test_a_failed_search_decides_nothing(study, quick, monkeypatch):
     assert low == -np.inf and high == np.inf and np.isfinite(known).all()
 
 
+@pytest.mark.slow
 def test_best_preload_and_percentiles(study, quick):
     found = sample(study, disks=40)
     # amplitudes at 200 and 400 N are 1.111 times those at 300 N: within 5.3 % of each they are higher

@@ -36,6 +36,7 @@ def test_a_held_peak_solves_the_equations_with_its_springs():
     assert size(system, system.residual(y)) > 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "preload"), [(9, 300.0), (6, 1000.0), (1, 2000.0)])
 def test_the_peak_is_that_of_its_highest_blade(seed, preload):
     wheel = BladedDisk(study(), Mistuning.random(N, 0.03, seed=seed))
@@ -58,6 +59,7 @@ def test_the_peak_is_that_of_its_highest_blade(seed, preload):
         )
 
 
+@pytest.mark.slow
 def test_the_peak_of_a_wheel_with_many_folds_is_its_first_maximum():
     """It is the one that a blade keeps in time; no search may put one further along the curve in its place."""
     top = BladedDisk(study(), SIX).peak(300.0)
@@ -67,11 +69,13 @@ def test_the_peak_of_a_wheel_with_many_folds_is_its_first_maximum():
     )
 
 
+@pytest.mark.slow
 def test_a_tuned_wheel_is_not_amplified_however_coarse_the_sweep():
     top = BladedDisk(study()).peak(300.0, options=DiskPeakOptions(least=3, most=3))
     assert top.amplification == pytest.approx(1.0, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_a_sweep_without_peaks_is_tried_with_weaker_springs():
     """With springs of a tenth this tuned wheel has none, and none of its blades may be higher than its sector."""
     lumped = lumped_study(N, 1, harmonics=1, n_c=2, r=2, seed=2).replace(
@@ -82,6 +86,7 @@ def test_a_sweep_without_peaks_is_tried_with_weaker_springs():
     assert top.climbs[:, 3].max() < 0.1
 
 
+@pytest.mark.slow
 def test_a_band_without_peaks_is_widened_upward():
     """Dampers held vibrate 13 Hz above the waves of the tuned peak, whose branch comes down from folds up there."""
     wheel = BladedDisk(study(engine_order=2))
@@ -106,6 +111,7 @@ def test_a_wheel_lower_than_the_tuned_one_is_a_lower_bound():
     assert wheel.peak(100.0, narrow).status != "incomplete"
 
 
+@pytest.mark.slow
 def test_shapes_that_do_not_serve_are_left_out(monkeypatch):
     """Random attachments, whose flexibility twelve shapes do not have: the reduced wheel's peak is a quarter as high."""
     lumped = lumped_study(N, 1, harmonics=1, n_c=4, r=2, n_att=14).replace(
@@ -122,6 +128,7 @@ def test_shapes_that_do_not_serve_are_left_out(monkeypatch):
     assert "reduced" not in asked.reason
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("climbs", "error"), [(2, MISSED), (100, 0.0)])
 def test_a_peak_may_be_missed_where_not_all_maxima_are_climbed(climbs, error):
     options = replace(FEW, climbs=climbs)

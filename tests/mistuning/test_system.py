@@ -188,6 +188,7 @@ def hard_disk():
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_dampers_of_the_hard_disk_that_differ_are_in_equilibrium():
     """From contacts that just touch Newton's method does not arrive there, however small the load."""
     dampers = DamperVariation.random(65, mass=0.05, friction_coefficient=0.1, seed=1)

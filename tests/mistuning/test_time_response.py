@@ -78,6 +78,7 @@ def test_a_mean_that_changes_widens_the_range(monkeypatch):
     assert found.mean == pytest.approx(second_half(found.blades).mean(axis=0).max(), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_time_steps_that_are_too_long_have_no_amplitude(monkeypatch):
     """With four times the steps the amplitude would count; the second time not even with these."""
     wheel = BladedDisk(study(), Mistuning.random(N, 0.03, seed=0))
@@ -92,6 +93,7 @@ def test_time_steps_that_are_too_long_have_no_amplitude(monkeypatch):
     )
 
 
+@pytest.mark.slow
 def test_what_is_not_kept_has_no_amplitude(monkeypatch):
     """A peak said to be of half its preload falls to what the wheel has under this one, within what a harmonic is off; and
     a time integration that fails."""

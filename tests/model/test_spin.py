@@ -49,6 +49,7 @@ def at(model, d=5):
     return model.bodies["blade"].bases[d]
 
 
+@pytest.mark.slow
 def test_the_basis_of_a_speed_has_the_receptance_of_stiffness_and_residual(turning):
     check_model(turning)
     basis, speed = at(turning.at_speed(SPEED)), at(turning).speed
@@ -121,6 +122,7 @@ def test_a_model_without_data_over_speed_stays_as_it_is_and_says_what_is_left_ou
     assert model.at_speed(SPEED).provenance["rotor speed"] == "400 rad/s"
 
 
+@pytest.mark.slow
 def test_united_contact_points_keep_the_receptance_at_a_speed(turning):
     from bdamper.model.contact_points import unite_contact_points
 
@@ -135,6 +137,7 @@ def changed(model, **parts):
     return replace(model, bodies={**model.bodies, "blade": replace(body, bases=bases)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("parts", "words"),
     [
@@ -155,6 +158,7 @@ def test_data_over_speed_that_contradict_the_basis_are_refused(turning, parts, w
         check_model(changed(turning, **parts))
 
 
+@pytest.mark.slow
 def test_a_file_without_what_its_bases_cannot_supply_is_refused(turning, tmp_path):
     """Without flexibility nothing tells the residual flexibility at standstill."""
     basis = at(turning)

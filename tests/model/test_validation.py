@@ -403,6 +403,7 @@ def bad_values(value, field):
 SPOILED = list(spoiled(complete_model()))
 
 
+@pytest.mark.slow
 @each(("place", "broken"), SPOILED, ids=[place for place, _ in SPOILED])
 def test_type_shape_and_numbers_of_every_field(place, broken):
     with pytest.raises(ModelError, match=rf"/@?{re.escape(place)}: expected") as caught:
@@ -423,6 +424,7 @@ def test_small_models_pass(name, seed):
     check_model(ALL_MODELS[name](seed))
 
 
+@pytest.mark.slow
 @each("n_points", [1, 3, 4, 9, 12])
 @each("n_blades", [2, 3, 12, 13])
 def test_wedge_model_passes_in_other_sizes(n_points, n_blades):
@@ -524,6 +526,7 @@ def test_rigid_modes_are_checked_at_locations():
         check_model(basis("damper", 0, probed, locations={"probe": at(values, (1, 1), 0.0)}))
 
 
+@pytest.mark.slow
 def test_points_and_modes_are_checked_all_at_once():
     """As many calls for a large model as for a small one, so that its check takes little."""
 

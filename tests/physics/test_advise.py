@@ -26,6 +26,7 @@ def compared(study, advice):
     return bd.compare(both, lambda s: s.frequency_response(advice.preload, advice.interval))
 
 
+@pytest.mark.slow
 def test_at_high_preload_one_harmonic_is_enough(disk):
     advice = disk.effect_significance(50e3, INTERVAL, against=Effects.of(disk))
     assert {"harmonics beyond 1", "bias", "constraint planes"} <= set(advice.negligible)
@@ -53,6 +54,7 @@ def test_at_low_preload_a_study_without_rotation_and_further_harmonics_is_told_s
     assert abs(compared(disk, advice).change("called for")) <= advice.tolerance
 
 
+@pytest.mark.slow
 def test_an_estimate_that_is_far_off_says_so():
     """Separation in the test rig at 500 N: off by more than a percent, and no smaller a miss is claimed."""
     rig = plain_study(

@@ -159,6 +159,7 @@ def random(seed):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize(
     "load_per_preload", [(3.0,), (3.0, -2.0), (3.0, -2.0, 3.0), (3.0, 1.0, 2.5)]
@@ -171,6 +172,7 @@ def test_drawn_systems_against_rates(seed, load_per_preload):
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-8)
 
 
+@pytest.mark.slow
 @each("mu", [0.2, 0.4])
 @each("load_per_preload", [(1000.0,), (1000.0, 100.0), (1000.0, 100.0, 1000.0)])
 @each("gap", [0.0, 2e-5])

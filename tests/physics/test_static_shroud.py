@@ -62,6 +62,7 @@ def test_the_default_interval_comes_from_the_asked_preload(monkeypatch):
     assert set(asked) <= {0.0, 1000.0}
 
 
+@pytest.mark.slow
 def test_a_loose_damper_takes_a_finite_number_of_steps():
     """The rear damper has no load, so it moves in jumps; shortening steps to follow them took more than 1,500."""
     model = pytest.importorskip("tools.shrouded").shrouded().model

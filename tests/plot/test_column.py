@@ -231,6 +231,7 @@ def look(handle):
     )
 
 
+@pytest.mark.slow
 @each("name", PICTURES)
 def test_no_text_lies_on_another_one_or_is_cut(name):
     drawn = np.ravel(np.asarray(PICTURES[name](), object))[0]

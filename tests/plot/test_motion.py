@@ -175,6 +175,7 @@ def test_surfaces_of_shipped_models_move_as_the_response_says(name, points):
     assert np.isfinite(motion.mean).all() == (0 in mesh.modes)
 
 
+@pytest.mark.slow
 def test_surfaces_without_mode_shapes_are_refused_or_named(solved, tmp_path):
     study, curve = solved
     u = curve.peak.y[:-1]
@@ -232,6 +233,7 @@ def test_a_line_drawing_has_each_sector_at_its_phase(solved):
     )
 
 
+@pytest.mark.slow
 def test_a_line_drawing_paints_the_farthest_face_first(solved):
     study, curve = solved
     drawing, model = line_drawing(study, curve.unknowns[0]), study.model

@@ -84,6 +84,7 @@ class TestCurves:
         top = next(line for line in ax.lines if line.get_markersize() == 5.0)
         assert top.get_markerfacecolor() == "w"
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("unit", "factor"), [("mm", 1e-3), ("m", 1.0), ("", 1.0), ("µm", 1e-6), ("inch", 0.0254)]
     )
@@ -159,6 +160,7 @@ def test_sweeps_have_units(study):
     assert_nothing_overlaps(ax)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("times", [(0.025, 0.06), (0.0011, 0.009), (0.03, 3.0)])
 def test_accuracy_explains_its_lines(times):
     t = np.geomspace(*times, 4)
@@ -366,6 +368,7 @@ class TestStyle:
             "N" in text for text in ([] if ax.get_legend() is None else legend_texts(ax))
         )
 
+    @pytest.mark.slow
     def test_optimum_and_its_range_are_marked(self, study):
         curve = study.optimal_curve((200.0, 5e3), 6, frequency=INTERVAL, check=False)
         curve = replace(curve, model_doubts=())

@@ -84,6 +84,7 @@ def test_one_file_without_links(study, curve, tmp_path):
     assert re.search(rf"modal damping ratio\s*0\.002\s*damper\s*{mass}", page.said)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("words_alone")
 def test_the_first_screen_says_what_by_whom_and_when(curve, tmp_path):
     given = {
@@ -144,12 +145,14 @@ def test_the_first_sentence_has_the_colour_of_the_checks(curve, tmp_path):
     assert shown(replace(curve, optimum=optimum)).groups() == ("red", "Not for design: ")
 
 
+@pytest.mark.slow
 def test_the_response_at_the_optimum_is_beside_its_limits(study, curve, tmp_path):
     text = unquote(curve.report(tmp_path / "limits.html", study).read_text())
     drawn = text[text.index("Resonance over preload") :].split("Response over frequency")[0]
     assert "<!-- free -->" in drawn and "<!-- stuck -->" in drawn
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("words_alone")
 def test_the_lines_that_do_it_again(study, curve, tmp_path, monkeypatch):
     curve.report(tmp_path / "review.html")

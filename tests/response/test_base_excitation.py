@@ -184,6 +184,7 @@ def closed_form(omega, absolute):
     return relative - absolute / omega**2
 
 
+@pytest.mark.slow
 @each("absolute", [False, True])
 @each("control", ["force", "response", "phase"])
 def test_a_measured_base_acceleration_is_fitted(tmp_path, control, absolute):

@@ -41,6 +41,7 @@ def curve(study):
     return study.optimal_curve((40.0, 400.0), 6, check=False, quantity="margin", material=AISI_1050)
 
 
+@pytest.mark.slow
 def test_the_best_is_no_less_than_at_every_preload_and_near_a_fresh_peak(study, curve, tmp_path):
     (margins,) = curve.margins
     assert margins.over == "preload" and len(margins) == len(curve)
@@ -54,6 +55,7 @@ def test_the_best_is_no_less_than_at_every_preload_and_near_a_fresh_peak(study, 
     assert str(bd.load(tmp_path / "curve.h5").margins[0]) == str(margins)
 
 
+@pytest.mark.slow
 def test_what_a_blade_keeps_has_a_margin_of_its_own(study, curve, tmp_path):
     """The largest period is a fifth above the balance at one preload, and not known at another."""
     p, top = curve.optimum.preload, curve.optimum.amplitude
@@ -100,6 +102,7 @@ def test_what_a_blade_keeps_has_a_margin_of_its_own(study, curve, tmp_path):
     assert weak._headline().startswith("Not for design: ") and "Fatigue FAIL" in said(weak)
 
 
+@pytest.mark.slow
 def test_the_margin_is_asked_for_after_the_time_integration(study, curve, monkeypatch):
     """Not where it was interrupted: then there is an end of it."""
     monkeypatch.setattr(optimal_curve, "optimal_curve", lambda *_, **__: replace(curve, margins=()))
@@ -163,6 +166,7 @@ def test_ctrl_c_in_a_peak_with_other_friction_is_an_interruption(study, curve, m
     assert {peak.status for peak in found.other_friction} == {"interrupted"}
 
 
+@pytest.mark.slow
 def test_the_largest_margin_may_lie_beside_preloads_without_a_value(study, curve):
     arrays = (
         "preload",
@@ -187,6 +191,7 @@ def test_the_largest_margin_may_lie_beside_preloads_without_a_value(study, curve
     assert found.best_margin == pytest.approx(fresh, rel=1e-6), found.best_status
 
 
+@pytest.mark.slow
 def test_the_whole_tracking_curve_is_asked(study, curve, monkeypatch):
     """Whether its least margin counts as that of the peak is a matter of the tolerance."""
     agrees = study.best_margin(curve, AISI_1050)
@@ -204,6 +209,7 @@ def test_the_whole_tracking_curve_is_asked(study, curve, monkeypatch):
     assert study.best_margin(curve, AISI_1050).best_reason.endswith(where)
 
 
+@pytest.mark.slow
 def test_a_margin_needs_a_material_and_stress(study):
     with pytest.raises(SettingError, match="material"):
         study.optimal_curve((40.0, 400.0), 6, quantity="margin")

@@ -167,6 +167,7 @@ def wedge():
                      load_per_preload={5: 1.0}, harmonics=1)  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("preload", [1.0, 1.26])
 def test_a_single_peak_beside_a_lost_branch(preload):
     """Without neighbours the peak is 23 or 29 µm.

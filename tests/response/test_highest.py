@@ -57,6 +57,7 @@ def test_a_coarse_curve_is_refined_to_what_a_fine_one_has(study, curve):
     )
 
 
+@pytest.mark.slow
 def test_every_analysis_takes_the_peak_of_a_curve(study):
     """With the same answer as for the peak of the study, which is corrected to 1e-10."""
     curve, peak = study.frequency_response(1000.0, INTERVAL), study.peak(1000.0, INTERVAL)
@@ -151,6 +152,7 @@ def test_an_end_of_the_interval_counts_where_there_is_no_maximum_and_is_named(st
     assert all("no peak: highest" in line for line in compared.summary().splitlines()[-2:])
 
 
+@pytest.mark.slow
 def test_an_end_that_is_higher_than_the_maximum_makes_the_peak_incomplete():
     """The flank of the next mode is no resonance of the mode, whose peak is 3.5 µm, but the blade vibrates with it."""
     study = plain_study(wedge_model(0), bd.Excitation("tip"), 2, friction_coefficient=0.4)
@@ -227,6 +229,7 @@ def test_a_curve_given_up_among_folds_is_followed_again(study, monkeypatch, leas
     assert found.ending == end
 
 
+@pytest.mark.slow
 def test_an_optimum_whose_curve_was_given_up_is_not_verified(study, monkeypatch):
     """Nor is it for design, even with amplitudes in time."""
     preloads = [30.0, 100.0, 300.0]
@@ -299,6 +302,7 @@ def test_among_folds_a_search_does_not_leave_the_curve():
     )
 
 
+@pytest.mark.slow
 def test_a_response_map_shows_ridge_optimum_and_several_solutions(tmp_path):
     """Along a curve with folds the same frequency is met three times between them."""
     import matplotlib as mpl
@@ -420,6 +424,7 @@ def test_a_peak_below_a_known_branch_is_incomplete():
     assert np.isnan(peak.amplitude) and "Lower bound  14.9 mm" in peak.summary()
 
 
+@pytest.mark.slow
 def test_an_error_at_one_preload_leaves_the_others(study, monkeypatch):
     preloads = [30.0, 100.0, 300.0]
     whole = study.optimal_curve(preloads, frequency=INTERVAL, check=False)

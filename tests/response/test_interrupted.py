@@ -70,6 +70,7 @@ def same(a, b):
     assert [len(c) for c in a.curves] == [len(c) for c in b.curves]
 
 
+@pytest.mark.slow
 def test_goes_on_from_any_curve_with_the_same_result(whole, tmp_path):
     path, kept = tmp_path / "search.jsonl", []
     for _ in range(20):

@@ -79,6 +79,7 @@ def test_where_two_branches_cross():
     )
 
 
+@pytest.mark.slow
 def test_the_end_of_a_higher_branch_is_closed_in_on():
     """Above x = 0.37 the branch that falls is gone, and a lower one rises: the least is the limit from above."""
     f = Function((lambda x: 1.0 - 0.2 * x, -np.inf, 0.37), lambda x: 0.1 + 0.4 * x)

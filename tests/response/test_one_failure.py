@@ -53,6 +53,7 @@ def failing(whole, failure, at=at_second_preload):
     return function
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", ["found_at", "open_at_rest", "amplitude_sensitivity"])
 def test_a_preload_of_an_optimal_curve(study, failure, part, monkeypatch):
     whole = study.optimal_curve(PRELOADS, frequency=BAND, check=False)
@@ -141,6 +142,7 @@ def test_a_point_of_a_sweep(study, failure, monkeypatch):
     assert np.array_equal(found.array("amplitude")[[0, 2]], whole.array("amplitude")[[0, 2]])
 
 
+@pytest.mark.slow
 def test_a_draw_of_optimal_curves(study, failure, monkeypatch):
     draws = {"friction_coefficient": [0.2, 0.3, 0.4]}
     whole = bd.optimal_curve_uncertainty(study, draws, PRELOADS, frequency=BAND)
@@ -156,6 +158,7 @@ def test_a_draw_of_optimal_curves(study, failure, monkeypatch):
     )
 
 
+@pytest.mark.slow
 def test_a_draw_of_a_robust_optimum(study, failure, monkeypatch):
     """The median of three draws, one of which has no value anywhere, is the highest of the two others."""
     ways = {"preload": (1.0, 3.0), "n": 5, "tolerance": 0.2, "frequency": BAND}

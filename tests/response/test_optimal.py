@@ -45,6 +45,7 @@ def peak(study):
     return study.peak(1000.0, INTERVAL)
 
 
+@pytest.mark.slow
 def test_no_optimum_says_why(study):
     """Within this band the response only rises."""
     curve = study.optimal_curve([1000.0, 2000.0], frequency=(250.0, 270.0), check=False)
@@ -53,6 +54,7 @@ def test_no_optimum_says_why(study):
 
 
 class TestOptimalCurve:
+    @pytest.mark.slow
     def test_agrees_with_tracking_curves(self, study, result):
         assert result.complete
         for p, a, f in zip(result.preload, result.amplitude, result.frequency):
@@ -84,6 +86,7 @@ class TestOptimalCurve:
         )
         assert np.all(result.shift_percent < result.stuck_shift_percent + 1e-6)
 
+    @pytest.mark.slow
     def test_optimum_of_a_smooth_curve(self, study):
         """Direct evaluation on both sides of the optimum is higher, by the square of the distance."""
         small = study.optimal_curve((25.0, 60.0), 5, frequency=INTERVAL, check=False)
@@ -319,6 +322,7 @@ def test_static_states_scale_with_the_load(study):
     assert np.any(high.status[0] != low.status[0])
 
 
+@pytest.mark.slow
 def test_peaks_are_found_on_the_rippled_curves_of_sampled_friction():
     """Slopes jump where an event passes a sample; the top is bracketed all the same, and has no derivative."""
     study = plain_study(
@@ -365,6 +369,7 @@ def left(study):
 class TestAnEndOfTheInterval:
     """Where the resonance lies beyond the interval, the response at its end is a lower bound of the peak, and no value."""
 
+    @pytest.mark.slow
     def test_values_are_those_of_whole_curves(self, study, left):
         whole = study.optimal_curve(left.preload, frequency=INTERVAL, check=False)
         whole_rows = np.isin(whole.preload, left.preload)
@@ -400,6 +405,7 @@ def found(smooth):
 class TestNoFriction:
     """A coefficient of friction of zero, with a damper that slides freely along its faces."""
 
+    @pytest.mark.slow
     def test_that_to_friction_is_the_derivative_to_the_right(self, smooth, found):
         """Extrapolated from two steps upward, since the forces are of first order in the coefficient."""
         peak, sensitivity = found
@@ -412,6 +418,7 @@ class TestNoFriction:
             )
 
 
+@pytest.mark.slow
 def test_a_scan_that_ends_among_folds_is_made_again_from_the_ends():
     """At 100 N with three harmonics the curve through the solution found first ends among folds before its peak."""
     study = plain_study(
@@ -493,6 +500,7 @@ def test_a_robust_optimum_follows_peaks_to_its_lowest_preload(study):
     assert within["known"] and within["amplitude"] < 0.5 * lowest["amplitude"]
 
 
+@pytest.mark.slow
 def test_draws_of_a_robust_optimum_are_unknown_at_its_lowest_preload(study):
     """Both draws are the study itself, whose peak at 25 N is a lower bound."""
     assert np.isnan(study.peak(25.0, INTERVAL).amplitude)
@@ -504,6 +512,7 @@ def test_draws_of_a_robust_optimum_are_unknown_at_its_lowest_preload(study):
     assert found.warnings == 2 and 25.0 < found.preload < 60.0
 
 
+@pytest.mark.slow
 def test_one_table_has_all_preloads_that_were_computed(study, tmp_path):
     """The preloads of the search are rows like the requested ones, and each row agrees with its own response curve."""
     asked = np.geomspace(25.0, 60.0, 5)
@@ -575,6 +584,7 @@ def test_the_least_just_above_the_preloads_that_rattle_is_found(study, monkeypat
     )  # down to two that rattle, then halved
 
 
+@pytest.mark.slow
 def test_a_curve_that_uses_up_its_first_budget_is_followed_again(study, monkeypatch):
     """So that no value is missing where study.peak has one; but not where the damper rattles."""
     monkeypatch.setattr(optimal_curve, "BUDGET", 100)

@@ -35,6 +35,7 @@ def keeps(problem, tracked, progress=None):
                         diameters=(0, 5), half_range=mean)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_by_default_it_is_computed_at_the_optimum_and_above(study, curve, monkeypatch, tmp_path):
     monkeypatch.setattr(in_time, "time_response", keeps)
     found = study.optimal_curve((1000.0, 5000.0), 3, frequency=(280.0, 370.0))
@@ -71,6 +72,7 @@ def test_by_default_it_is_computed_at_the_optimum_and_above(study, curve, monkey
     plt.close("all")
 
 
+@pytest.mark.slow
 def test_neighbours_on_request(study, curve, monkeypatch):
     monkeypatch.setattr(in_time, "time_response", keeps)
     found = study.optimal_curve((1000.0, 5000.0), 3, frequency=(280.0, 370.0), check="neighbours")
@@ -108,6 +110,7 @@ def test_neighbours_on_request(study, curve, monkeypatch):
     assert stopped.optimum_in_time in (low, high)
 
 
+@pytest.mark.slow
 def test_the_ends_of_the_range_on_request(study, monkeypatch, tmp_path):
     """In time the amplitude rises with the distance from the optimum, by another amount than by harmonic balance."""
 

@@ -21,6 +21,7 @@ def rubbing(kn, band):
     return Drawn(*TWO_MASSES, ({**RUBS, "kn": kn},), np.array([0.1, 0.12]), 1, band)
 
 
+@pytest.mark.slow
 def test_a_highest_point_is_reached_by_a_slow_sweep_within_the_interval():
     """Study 476 and the blade that rubs have a branch that enters and leaves at the upper end, 4 and 250 times higher."""
     drawn = [draw(number) for number in (476, 0, 4)] + [rubbing(60.0, (0.15, 0.54))]

@@ -93,6 +93,7 @@ class TestBar:
         assert "m/m" in curve.plot().axes[0].get_ylabel()
 
 
+@pytest.mark.slow
 @each(("point", "allowed"), [(1, 0.02), (4, 0.005)])
 def test_the_response_is_the_strain_of_all_stress_rows(point, allowed):
     """Residual modes contain the strain that stuck and slipping dampers cause at a blade."""
@@ -140,6 +141,7 @@ def test_strains_are_fitted():
     assert found.values == pytest.approx([52.0, 0.36], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_measured_strain_is_fitted_at_the_gauge_of_a_model():
     model = bladed_disk(9, nodal_diameters=(5,), n_modes=10, stress=True)
     gauge = bd.Response("blade point 4", (0.0, 1.0, 0.2), elastic=ELASTIC)
@@ -186,6 +188,7 @@ def two_masses():
                      load_per_preload={1: 1.0}, forces={0: 1e-3}, response=0, harmonics=1)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_printed_optimum_has_strains_in_its_columns(two_masses):
     curve = two_masses.optimal_curve((2e-4, 6e-2), 5, frequency=(0.1, 0.4), check=False)
     plain, strain = str(curve), str(as_strain(curve))

@@ -88,6 +88,7 @@ def test_one_mass_that_opens_its_contact():
     assert expected == pytest.approx(found, rel=5e-3) and found[0] > 0.9 * balance.at(frequency)[0]
 
 
+@pytest.mark.slow
 def test_six_blades_with_disturbances():
     """Of the turbine blade with two modes, just after disturbances of every nodal diameter: each blade has its own way."""
     study = study_of("turbine_blade", 10, 0.496, blade_modes=2)

@@ -8,6 +8,7 @@ from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_osci
 from tests.hard.test_stability import prepared
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slips", [1, 2])
 def test_multipliers_of_a_point_that_sticks_for_a_part_of_the_period(slips):
     system = two_oscillators(15)

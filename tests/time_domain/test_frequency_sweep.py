@@ -46,6 +46,7 @@ def usual(factor):
     return factor * 2.0 * np.pi * (ZETA * F0) ** 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("up", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_a_linear_sweep_lags_behind_its_closed_form_by_what_twice_the_rate_changes(linear, up):
     errors, sweeps = [], []
@@ -73,6 +74,7 @@ def test_the_usual_rate_follows_from_the_damping(linear):
     assert found.rate == pytest.approx(usual(frequency_sweep.RATE))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("up", [True, False])
 def test_a_sweep_keeps_its_branch_up_to_the_fold(separating, up):
     curve = separating.replace(harmonics=5).frequency_response(0.0, (11.0, 12.2), stability=True)

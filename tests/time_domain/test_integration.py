@@ -103,6 +103,7 @@ def close(found, expected, tolerance=1e-10):
         np.testing.assert_allclose(a, b, rtol=0.0, atol=tolerance * np.abs(b).max(initial=0.0))
 
 
+@pytest.mark.slow
 @each("sectors", [6, 9, 1])
 @each("laws", [LAWS[:4], LAWS[4:]])
 @each("light", [0, 2])
@@ -150,6 +151,7 @@ def test_it_is_the_explicit_integration_in_many_small_steps(light):
     assert off[0] < 0.02 * np.linalg.norm(expected.q) and off[1] < 0.2 * off[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("light", [0, 2])
 def test_patterns_that_are_left_out_change_little(light):
     """Eleven points have 33 rows, of which up to 24 patterns are kept: forces are found with these and act on all."""
@@ -719,6 +721,7 @@ STARTS = {
 """Engine order, preload (N), interval (Hz) and a usual amplitude (m)."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [20, pytest.param(500, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", STARTS)
 def test_random_starts_end_finite_or_fail_by_name(name, number):

@@ -94,6 +94,7 @@ def swept(d, start, end, periods, held, steps=500):
     return np.array(out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "below"), [(112, None), (155, 0.27)])
 def test_three_masses_beside_an_own_program(seed, below):
     """Compare with a slow sweep to the tip; from the flank the second comes to less than ``below`` times its amplitude."""

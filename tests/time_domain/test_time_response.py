@@ -107,6 +107,7 @@ def test_a_search_without_a_motion_names_the_modes_of_the_structure_in_time(monk
     )
 
 
+@pytest.mark.slow
 def test_a_motion_carried_to_another_structure_has_the_same_displacements_at_the_contacts():
     """Of all modes but the residual ones; carried to its own structure it is the same, and so it is when carried back."""
     own = disk(harmonics=1, blade_modes=4)
@@ -141,6 +142,7 @@ def test_a_motion_carried_to_another_structure_has_the_same_displacements_at_the
             np.testing.assert_array_equal(part, np.where(kept[0], expected, 0.0))
 
 
+@pytest.mark.slow
 def test_every_nodal_diameter_that_the_model_has_is_integrated():
     study = disk(harmonics=3)
     ring = all_sectors(study.problem, 125.0)
@@ -288,6 +290,7 @@ def ends(search):
     search.ends = search.best.frequency - 0.01, 14.0
 
 
+@pytest.mark.slow
 @each(("changes", "status", "change"), [
     (drifts, "incomplete: its mean is uncertain by 6 %", 0.06),
     (ends, "incomplete: the curve ends before the motion falls; widen the interval", 0.01),
@@ -315,6 +318,7 @@ def test_nodal_diameters_that_a_model_does_not_have_are_said(bent, monkeypatch):
     )
 
 
+@pytest.mark.slow
 @each(("share", "settled"), [(1.04, True), (0.97, True), (1.07, False), (0.93, False)])
 def test_answers_that_differ_by_more_than_a_twentieth_are_a_range(
     bent, monkeypatch, share, settled

@@ -49,6 +49,7 @@ def crowded():
     os.sched_setaffinity(0, own)
 
 
+@pytest.mark.slow
 def test_no_part_counts_time_in_which_the_thread_waits(crowded):
     """The parts of a call are its processor time; on the wall clock they take several times as much."""
     study = plain_study(models.wedge_model(1), bd.Excitation("tip", amplitude=5.0), engine_order=2)

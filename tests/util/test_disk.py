@@ -94,6 +94,7 @@ for saved in (curve, study):
 """
 
 
+@pytest.mark.slow
 def test_a_file_that_cannot_grow_is_one_line_and_leaves_the_former_one(tmp_path):
     """In a process of its own: HDF5 prints its errors as they come, and at the end of the process once more."""
     pytest.importorskip("resource", reason="no limits of this kind on this system")
@@ -241,6 +242,7 @@ except bd.BdamperError as error:
 """
 
 
+@pytest.mark.slow
 def test_a_device_is_not_read_without_end():
     if not Path("/dev/full").exists():
         pytest.skip("no /dev/full on this system")

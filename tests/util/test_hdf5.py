@@ -177,6 +177,7 @@ class TestDamaged:
         "mistuned_sample": ("disks", "preload", "amplitude", "frequency", "status"),
     }  # fmt: skip
 
+    @pytest.mark.slow
     @each(("name", "field"), [(name, field) for name, own in COLUMNS.items() for field in own])
     def test_a_column_of_another_length_is_refused(self, tmp_path, name, field, answers):
         path = tmp_path / "result.h5"

@@ -48,6 +48,7 @@ def test_what_has_no_picture_is_refused():
         draw(Model(1, {}, {}), "film")
 
 
+@pytest.mark.slow
 def test_importing_bdamper_loads_little_and_the_first_picture_the_room(tmp_path):
     code = (
         "import sys, bdamper as bd; assert not {'matplotlib', 'skfem', 'scipy.stats'} & set(sys.modules);"

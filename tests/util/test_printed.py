@@ -255,6 +255,7 @@ class TestBottomLine:
                 "contact points with given stiffnesses are joints"
             )
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("change", "first"),
         [

@@ -91,6 +91,7 @@ def same(a, b):
             )
 
 
+@pytest.mark.slow
 @each("name", WORK)
 def test_long_work_reports_and_ends_at_its_total_with_the_same_result(name, monkeypatch):
     plain = done(name)

@@ -65,6 +65,7 @@ def test_a_frequency_per_second_is_in_hertz(study):
     np.testing.assert_allclose(study.free(asked).frequency[[0, -1]], BAND, rtol=1e-12)
 
 
+@pytest.mark.slow
 @each("unit", PER_HERTZ)
 def test_speeds_are_converted_through_turns(study, unit):
     """70 turns per second are 439.8 rad/s."""

@@ -4,6 +4,7 @@ import csv
 from dataclasses import fields
 
 import matplotlib
+import pytest
 
 matplotlib.use("Agg")
 
@@ -17,6 +18,7 @@ from tests.every_result import RESULTS, WITHOUT_TABLE
 from tests.every_result import result as made
 
 
+@pytest.mark.slow
 @each("name", [name for name in RESULTS if name not in (*WITHOUT_TABLE, "flutter")])
 def test_prints_draws_saves_and_is_a_table(name, tmp_path):
     result = made(name)

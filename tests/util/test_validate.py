@@ -327,6 +327,7 @@ def test_calls_on_results_refuse_bad_arguments(study):
             ask()
 
 
+@pytest.mark.slow
 def test_files_that_cannot_be_named(study, tmp_path):
     curve = study.free(F)
     for save in (curve.save, lambda path: bd.save_model(study.model, path)):
