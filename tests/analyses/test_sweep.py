@@ -626,7 +626,7 @@ def found_at_all(height, known=True, rattles=""):
     # without folds no peak is followed from a lower preload
     curve = SimpleNamespace(folds=())
     return SimpleNamespace(
-        height=height, known=known, rattles=rattles, ending=end, cost=Cost(), top=None, curve=curve
+        amplitude=height, known=known, rattles=rattles, ending=end, cost=Cost(), top=None, curve=curve
     )
 
 
