@@ -52,7 +52,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from threading import Event
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -102,7 +102,7 @@ from bdamper.util.progress import (
 )
 from bdamper.util.statement import Statement
 from bdamper.util.storage import Storable
-from bdamper.util.tables import Column, Cycles, Metre, Second, Tabular, columns_of_rows
+from bdamper.util.tables import Column, Cycles, Metre, Quantity, Second, Tabular, columns_of_rows
 from bdamper.util.workers import on_threads
 
 # ---- Harmonic convergence ----
@@ -475,7 +475,7 @@ class Run:
         Reason of a failure; empty otherwise.
     """
 
-    part: str
+    part: Annotated[str, Quantity(name="reduced_setting")]
     values: tuple[str, ...]
     amplitude: Metre
     frequency: Cycles

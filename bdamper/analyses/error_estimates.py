@@ -469,9 +469,7 @@ def solve_other(
             signs = [sign_of_jacobian(problem.system(preload), top.y) for top in tops.peaks]
             solved = _solved(system, embedded, signs, tops)
             if solved:
-                return Solution(
-                    Change.between(peak, solved[0], "solved again"), Tops(tuple(solved))
-                )
+                return Solution(Change.between(peak, solved[0], "recomputed"), Tops(tuple(solved)))
     outcome = evaluate_peak(other, lambda study: tops.curve_with(study, preload))
     if outcome.reason:
         return Solution(Change(how=f"no complete response curve: {outcome.reason}"))
@@ -518,7 +516,7 @@ def _at_frequency(system: Equations, embedded: list[NDArray], peak: Peak) -> Cha
         if c.status == OK:
             amplitude = float(abs(system.response(c.y[:-1])[1]))
             change = amplitude / peak.amplitude - 1.0
-            return Change(change, 0.0, 0.0, "solved again at the end of the interval")
+            return Change(change, 0.0, 0.0, "recomputed at the end of the interval")
     return None
 
 

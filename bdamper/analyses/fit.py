@@ -821,7 +821,9 @@ def _profile(objective: Objective, x: NDArray, j: int, rise: float, half: float)
         return min(np.sqrt(max(risen, 0.0) / rise) - 1.0, 1.0)
 
     def excess_at(distance: float) -> float:
-        """Return the relative excess of the square root of the rise at a signed distance."""
+        """Return how far the root of the rise exceeds that of ``rise``, as a fraction, at a signed
+        distance from ``x[j]``.
+        """
         point = np.clip(x + distance * direction, low, high)
         linear = excess(point)
         if not free.any() or abs(linear) < NEARLY:

@@ -176,7 +176,7 @@ class Hysteresis(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-h
         return {name: self.energy[..., self.rows(name)].sum(axis=-1) for name in self.interfaces}
 
     @property
-    def lost(self) -> Annotated[Any, Quantity("J")]:
+    def lost(self) -> Annotated[Any, Quantity("J", name="dissipated")]:
         """Energy dissipated per cycle by all contacts, J."""
         return self.energy.sum(axis=-1)
 
@@ -211,7 +211,7 @@ class Hysteresis(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-h
         columns = super().columns()
         if not self.single:
             for name, energy in self.by_interface.items():
-                columns[f"lost_{name}"] = Column(energy, "J")
+                columns[f"dissipated_{name}"] = Column(energy, "J")
             return columns
         n_points = len(self.interface)
         of_points = {

@@ -157,13 +157,17 @@ class NonlinearMode(
         """
         preload = validation.number("preload", preload, above=0.0, unit="N")
         if preload > self.scales_to:
-            actual = "one that does not scale"
+            expected = "a mode with displacements in proportion to the preload"
+            found = (
+                "one without preload, or with interference, cubic springs, constant forces or a "
+                "gap that closes"
+            )
             if self.scales_to:
-                actual = f"one that scales to {self.scales_to:.6g} N"
+                expected = f"at most {self.scales_to:.6g} N, because a gap closes above"
+                found = f"{preload:.6g} N"
             raise SettingError(
-                f"preload: expected a mode that scales to {preload:.6g} N, without interference, "
-                f"cubic springs, constant forces and gaps that close, found {actual}; compute it "
-                "there"
+                f"preload: expected {expected}, found {found}; compute the mode at this preload "
+                "with study.nonlinear_mode"
             )
         factor = preload / self.preload
         return replace(
@@ -728,7 +732,10 @@ def _remedy(branch: _Branch) -> str:
 
 
 def _ending(branch: _Branch, y: NDArray, correlation: NDArray, mode: int) -> tuple[str, str]:
-    """Return status and reason of the mode."""
+    """Return status and reason of the mode.
+
+    The reason states why the path ended and from which amplitude the result is not valid.
+    """
     path = branch.pieces[0].path
     place = branch.system.measure.place
     if not path.points:

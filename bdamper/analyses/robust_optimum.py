@@ -541,7 +541,10 @@ class SteadyPeak(PeakTask):
         }
 
     def response(self, problem: Problem, preload: float) -> AtPreload:
-        """Return the response at a preload, with peaks of lower ones at the lowest."""
+        """Return the response at a preload.
+
+        At the lowest preload, also follow the peaks of still lower preloads.
+        """
         interval = peak_interval(problem.at(preload), self.frequency, self.mode)
         response = at_preload(problem, preload, interval)
         if preload == self.lowest:

@@ -330,7 +330,10 @@ def solve_static_contact(problem: StaticContactProblem) -> StaticContactSolution
         iteration does not converge.
     """
     if not (np.any(problem.load) or np.any(problem.offset)):
-        raise ModelError("static contact: expected a load on a free body, the model has none")
+        raise ModelError(
+            "static contact: expected a load on a free body, found none; set load_per_preload or "
+            "constant_loads"
+        )
     solver = _Solver(problem)
     rest = np.zeros((len(problem.friction), 2))
     F, eta = solver.bonded()
@@ -342,8 +345,9 @@ def solve_static_contact(problem: StaticContactProblem) -> StaticContactSolution
         check(
             optimum.status != NO_EQUILIBRIUM,
             "static contact",
-            "contact forces with N >= 0, |T| <= mu N in equilibrium with the load",
-            "none: the body slides away",
+            "contact forces with N >= 0 and |T| <= mu N that balance the load",
+            "none, so that the body slides away; raise the friction coefficient, or correct the "
+            "direction of the load or of the contact faces",
         )
         end, converged, rest = solver.creep()
     if not converged:

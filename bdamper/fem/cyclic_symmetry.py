@@ -356,7 +356,7 @@ def _complex_waves(
 def _combined(
     frequency: NDArray, shapes: NDArray, faces: SectorFaces, d: int, size: NDArray
 ) -> Waves:
-    """Combine pairs of real shapes of the same frequency to waves."""
+    """Combine each pair of real mode shapes with the same frequency into a travelling wave."""
     difference = _difference(shapes, faces, d)
     real = shapes.real
     index: list[int] = []

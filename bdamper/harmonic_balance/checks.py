@@ -23,7 +23,7 @@ from bdamper.harmonic_balance.settings import FRICTION
 from bdamper.harmonic_balance.study_boundary import A, P, R, problem_of
 from bdamper.model.loads import Response
 from bdamper.util import plausible_ranges, validation
-from bdamper.util.errors import PlausibilityWarning, SettingError, warn, warn_implausible
+from bdamper.util.errors import SettingError, warn, warn_implausible
 from bdamper.util.formatting import amount
 from bdamper.util.progress import one_thread
 
@@ -368,10 +368,10 @@ def check_unloaded(problem: Problem) -> None:
         loads = ", ".join(
             f"{float(np.sum(load)):g} N on {name!r}" for name, load in constant.items()
         )
-        warn(
-            f"constant_loads: the body already carries the preload that is varied; {loads} acts in "
-            "addition",
-            PlausibilityWarning,
+        warn_implausible(
+            "constant_loads",
+            "none on a body that carries the preload",
+            f"{loads}; the optimal preload is in addition to it",
         )
 
 

@@ -281,7 +281,7 @@ class Deck:
         name = prefix + word.upper()
         code = self.code(name)
         if code is None and name not in sets:
-            raise mismatch(item, f"{what} or a set out of {sorted(sets)}", f"'{word[:30]}'")
+            raise mismatch(item, f"{what} or one of the sets {sorted(sets)}", f"'{word[:30]}'")
         return sets[name] if code is None else [code]
 
     # ---- Nodes and elements ----

@@ -437,7 +437,7 @@ def check_material(body: PreparedBody, elasticity: Sequence[float] | None) -> No
 def _compare_constant(
     body: PreparedBody, item: str, expected: str, ratio: float, in_matrices: str
 ) -> None:
-    """Compare a constant of the matrices with the elements; a failure is a failed comparison."""
+    """Record a failed comparison if matrices and elements have different material constants."""
     # an unknown constant gives NaN and is not compared
     differs = abs(ratio - 1.0) > BOUNDS.material
     found = f"{in_matrices} in the matrices: possibly files of different models"
@@ -446,7 +446,10 @@ def _compare_constant(
 
 
 def check_lowest(body: PreparedBody, reduced: Body) -> None:
-    """Check the lowest frequency at each nodal diameter; a failure is a failed comparison."""
+    """Check that the lowest frequency at each nodal diameter is plausible.
+
+    A frequency that is not is recorded as a failed comparison.
+    """
     hint = "possibly units of mass or stiffness that differ by powers of 10"
     for d, basis in reduced.bases.items():
         positive = basis.omega2[basis.omega2 > 0.0]

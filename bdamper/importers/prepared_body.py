@@ -209,16 +209,21 @@ class PreparedBody:
         if not isinstance(nodes, str):
             numbers = np.asarray(nodes)
             is_text = numbers.dtype.kind == "U"
-            self.require(not is_text, item, "the name of one set, or node numbers", f"{nodes}")
+            self.require(
+                not is_text,
+                item,
+                "the name of one set or node numbers",
+                f"several names {nodes}",
+            )
             good = numbers.ndim == 1 and len(numbers) != 0
-            self.require(good, item, "node numbers (n,)", f"shape {numbers.shape}")
+            self.require(good, item, "a list of node numbers", f"an array of shape {numbers.shape}")
             return np.unique(self.index(numbers, item))
         if nodes in self.raw.node_sets:
             return np.unique(self.index(self.raw.node_sets[nodes], f"node set '{nodes}'"))
         if nodes in self.raw.face_sets:
             return self.faces(nodes, item).nodes
         names = sorted({*self.raw.node_sets, *self.raw.face_sets})
-        raise self.error(item, f"a set out of {names}", f"'{nodes}'")
+        raise self.error(item, f"one of the sets {names}", f"'{nodes}'")
 
     @cached_property
     def elements(self) -> tuple[NDArray, ...]:

@@ -629,7 +629,10 @@ def rattling_below(known: dict[float, AtPreload]) -> float:
 
 
 def _ending(response: AtPreload | None, preload: float, edge: float, why: str) -> Ending:
-    """Return the status of a preload; the damper rattles up to ``edge`` (N), because of ``why``."""
+    """Return status and reason of the response at a preload.
+
+    Up to ``edge`` (N) the damper rattles, for the reason ``why``.
+    """
     if preload <= edge:
         return Ending(NOT_FOUND, f"{NO_STEADY} up to {edge:.6g} N: {why}")
     if response is None:

@@ -437,7 +437,7 @@ class OptimalCurve(
 
     @property
     def detached(self) -> tuple[str, ...]:
-        """Highest points on closed branches of the curves, with preloads; they do not count."""
+        """Highest point of each closed branch with its preload, as text; the optimum excludes it."""
         texts = []
         for curve in self.curves:
             for i in curve.detached:

@@ -186,7 +186,7 @@ class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
     )
 
     def _facts(self) -> tuple[Fact, ...]:
-        """Return the peak and its reliability, or only the reason if there is none."""
+        """Return the most important values of the peak, or the reason why there is none."""
         if not self.ok:
             return (Fact("peak", self.status_text),)
         facts = super()._facts()

@@ -255,7 +255,7 @@ class ResponseCurve(
 
     @property
     def detached(self) -> NDArray:
-        """Index (k,) of the largest response of each closed branch; not for the peak."""
+        """Index (k,) of the highest point of each closed branch; the peak of the curve excludes it."""
         return self._tops(self.closed)
 
     @property
@@ -446,7 +446,10 @@ class ResponseCurve(
         return {f"{name} (%)": share for name, share in shares if np.isfinite(share)}
 
     def _facts(self) -> tuple[Fact, ...]:
-        """Return the highest point of the curve and its origin; empty without points."""
+        """Return the most important values, with half of the range if it differs from the amplitude.
+
+        A curve without points has none.
+        """
         if not len(self):
             return ()
         facts = super()._facts()

@@ -122,7 +122,7 @@ class AllBlades(Result):
         return [Row("Different blades", span(*self.spread, "m"), "lowest to highest, means")]
 
     def _facts(self) -> tuple[Fact, ...]:
-        """Return the rows of the summary, with the energy balance of a period and the waves."""
+        """Return the most important values, the energy balance of a period and the waves."""
         facts: list[Fact] = []
         # blades of a mistuned disk have numbers, equal blades have waves
         if self.blades.size and not self.waves.size:

@@ -613,7 +613,7 @@ def _after_limit(integrations: _Integrations) -> str:
 
 
 def _ending(status: str, reason: str, interrupted: bool) -> Ending:
-    """Return a status with its reason, unless the user has interrupted the work."""
+    """Return a status with its reason, or "interrupted" if the user stopped the integration."""
     return Ending(INTERRUPTED) if interrupted else Ending(status, reason)
 
 

@@ -219,7 +219,7 @@ def table_lines(
         remaining = remaining[n_shown:]
     if remaining:
         others = ", ".join(column[0] for column in remaining)
-        lines.append(truncate(f"{indent}Further columns: {others}", width))
+        lines.append(truncate(f"{indent}Columns only in the summary: {others}", width))
     return lines
 
 

@@ -396,9 +396,11 @@ def _check_bytes(file: h5py.File, size: int) -> int:
     arrays = int(sum(bytes_in_memory))
     others = size - sum(bytes_in_file)
     if arrays > max(MOST_BYTES, 4 * size):
-        raise ValueError(f"arrays of {arrays} bytes in {size} bytes")
+        raise ValueError(
+            f"arrays that expand from {size} to {arrays} bytes, more than {max(MOST_BYTES, 4 * size)}"
+        )
     if others > MOST_TEXT:
-        raise ValueError(f"{others} bytes of texts and attributes, more than {MOST_TEXT}")
+        raise ValueError(f"texts and attributes of {others} bytes, more than {MOST_TEXT}")
     return arrays
 
 

@@ -557,7 +557,8 @@ def columns_of_rows(rows: Sequence[Any]) -> dict[str, Column]:
     for item in fields(kind):
         values = [getattr(row, item.name) for row in rows]
         if all(isinstance(value, str | float | int | np.generic) for value in values):
-            columns[item.name] = Column(np.array(values), marks.get(item.name, Quantity()).unit)
+            mark = marks.get(item.name, Quantity())
+            columns[mark.name or item.name] = Column(np.array(values), mark.unit)
     return columns
 
 

@@ -246,7 +246,7 @@ def test_top_at_an_end_of_the_interval_is_estimated_at_its_frequency(study, plac
         .frequency_response(place[0], (350.0, 354.5))
         .peak
     )
-    assert estimated.frequency == 0.0 and "solved again at the end" in estimated.against
+    assert estimated.frequency == 0.0 and "recomputed at the end" in estimated.against
     assert estimated.amplitude == pytest.approx(
         true.amplitude / curve.peak.amplitude - 1.0, rel=1e-5
     )
@@ -300,7 +300,7 @@ def test_a_lower_peak_that_becomes_the_highest_is_found(study, place, peak):
             assert changes.amplitude == pytest.approx(
                 1.02 * peak.amplitude / peaks[0].amplitude - 1.0
             )
-            assert changes.how == "solved again"
+            assert changes.how == "recomputed"
 
 
 def test_what_is_refused(study, place, peak):

@@ -394,9 +394,9 @@ REFUSED = {
     "*INSTANCE, NAME=K, PART=P\n1., 2.": "line 22: expected 3 numbers, found '1., 2.'",
     "*INSTANCE, NAME=K, PART=P\n1., 2., 3.\n0., 0., 0., 0., 0., 0., 9.": "line 23: expected two different points",
     "*NSET, NSET=N, INSTANCE=K\n1": "*NSET in line 21: expected INSTANCE= out of ['I', 'J'], found 'K'",
-    "*NSET, NSET=N\nK.1": "line 22: expected a number or a set out of",
-    "*NSET, NSET=N, ELSET=I.OTHER": "*NSET in line 21: expected a number or a set out of ['I.BODY', 'J.BODY']",
-    "*SURFACE, NAME=S\nI.TOP, S1": "*SURFACE, NAME=S: expected an element or a set out of",
+    "*NSET, NSET=N\nK.1": "line 22: expected a number or one of the sets",
+    "*NSET, NSET=N, ELSET=I.OTHER": "*NSET in line 21: expected a number or one of the sets ['I.BODY', 'J.BODY']",
+    "*SURFACE, NAME=S\nI.TOP, S1": "*SURFACE, NAME=S: expected an element or one of the sets",
     "*PART, NAME=R\n*NODE, SYSTEM=S\n1, 1., 0., 0.": "*NODE in line 22: expected SYSTEM=R or SYSTEM=C",
     "*PART, NAME=R\n*NODE\n1, 1., 0., 0.": "expected *END PART or *END INSTANCE, found the end of the file",
     "*INSTANCE, NAME=K, PART=P\n*NODE\n1073741824, 0., 0., 0.\n*END INSTANCE": "instance K: expected labels below 10737",
@@ -536,5 +536,5 @@ def test_labels_that_a_part_lacks_are_no_nodes_of_another_instance(tmp_path):
         [5, 6, 7, 8],
     ] * 2
     (tmp_path / "a.inp").write_text(part.replace("\nG, 1.", "\nH, 1.") + both + "*END ASSEMBLY\n")
-    with pytest.raises(ModelError, match="expected a node or a set out of"):
+    with pytest.raises(ModelError, match="expected a node or one of the sets"):
         read_inp(tmp_path / "a.inp")

@@ -182,7 +182,7 @@ def inner_corners(hexahedra, n_nodes):
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"stress": "NOWHERE"}, "stress 'NOWHERE': expected a set out of"),
+        ({"stress": "NOWHERE"}, "stress 'NOWHERE': expected one of the sets"),
         (
             {"stress": "LOW"},
             "stress 'LOW': all nodes lie on the faces at which the sector repeats",

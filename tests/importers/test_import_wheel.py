@@ -84,7 +84,7 @@ def test_shapes_for_pictures_are_those_of_the_excited_wave(bodies):
 @pytest.mark.parametrize(
     ("wheel", "words"),
     [
-        ("ALL", "blade_nodes: expected a set out of"),
+        ("ALL", "blade_nodes: expected one of the sets"),
         (
             "BORE",
             "blade_nodes: expected the nodes of a blade from root to tip, with all its contact faces",

@@ -429,10 +429,10 @@ BAD_BLADES = [
     ),
     (repeated, "nodes: expected each position once, found nodes 10[89] and 10[89]"),
     (same_number, "nodes: expected each node number once, found 106 2 times"),
-    (without("LOW"), r"sector faces: expected a set out of .*found 'LOW'"),
+    (without("LOW"), r"sector faces: expected one of the sets .*found 'LOW'"),
     (
         without("RIGHT_UNDERSIDE"),
-        "contact 'left': expected a set out of .*, found 'RIGHT_UNDERSIDE'",
+        "contact 'left': expected one of the sets .*, found 'RIGHT_UNDERSIDE'",
     ),
     (
         shorter("HIGH"),

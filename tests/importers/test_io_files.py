@@ -356,12 +356,12 @@ BAD_DECKS = [
     ),
     ("1, 7, 3", "1, 7, 0", "first, last and step"),
     ("1, 7, 3", "1, 99999999999, 1", "first, last and step"),
-    ("\nALL\n", "\nNONE\n", r"a number or a set out of .*, found 'NONE'"),
+    ("\nALL\n", "\nNONE\n", r"a number or one of the sets .*, found 'NONE'"),
     ("top, S2", "top, S7", "faces S1 to S6, found 'S7'"),
     (
         "top, S2",
         "bottom, S2",
-        r"an element or a set out of \['BODY', 'SHELL', 'TOP'\], found 'bottom'",
+        r"an element or one of the sets \['BODY', 'SHELL', 'TOP'\], found 'bottom'",
     ),
     ("11, S4", "44, S4", "element 44 is not a solid element of this deck"),
     (

@@ -83,7 +83,9 @@ def test_shells_of_a_part(tmp_path):
 
 def test_an_unknown_set_is_still_refused(tmp_path):
     (tmp_path / "a.inp").write_text(MESH + "*NSET, NSET=N, ELSET=NONE\n")
-    with pytest.raises(ModelError, match=r"\*NSET in line 12: expected a number or a set out of"):
+    with pytest.raises(
+        ModelError, match=r"\*NSET in line 12: expected a number or one of the sets"
+    ):
         read_inp(tmp_path / "a.inp")
 
 
