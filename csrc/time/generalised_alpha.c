@@ -231,8 +231,8 @@ typedef struct {
     int n_halving;
 } last_step;
 
-/* Return the patterns for steps of length h, and prepare the compliance for it. Patterns of each
- * number of halvings are kept, because a step that has to be halved is seldom the only one. */
+/* Return the patterns for steps of length h, and prepare the compliance for it. There are patterns
+ * for each number of halvings: further steps often need the same one. */
 static const bd_time_patterns *use_length(bd_time *t, const bd_time_path *path, double h,
                                           int n_halving, last_step *last) {
     const double radius = path->spectral_radius;

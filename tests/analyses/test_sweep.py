@@ -620,13 +620,19 @@ class TestWarnings:
         assert bd.load(tmp_path / "curve.h5").warnings == (expected,)
 
 
-def found_at_all(height, known=True, rattles=""):
+def found_at_all(amplitude, known=True, rattles=""):
     """What the search at one preload comes to."""
     end = Ending() if known else Ending("incomplete", "why")
     # without folds no peak is followed from a lower preload
     curve = SimpleNamespace(folds=())
     return SimpleNamespace(
-        amplitude=height, known=known, rattles=rattles, ending=end, cost=Cost(), top=None, curve=curve
+        amplitude=amplitude,
+        known=known,
+        rattles=rattles,
+        ending=end,
+        cost=Cost(),
+        top=None,
+        curve=curve,
     )
 
 
