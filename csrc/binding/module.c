@@ -56,9 +56,36 @@ static int find_lapack(bd_lapack *lapack) {
     return 0;
 }
 #else
+/* Letter of an argument type: c, i or d for char *, int * or double *, and ? for others. SciPy has
+ * its own type for double, whose name in Cython ends in _d. */
+static char letter_of_argument(const char *type, size_t length) {
+    static const char prefix[] = "__pyx_t_5scipy_6linalg_", suffix[] = "_d *";
+    const size_t n_prefix = sizeof prefix - 1, n_suffix = sizeof suffix - 1;
+    if (strncmp(type, "char *", 6) == 0) return 'c';
+    if (strncmp(type, "int *", 5) == 0) return 'i';
+    if (strncmp(type, "double *", 8) == 0) return 'd';
+    if (strncmp(type, prefix, n_prefix) != 0) return '?';
+    return strncmp(type + length - n_suffix, suffix, n_suffix) == 0 ? 'd' : '?';
+}
+
+/* Letters of the arguments of a C signature, such as "void (char *, int *)". Arguments beyond the
+ * space for letters are left out. */
+static void letters_of_arguments(const char *signature, char *letters, size_t space) {
+    size_t n = 0;
+    const char *at = strchr(signature, '('); /* before an argument: '(' or ',' */
+    while (at && *at && *at != ')' && n + 1 < space) {
+        ++at;
+        while (*at == ' ') ++at;
+        const size_t length = strcspn(at, ",)");
+        letters[n++] = letter_of_argument(at, length);
+        at += length;
+    }
+    letters[n] = '\0';
+}
+
 /* Get one function of a SciPy Cython module. The name of the capsule is the C signature. It must
  * have the expected arguments with int integers, otherwise the call would corrupt memory. */
-static int find_function(PyObject *capi, const char *name, const char *pattern, void *target) {
+static int find_function(PyObject *capi, const char *name, const char *expected, void *function) {
     PyObject *capsule = PyDict_GetItemString(capi, name);
     const char *signature = capsule ? PyCapsule_GetName(capsule) : NULL;
     if (!signature) {
@@ -66,38 +93,20 @@ static int find_function(PyObject *capi, const char *name, const char *pattern, 
                      "bdamper needs %s from scipy.linalg, which this SciPy does not offer", name);
         return -1;
     }
-    char kinds[32];
-    size_t n = 0;
-    const char *p = strchr(signature, '(');
-    /* one letter for each argument: c, i, d or ? */
-    while (p && *p && *p != ')' && n + 1 < sizeof kinds) {
-        ++p;
-        while (*p == ' ') ++p;
-        const size_t span = strcspn(p, ",)");
-        if (strncmp(p, "char *", 6) == 0)
-            kinds[n++] = 'c';
-        else if (strncmp(p, "int *", 5) == 0)
-            kinds[n++] = 'i';
-        else if (strncmp(p, "double *", 8) == 0)
-            kinds[n++] = 'd';
-        else if (strncmp(p, "__pyx_t_5scipy_6linalg_", 23) == 0 && span > 4 &&
-                 strncmp(p + span - 4, "_d *", 4) == 0)
-            kinds[n++] = 'd';
-        else
-            kinds[n++] = '?';
-        p += span;
-    }
-    kinds[n] = '\0';
-    if (strncmp(signature, "void (", 6) != 0 || strcmp(kinds, pattern) != 0) {
+    char letters[32];
+    letters_of_arguments(signature, letters, sizeof letters);
+    const int returns_void = strncmp(signature, "void (", 6) == 0;
+    if (!returns_void || strcmp(letters, expected) != 0) {
         PyErr_Format(PyExc_ImportError,
                      "bdamper: %s of this SciPy has the signature '%s', expected arguments '%s' "
                      "(c: char*, i: int*, d: double*); build with -Dlapack=system instead",
-                     name, signature, pattern);
+                     name, signature, expected);
         return -1;
     }
     void *pointer = PyCapsule_GetPointer(capsule, signature);
     if (!pointer) return -1;
-    memcpy(target, &pointer, sizeof pointer);
+    /* C has no conversion from an object pointer to a function pointer */
+    memcpy(function, &pointer, sizeof pointer);
     return 0;
 }
 

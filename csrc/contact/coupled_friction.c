@@ -170,13 +170,21 @@ static void start_search(bd_coulomb_work *work, const bd_disk_point *centre, dou
     make_admissible(work, search->s);
 }
 
-/* F(s) = P(s) - s and P', from the period of a lane. */
-static void read_period(const bd_coupled_lanes *l, const bd_slider_search *search, int lane,
-                        double F[2], double dP[2][2]) {
+/* Motion F = P(s) - s of the slider over the latest period of a lane. */
+static void period_motion(const bd_coupled_lanes *l, const bd_slider_search *search, int lane,
+                          double F[2]) {
+    /* end and start of a slider that barely slips are nearly equal, so their difference would lose
+     * digits */
     const int barely_slips = search->centre.value < BARELY * search->size;
     for (int i = 0; i < 2; ++i) {
         const int at = i * BD_LANES + lane;
         F[i] = barely_slips ? l->net_motion[at] : l->end[at] - search->s[i];
+    }
+}
+
+/* Derivative P' of the slider at the end of the latest period with respect to its start. */
+static void period_derivative(const bd_coupled_lanes *l, int lane, double dP[2][2]) {
+    for (int i = 0; i < 2; ++i) {
         for (int j = 0; j < 2; ++j) dP[i][j] = l->period_derivative[(2 * i + j) * BD_LANES + lane];
     }
 }
@@ -186,7 +194,8 @@ static void next_guess(bd_coulomb_work *work, bd_slider_search *search, int lane
     const double size = search->size;
     double *s = search->s;
     double F[2], dP[2][2], step[2] = {0.0, 0.0};
-    read_period(&work->lanes, search, lane, F, dP);
+    period_motion(&work->lanes, search, lane, F);
+    period_derivative(&work->lanes, lane, dP);
     const double distance = bd_norm(F[0], F[1]);
     const int solved = bd_coulomb_solve_period(dP, F, step);
     const double length = solved ? bd_norm(step[0], step[1]) : INFINITY;

@@ -46,14 +46,16 @@ void bd_evaluator_destroy(bd_evaluator *evaluator) {
     evaluator->centred = NULL;
 }
 
-/* Replace the result of the contact evaluations by cubic springs. */
-static void cubic_springs(int n, const bd_element *element, const double *x, bd_response *out,
-                          bd_status_share *share, const bd_evaluator *evaluator) {
-    const size_t size = 3 * (size_t)bd_n_coef(evaluator->n_harm);
+/* Replace the results of the friction law at points with cubic springs. These neither stick, slip
+ * nor open, so their shares are zero. x (n, 3, n_coef) is the motion of n points. */
+static void replace_by_cubic_springs(int n, int n_harm, const bd_element *element, const double *x,
+                                     bd_response *out, bd_status_share *share) {
+    const size_t motion_size = 3 * (size_t)bd_n_coef(n_harm);
     for (int i = 0; i < n; ++i) {
         if (element[i].law != BD_LAW_CUBIC) continue;
-        bd_element_cubic(element + i, evaluator->n_harm, x + (size_t)i * size, out + i);
-        share[i] = (bd_status_share){{0.0, 0.0}, {0.0, 0.0}, 0.0};
+        const double *motion = x + (size_t)i * motion_size;
+        bd_element_cubic(&element[i], n_harm, motion, &out[i]);
+        share[i] = (bd_status_share){0};
     }
 }
 
@@ -88,7 +90,7 @@ void bd_contact_evaluate_many(int n, const bd_element *element, const double *x,
         for (int i = 0; i < n; ++i)
             bd_event_evaluate(centred + i, motion + (size_t)i * size, out + i, share + i,
                               &evaluator->event);
-        cubic_springs(n, element, x, out, share, evaluator);
+        replace_by_cubic_springs(n, evaluator->n_harm, element, x, out, share);
         return;
     }
 
@@ -97,7 +99,7 @@ void bd_contact_evaluate_many(int n, const bd_element *element, const double *x,
     for (int i = 0; i < n; ++i) has_coupled |= bd_law_is_coupled(element[i].law);
     evaluator->latest_is_coupled = has_coupled;
     if (has_coupled) bd_coulomb_evaluate(n, centred, motion, out, share, &evaluator->coulomb);
-    cubic_springs(n, element, x, out, share, evaluator);
+    replace_by_cubic_springs(n, evaluator->n_harm, element, x, out, share);
     for (int i = 0; i < n; ++i) {
         if (element[i].law != BD_LAW_USER) continue;
         const double *x_of_point = x + (size_t)i * size;
