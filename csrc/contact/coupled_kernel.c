@@ -38,25 +38,36 @@ BD_INLINE bd_mask to_int(bd_vec x) {
 }
 BD_INLINE bd_vec power_of_two(bd_mask i) { return bd_of_bits((i + bd_all_int(1023)) << 52); }
 
-/* 1 - exp(-x) for x >= 0 with full relative accuracy. */
+/* 1 - exp(-x) for x >= 0 with full relative accuracy, from x = k ln 2 - y:
+ *
+ *     1 - exp(-x) = (1 - 2^-k) - 2^-k (exp(y) - 1). */
 BD_INLINE bd_vec one_minus_exp(bd_vec x) {
-    x = bd_min(x, bd_all(700.0));
-    /* x = k ln 2 - y with ln 2 in two parts */
+    x = bd_min(x, bd_all(700.0)); /* beyond, the power of two would underflow */
+
+    /* ln 2 in two parts, of which the first one has trailing zeros: its product with k is exact */
     const bd_mask k = to_int(x * bd_all(1.0 / LN2));
-    const bd_vec y = bd_all(0.0) - ((x - to_double(k) * bd_all(6.93147180369123816490e-01)) -
-                                    to_double(k) * bd_all(1.90821492927058770002e-10));
-    /* exp(y) - 1 = y + y^2 sum */
+    const bd_vec by_first_part = x - to_double(k) * bd_all(6.93147180369123816490e-01);
+    const bd_vec remainder = by_first_part - to_double(k) * bd_all(1.90821492927058770002e-10);
+    const bd_vec y = bd_all(0.0) - remainder;
+
+    /* exp(y) - 1 = y + y^2 sum, with the sum of y^(n - 2)/n! up to n = 14 */
     bd_vec sum = bd_all(1.0 / 14.0);
     for (int n = 13; n >= 2; --n) sum = (bd_all(1.0) + y * sum) * bd_all(1.0 / n);
-    const bd_vec grown = y + y * y * sum;
-    const bd_vec share = power_of_two(bd_all_int(0) - k);
-    return (bd_all(1.0) - share) - share * grown;
+    const bd_vec exp_minus_one = y + y * y * sum;
+    const bd_vec power = power_of_two(bd_all_int(0) - k); /* 2^-k */
+    return (bd_all(1.0) - power) - power * exp_minus_one;
 }
 
 typedef struct {
     bd_vec L, L0, L1; /* int d tau/R and its derivatives with respect to R at both ends */
 } inverse_limit;
 
+/* L with S = R0 + near and z = (near - R0)/S, where near = R1/2^n lies within a factor of sqrt(2)
+ * from R0. There the series of atanh converges to double precision, and for n = 0 nothing is divided
+ * by the difference of the limits, which may vanish. In ln(R1/R0), the power of two counts n ln 2:
+ *
+ *     n = 0    L = 2 A/S,   A = atanh(z)/z,
+ *     other    L = ln(R1/R0)/(R1 - R0),   ln(R1/R0) = n ln 2 + 2 z A. */
 BD_INLINE inverse_limit mean_inverse(bd_vec R0, bd_vec R1, const int tangent) {
     const bd_vec one = bd_all(1.0), two = bd_all(2.0), zero = bd_all(0.0);
 
@@ -68,7 +79,7 @@ BD_INLINE inverse_limit mean_inverse(bd_vec R0, bd_vec R1, const int tangent) {
     const bd_vec S = R0 + near;
     const bd_vec z = (near - R0) / S;
 
-    /* A = atanh(z)/z */
+    /* A = sum z^(2k)/(2k + 1) */
     const bd_vec z2 = z * z;
     bd_vec A = bd_all(1.0 / 25.0);
     for (int k = 11; k >= 0; --k) A = bd_all(1.0 / (2 * k + 1)) + z2 * A;
@@ -78,7 +89,8 @@ BD_INLINE inverse_limit mean_inverse(bd_vec R0, bd_vec R1, const int tangent) {
     inverse_limit o = {.L = bd_select(same, two * A / S, by_logarithm), .L0 = zero, .L1 = zero};
     if (!tangent) return o;
 
-    /* B = A'(z)/z */
+    /* B = A'(z)/z = sum 2k z^(2k - 2)/(2k + 1). For n = 0, dS = dR_0 + dR_1 and S^2 dz =
+     * 2 (R_0 dR_1 - R_1 dR_0); for other n, L is a quotient */
     bd_vec B = bd_all(24.0 / 25.0);
     for (int k = 11; k >= 1; --k) B = bd_all(2.0 * k / (2 * k + 1)) + z2 * B;
     const bd_vec slope = bd_all(4.0) * z * B / (S * S * S);
@@ -92,6 +104,12 @@ BD_INLINE inverse_limit mean_inverse(bd_vec R0, bd_vec R1, const int tangent) {
 typedef struct {
     bd_vec s[2], ds[2], A[2][2], B0[2][2], B1[2][2], C0[2], C1[2];
 } step;
+
+/* Motion and load of a step, both linear in time. */
+typedef struct {
+    bd_vec p0[2], p1[2], dp[2];    /* displacement at both ends, and its change */
+    bd_vec g0, g1, R0, R1, dR, mu; /* load at both ends, friction limit and its change */
+} motion;
 
 /* Quantities of slip along the part D of the chord dp that do not depend on the slider if D is the
  * whole chord. */
@@ -109,11 +127,19 @@ BD_INLINE chord make_chord(const bd_vec *D, bd_vec R_e, bd_vec R1, const int tan
     return w;
 }
 
-/* Slip over the remainder 1 - tau of the step, from the force direction e on the edge R_e. */
-BD_INLINE void slip_step(step *o, const chord *w, const bd_vec *e, bd_vec tau, bd_vec R_e,
-                         bd_vec R1, bd_vec mu, const bd_vec *dp, const bd_vec *p1,
-                         const int tangent) {
+/* Slip over the remainder 1 - tau of the step, from the force direction e on the edge R_e:
+ *
+ *     s_1 = p_1 - R_1 e_1,   e_1 = alpha a + beta side,   side = e - c a.
+ *
+ * e_1 depends on e, on the chord D = |D| a and, by q = exp(-|D| L), on both limits. Its derivatives
+ * with respect to c = a.e and to q are
+ *
+ *     d alpha/dc = beta^2,                     d beta/dc = -2 q (1 - q^2)/den^2,
+ *     d alpha/dq = -4 q X Y/den^2,             d beta/dq = 2 alpha/den. */
+BD_INLINE void slip_step(step *o, const motion *m, const chord *w, const bd_vec *e, bd_vec tau,
+                         bd_vec R_e, const int tangent) {
     const bd_vec one = bd_all(1.0), two = bd_all(2.0), zero = bd_all(0.0);
+    const bd_vec *dp = m->dp, *p1 = m->p1, R1 = m->R1, mu = m->mu;
     const bd_vec remainder = one - tau;
     const bd_vec D[2] = {remainder * dp[0], remainder * dp[1]};
     const bd_vec length = w->length, *a = w->a;
@@ -132,7 +158,8 @@ BD_INLINE void slip_step(step *o, const chord *w, const bd_vec *e, bd_vec tau, b
         e1[i] = alpha * a[i] + beta * side[i];
     }
 
-    /* motion of the slider, without the difference of e_1 and e that nearly cancels */
+    /* motion of the slider, without the difference of e_1 and e that nearly cancels: e_1 - e with
+     * the common factor p = 1 - q */
     for (int i = 0; i < 2; ++i) {
         const bd_vec de =
             p * inverse * (X * Y * (one + q) * a[i] + (Y * (one + q) - two) * side[i]);
@@ -140,7 +167,7 @@ BD_INLINE void slip_step(step *o, const chord *w, const bd_vec *e, bd_vec tau, b
         o->s[i] = p1[i] - R1 * e1[i];
     }
 
-    /* derivatives of e_1 with respect to c, and to e */
+    /* V_c = de_1/dc and M_e = de_1/de */
     const bd_vec alpha_c = beta * beta;
     const bd_vec beta_c = zero - two * q * (one - q2) * inverse * inverse;
     bd_vec V_c[2], M_e[2][2];
@@ -148,7 +175,7 @@ BD_INLINE void slip_step(step *o, const chord *w, const bd_vec *e, bd_vec tau, b
         V_c[i] = a[i] * (alpha_c - beta) + side[i] * beta_c;
         for (int j = 0; j < 2; ++j) M_e[i][j] = V_c[i] * a[j] + (i == j ? beta : zero);
     }
-    /* A = R1 M_e (I - e e^T)/R_e */
+    /* A = R1 M_e (I - e e^T)/R_e: a change of the slider changes e only across e */
     const bd_vec scale = R1 / R_e;
     for (int i = 0; i < 2; ++i) {
         const bd_vec along = M_e[i][0] * e[0] + M_e[i][1] * e[1];
@@ -156,7 +183,7 @@ BD_INLINE void slip_step(step *o, const chord *w, const bd_vec *e, bd_vec tau, b
     }
     if (!tangent) return;
 
-    /* derivatives of e_1 with respect to q, both limits and the chord */
+    /* V_q = de_1/dq, m_e and m_1 = de_1/dR_e and de_1/dR_1 by q, M_D = R_1 de_1/dD */
     const bd_vec alpha_q = zero - bd_all(4.0) * q * X * Y * inverse * inverse;
     const bd_vec beta_q = two * alpha * inverse;
     for (int i = 0; i < 2; ++i) {
@@ -168,9 +195,11 @@ BD_INLINE void slip_step(step *o, const chord *w, const bd_vec *e, bd_vec tau, b
             const bd_vec across = same - a[i] * a[j];
             const bd_vec M_D = R1 * ((alpha - beta * c) * across / length +
                                      V_c[i] * side[j] / length - q * inv.L * V_q * a[j]);
+            /* the slip starts at remainder p_0 + tau p_1, and D = remainder (p_1 - p_0) */
             o->B0[i][j] = remainder * (M_D - o->A[i][j]);
             o->B1[i][j] = same - tau * o->A[i][j] - remainder * M_D;
         }
+        /* R_e = remainder R_0 + tau R_1, and R_1 also scales e_1 */
         o->C0[i] = zero - R1 * mu * m_e * remainder;
         o->C1[i] = zero - R1 * mu * (m_e * tau + m_1) - mu * e1[i];
     }
@@ -203,37 +232,45 @@ BD_INLINE chord load_chord(const bd_coupled_lanes *l, int at, const int tangent)
     return w;
 }
 
-/* Closing: the limit is zero until the part t of the step. */
-BD_INLINE void close_step(step *o, bd_mask *slipping, bd_mask closing, bd_vec t, bd_vec g0,
-                          bd_vec g1, bd_vec mu, bd_vec R1, const bd_vec *s, const bd_vec *dp,
-                          const bd_vec *p0, const bd_vec *p1, int interpolate, const int tangent) {
+/* Closing: the load and the limit are zero until the part t of the step. Up to there the slider
+ * moves with the surface, then it sticks or slips along the chord:
+ *
+ *     stick    s_1 = p_0 + t dp,    t = -g_0/dg,   dt = (g_0 dg_1 - g_1 dg_0)/dg^2,
+ *     slip     s_1 = p_1 - R_1 a,   a = dp/|dp|,   da = (I - a a^T) (dp_1 - dp_0)/|dp|.
+ *
+ * A load that is not interpolated acts from the start of the step, t = 0. Return the lanes that
+ * slip. */
+BD_INLINE bd_mask close_step(step *o, const motion *m, bd_mask closing, const bd_vec *s,
+                             int interpolate, const int tangent) {
     const bd_vec one = bd_all(1.0), zero = bd_all(0.0);
+    const bd_vec *dp = m->dp, R1 = m->R1;
+    const bd_vec dg = m->g1 - m->g0;
+    const bd_vec t = bd_all(interpolate ? -1.0 : 0.0) * m->g0 / dg;
     const bd_vec remainder = one - t;
-    const bd_vec chord = bd_root(dp[0] * dp[0] + dp[1] * dp[1]);
-    const bd_mask slips = closing & ~bd_at_least(R1, remainder * chord);
-    *slipping |= slips;
+    const bd_vec length = bd_root(dp[0] * dp[0] + dp[1] * dp[1]);
+    const bd_mask slips = closing & ~bd_at_least(R1, remainder * length);
 
-    const bd_vec inverse = one / bd_max(chord, bd_all(1e-300));
-    /* t = -g0/dg, if the loads are interpolated */
-    const bd_vec dg = g1 - g0;
+    const bd_vec inverse = one / bd_max(length, bd_all(1e-300));
     const bd_vec factor = bd_all(interpolate ? 1.0 : 0.0) / (dg * dg);
     for (int i = 0; i < 2; ++i) {
         const bd_vec a = dp[i] * inverse;
-        const bd_vec to = bd_select(slips, p1[i] - R1 * a, p0[i] + t * dp[i]);
-        choose(&o->s[i], closing, to);
-        choose(&o->ds[i], closing, to - s[i]);
+        const bd_vec slipped = m->p1[i] - R1 * a, stuck = m->p0[i] + t * dp[i];
+        const bd_vec s1 = bd_select(slips, slipped, stuck);
+        choose(&o->s[i], closing, s1);
+        choose(&o->ds[i], closing, s1 - s[i]);
         for (int j = 0; j < 2; ++j) {
-            choose(&o->A[i][j], closing, zero);
+            choose(&o->A[i][j], closing, zero); /* the former slider has no effect */
             if (!tangent) continue;
             const bd_vec same = i == j ? one : zero;
-            const bd_vec across = (same - a * dp[j] * inverse) * R1 * inverse;
-            choose(&o->B0[i][j], closing, bd_select(slips, across, remainder * same));
-            choose(&o->B1[i][j], closing, bd_select(slips, same - across, t * same));
+            const bd_vec turn = (same - a * dp[j] * inverse) * R1 * inverse; /* R_1 da_i/dp_1j */
+            choose(&o->B0[i][j], closing, bd_select(slips, turn, remainder * same));
+            choose(&o->B1[i][j], closing, bd_select(slips, same - turn, t * same));
         }
         if (!tangent) continue;
-        choose(&o->C0[i], closing, bd_select(slips, zero, zero - dp[i] * g1 * factor));
-        choose(&o->C1[i], closing, bd_select(slips, zero - mu * a, dp[i] * g0 * factor));
+        choose(&o->C0[i], closing, bd_select(slips, zero, zero - dp[i] * m->g1 * factor));
+        choose(&o->C1[i], closing, bd_select(slips, zero - m->mu * a, dp[i] * m->g0 * factor));
     }
+    return slips;
 }
 
 /* Opening: the slider moves with the surface. */
@@ -255,71 +292,107 @@ BD_INLINE void open_step(step *o, bd_mask open, const bd_vec *s, const bd_vec *p
     }
 }
 
-/* Part of the step after which T = p - s of size ``size`` leaves the disk: the root of |T + tau
- * dp|^2 = (R0 + tau dR)^2, without cancellation. ``edge``: T begins on the edge. */
-BD_INLINE bd_vec onset_of_slip(const bd_vec *dp, bd_vec along, bd_vec size, bd_vec R0, bd_vec dR,
-                               bd_mask edge) {
+/* Friction force T at the start of a step. */
+typedef struct {
+    bd_vec T[2], size, along; /* T, |T|, T . dp */
+    bd_mask edge;             /* whether T lies on the edge of the disk */
+} friction;
+
+BD_INLINE friction friction_at_start(const motion *m, const bd_vec *s) {
+    friction f;
+    for (int i = 0; i < 2; ++i) f.T[i] = m->p0[i] - s[i];
+    f.size = bd_root(f.T[0] * f.T[0] + f.T[1] * f.T[1]);
+    f.along = f.T[0] * m->dp[0] + f.T[1] * m->dp[1];
+    f.edge = bd_at_least(f.size, m->R0 * bd_all(1.0 - EDGE));
+    return f;
+}
+
+/* Whether T lies in the disk at the end of the step if the slider stays in place. */
+BD_INLINE bd_mask ends_inside(const motion *m, const bd_vec *s) {
+    const bd_vec T[2] = {m->p1[0] - s[0], m->p1[1] - s[1]};
+    return bd_at_least(m->R1, bd_root(T[0] * T[0] + T[1] * T[1]));
+}
+
+/* Part of the step after which T leaves the disk: the root of |T + tau dp|^2 = (R0 + tau dR)^2,
+ * that is a tau^2 + 2 b tau + c = 0, without cancellation. */
+BD_INLINE bd_vec onset_of_slip(const motion *m, const friction *f) {
     const bd_vec zero = bd_all(0.0);
+    const bd_vec *dp = m->dp, R0 = m->R0, dR = m->dR;
     const bd_vec a = dp[0] * dp[0] + dp[1] * dp[1] - dR * dR;
-    const bd_vec b = along - R0 * dR;
-    const bd_vec c = bd_select(edge, zero, (size - R0) * (size + R0));
+    const bd_vec b = f->along - R0 * dR;
+    const bd_vec c = bd_select(f->edge, zero, (f->size - R0) * (f->size + R0));
     const bd_vec h = bd_root(bd_max(b * b - a * c, zero));
     const bd_vec outward = bd_select(bd_above(b + h, zero), (zero - c) / (b + h), zero);
     return bd_select(bd_at_least(b, zero), outward, (h - b) / a);
 }
 
-/* Step from sample k0 to the next sample k1; the slider of a sticking lane does not change. */
+/* Slip over the whole step, along the chord that all_chords has prepared for sample k1. */
+BD_INLINE void slip_from_start(step *o, const motion *m, const friction *f,
+                               const bd_coupled_lanes *l, int at1, const int tangent) {
+    const bd_vec e[2] = {f->T[0] / f->size, f->T[1] / f->size};
+    const chord w = load_chord(l, at1, tangent);
+    slip_step(o, m, &w, e, bd_all(0.0), m->R0, tangent);
+}
+
+/* Slip after the instant tau at which T reaches the edge; lanes in `direct` slip from the start. */
+BD_INLINE void slip_after_stick(step *o, const motion *m, const friction *f, bd_mask direct,
+                                const int tangent) {
+    const bd_vec zero = bd_all(0.0), one = bd_all(1.0);
+    const bd_vec root = onset_of_slip(m, f);
+    const bd_vec tau = bd_select(direct, zero, bd_min(one, bd_max(zero, root)));
+    const bd_vec remainder = one - tau;
+    const bd_vec T_e[2] = {f->T[0] + tau * m->dp[0], f->T[1] + tau * m->dp[1]};
+    const bd_vec size = bd_root(T_e[0] * T_e[0] + T_e[1] * T_e[1]);
+    const bd_vec e[2] = {T_e[0] / size, T_e[1] / size};
+    const bd_vec R_e = m->R0 + tau * m->dR;
+    const bd_vec D[2] = {remainder * m->dp[0], remainder * m->dp[1]};
+    const chord w = make_chord(D, R_e, m->R1, tangent);
+    slip_step(o, m, &w, e, tau, R_e, tangent);
+}
+
+BD_INLINE motion load_motion(const bd_coupled_lanes *l, int at0, int at1, int lane) {
+    motion m;
+    m.p0[0] = bd_load(l->x + at0);
+    m.p0[1] = bd_load(l->y + at0);
+    m.p1[0] = bd_load(l->x + at1);
+    m.p1[1] = bd_load(l->y + at1);
+    for (int i = 0; i < 2; ++i) m.dp[i] = m.p1[i] - m.p0[i];
+    m.g0 = bd_load(l->g + at0);
+    m.g1 = bd_load(l->g + at1);
+    m.R0 = bd_load(l->R + at0);
+    m.R1 = bd_load(l->R + at1);
+    m.dR = m.R1 - m.R0;
+    m.mu = bd_load(l->mu + lane);
+    return m;
+}
+
+/* Step from sample k0 to the next sample k1. Return the lanes that slip; those in `sticks` keep
+ * their slider. */
 BD_INLINE bd_mask take_step(const bd_coupled_lanes *l, int k0, int k1, int v, const bd_vec *s,
                             step *o, bd_mask *sticks, const int tangent) {
-    const bd_vec zero = bd_all(0.0), one = bd_all(1.0);
-    const int at0 = k0 * BD_LANES + v * BD_WIDTH;
-    const int at1 = k1 * BD_LANES + v * BD_WIDTH;
-    const bd_vec p0[2] = {bd_load(l->x + at0), bd_load(l->y + at0)};
-    const bd_vec p1[2] = {bd_load(l->x + at1), bd_load(l->y + at1)};
-    const bd_vec dp[2] = {p1[0] - p0[0], p1[1] - p0[1]};
-    const bd_vec g0 = bd_load(l->g + at0), g1 = bd_load(l->g + at1);
-    const bd_vec R0 = bd_load(l->R + at0), R1 = bd_load(l->R + at1), dR = R1 - R0;
-    const bd_vec mu = bd_load(l->mu + v * BD_WIDTH);
+    const bd_vec zero = bd_all(0.0);
+    const int lane = v * BD_WIDTH;
+    const int at0 = k0 * BD_LANES + lane, at1 = k1 * BD_LANES + lane;
+    const motion m = load_motion(l, at0, at1, lane);
 
-    const bd_mask open = ~bd_above(g1, zero);
-    const bd_mask closing = ~open & ~bd_above(g0, zero);
+    const bd_mask open = ~bd_above(m.g1, zero);
+    const bd_mask closing = ~open & ~bd_above(m.g0, zero);
     const bd_mask contact = ~open & ~closing;
 
-    /* direct: T begins on the edge and moves outward; others slip if T ends outside */
-    const bd_vec T[2] = {p0[0] - s[0], p0[1] - s[1]};
-    const bd_vec size = bd_root(T[0] * T[0] + T[1] * T[1]);
-    const bd_mask edge = bd_at_least(size, R0 * bd_all(1.0 - EDGE));
-    const bd_vec along = T[0] * dp[0] + T[1] * dp[1];
-    const bd_mask direct = contact & edge & bd_above(along, size * dR);
-    const bd_vec end[2] = {p1[0] - s[0], p1[1] - s[1]};
-    const bd_mask inside = bd_at_least(R1, bd_root(end[0] * end[0] + end[1] * end[1]));
-    const bd_mask slips = direct | (contact & ~inside);
-    bd_mask slipping = slips;
+    /* slip begins at once if T moves outward from the edge, or later if T would end outside */
+    const friction start = friction_at_start(&m, s);
+    const bd_mask direct = contact & start.edge & bd_above(start.along, start.size * m.dR);
+    const bd_mask slips = direct | (contact & ~ends_inside(&m, s));
+    const bd_mask later = slips & ~direct;
     *sticks = contact & ~slips;
+    bd_mask slipping = slips;
 
-    if (bd_any(slips) && !bd_any(slips & ~direct)) {
-        /* every slipping lane slips over the whole chord, which all_chords has prepared */
-        const bd_vec e[2] = {T[0] / size, T[1] / size};
-        const chord w = load_chord(l, at1, tangent);
-        slip_step(o, &w, e, zero, R0, R1, mu, dp, p1, tangent);
-    } else if (bd_any(slips)) {
-        const bd_vec crossing = onset_of_slip(dp, along, size, R0, dR, edge);
-        const bd_vec tau = bd_select(direct, zero, bd_min(one, bd_max(zero, crossing)));
-        const bd_vec remainder = one - tau;
-        const bd_vec Te[2] = {T[0] + tau * dp[0], T[1] + tau * dp[1]};
-        const bd_vec size_e = bd_root(Te[0] * Te[0] + Te[1] * Te[1]);
-        const bd_vec e[2] = {Te[0] / size_e, Te[1] / size_e};
-        const bd_vec R_e = R0 + tau * dR;
-        const bd_vec D[2] = {remainder * dp[0], remainder * dp[1]};
-        const chord w = make_chord(D, R_e, R1, tangent);
-        slip_step(o, &w, e, tau, R_e, R1, mu, dp, p1, tangent);
-    }
-    if (bd_any(closing)) {
-        const bd_vec t = bd_all(l->interpolate ? -1.0 : 0.0) * g0 / (g1 - g0);
-        close_step(o, &slipping, closing, t, g0, g1, mu, R1, s, dp, p0, p1, l->interpolate,
-                   tangent);
-    }
-    if (bd_any(open)) open_step(o, open, s, p1, tangent);
+    if (bd_any(later))
+        slip_after_stick(o, &m, &start, direct, tangent);
+    else if (bd_any(slips))
+        slip_from_start(o, &m, &start, l, at1, tangent);
+    if (bd_any(closing)) slipping |= close_step(o, &m, closing, s, l->interpolate, tangent);
+    if (bd_any(open)) open_step(o, open, s, m.p1, tangent);
     return slipping;
 }
 

@@ -23,7 +23,10 @@
  *             a_i = (t . p_i')/(2 (e_i . p_i' - R_i')).
  *
  * This limit replaces the derivative while phi is so small that rounding
- * spoils the general formula. */
+ * spoils the general formula.
+ *
+ * A derivative is (2, n_col): rows of the slider, columns of u1, u2, v and of the slider at the start
+ * of the period. The last two columns stay zero here. */
 #include "contact/sticking_slider.h"
 
 #include <string.h>
@@ -33,7 +36,7 @@ static size_t n_columns(const bd_coulomb_work *work) {
     return 3 * (size_t)bd_n_coef(work->n_harm) + 2;
 }
 
-/* Direction and distance from the slider to the centre of a disk that determines it. */
+/* Direction e and distance from the slider to the centre of disk i of those that determine it. */
 static double direction(const bd_coulomb_work *work, const bd_disk_point *point, int i, double *e) {
     const int k = point->disk[i];
     const double x = work->x[k] - point->s[0];
@@ -44,7 +47,7 @@ static double direction(const bd_coulomb_work *work, const bd_disk_point *point,
     return distance;
 }
 
-/* Add the row of a . dp + b dR at sample k. */
+/* Add the row of a . dp + b dR at sample k: dp_d = kt_d du_d, dR = mu kn dv. */
 static void motion_row(const bd_coulomb_work *work, const bd_element *element, int k,
                        const double *a, double b, double *row) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
@@ -57,26 +60,39 @@ static void motion_row(const bd_coulomb_work *work, const bd_element *element, i
     }
 }
 
-/* Shares f_i of the n disks in the motion of the centre along d: dc_d = sum_i f_i (e_i . dp_i -
- * dR_i). */
+/* Row e . dp - dR (n_col): motion of the edge of the disk of sample k along e, at a fixed slider. */
+static void edge_motion(const bd_coulomb_work *work, const bd_element *element, int k,
+                        const double *e, double *row) {
+    memset(row, 0, sizeof(double) * n_columns(work));
+    motion_row(work, element, k, e, -1.0, row);
+}
+
+/* The n disks move the centre c along axis d by dc_d = sum_i f_i (e_i . dp_i - dR_i). The shares f_i
+ * follow from e_i . dc + d phi = e_i . dp_i - dR_i for all i:
+ *
+ *     two     e_2 = -e_1, and across e_1 the disks do not determine c: f_i = e_i,d/2.
+ *     three   Differences from the first equation eliminate phi. Cramer's rule gives f_2 and f_3,
+ *             and sum_i f_i = 0. */
 static void shares_of_disks(int n, double (*e)[2], size_t d, double *f) {
     for (int i = 0; i < 3; ++i) f[i] = 0.0;
     if (n == 2) {
         for (int i = 0; i < 2; ++i) f[i] = 0.5 * e[i][d];
     }
     if (n == 3) {
+        const size_t other = 1 - d;
         const double a[2] = {e[1][0] - e[0][0], e[1][1] - e[0][1]};
         const double b[2] = {e[2][0] - e[0][0], e[2][1] - e[0][1]};
         const double det = a[0] * b[1] - a[1] * b[0];
         const double sign = d == 0 ? 1.0 : -1.0;
-        f[1] = sign * b[1 - d] / det;
-        f[2] = -sign * a[1 - d] / det;
+        f[1] = sign * b[other] / det;
+        f[2] = -sign * a[other] / det;
         f[0] = -f[1] - f[2];
     }
 }
 
-/* Derivative (2, n_col) of the centre: e_i . dc + d phi = e_i . dp_i - dR_i. Across the line of two
- * centres, the point moves with the line. */
+/* Derivative (2, n_col) of the centre of the disks. Across the line of two centres, it moves with
+ * this line: the centre at a distance r_i moves it by r_j/(r_i + r_j). A single disk has its own
+ * centre. */
 static void derivative_of_centre(const bd_coulomb_work *work, const bd_element *element,
                                  const bd_disk_point *centre, double *D) {
     const size_t n_col = n_columns(work);
@@ -84,27 +100,30 @@ static void derivative_of_centre(const bd_coulomb_work *work, const bd_element *
     double e[3][2] = {{0.0}}, r[3] = {0.0};
     for (int i = 0; i < n; ++i) r[i] = direction(work, centre, i, e[i]);
 
-    /* dc_d = sum_i along_i . dp_i - f_i dR_i */
+    /* dc_d = sum_i a_i . dp_i - f_i dR_i */
     memset(D, 0, sizeof(double) * 2 * n_col);
     for (size_t d = 0; d < 2; ++d) {
         double f[3];
         shares_of_disks(n, e, d, f);
         for (int i = 0; i < n; ++i) {
-            double along[2];
+            double a[2];
             for (size_t c = 0; c < 2; ++c) {
                 const double same = c == d;
-                along[c] = f[i] * e[i][c];
-                if (n == 1) along[c] = same;
-                /* the nearer centre moves the point more */
-                if (n == 2) along[c] += r[1 - i] / (r[0] + r[1]) * (same - e[0][d] * e[0][c]);
+                a[c] = f[i] * e[i][c];
+                if (n == 1) a[c] = same;
+                if (n == 2) {
+                    const double across = same - e[0][d] * e[0][c]; /* entry of I - e e^T */
+                    a[c] += r[1 - i] / (r[0] + r[1]) * across;
+                }
             }
-            motion_row(work, element, centre->disk[i], along, -f[i], D + d * n_col);
+            motion_row(work, element, centre->disk[i], a, -f[i], D + d * n_col);
         }
     }
 }
 
-/* Derivative (2, n_col) of the slider that was shifted by a fraction of the line from w to the
- * centre, into disk k: ds = share dc + (c - w) d share,   e . ds = e . dp - dR. */
+/* Derivative (2, n_col) of the slider s = w + share (c - w) that was shifted from w towards the
+ * centre c, up to the edge of disk k: ds = share dc + (c - w) d share. It stays on this edge,
+ * e . ds = e . dp - dR, which determines d share. */
 static void derivative_of_shifted(bd_coulomb_work *work, const bd_element *element,
                                   const double *initial, const bd_disk_point *centre, double share,
                                   int k) {
@@ -117,116 +136,150 @@ static void derivative_of_shifted(bd_coulomb_work *work, const bd_element *eleme
 
     double *D = work->slider_derivative;
     derivative_of_centre(work, element, centre, D);
-    double *motion_of_edge = work->next_slider; /* e . dp - dR */
-    memset(motion_of_edge, 0, sizeof(double) * n_col);
-    motion_row(work, element, k, e, -1.0, motion_of_edge);
+    double *of_edge = work->next_slider;
+    edge_motion(work, element, k, e, of_edge);
 
-    const double speed = e[0] * line[0] + e[1] * line[1];
+    /* change of e . s with the share */
+    const double rate = e[0] * line[0] + e[1] * line[1];
     double *D0 = D, *D1 = D + n_col;
     for (size_t j = 0; j + 2 < n_col; ++j) {
         const double by_centre = share * (e[0] * D0[j] + e[1] * D1[j]);
-        const double d_share = (motion_of_edge[j] - by_centre) / speed;
+        const double d_share = (of_edge[j] - by_centre) / rate;
         D0[j] = share * D0[j] + line[0] * d_share;
         D1[j] = share * D1[j] + line[1] * d_share;
     }
 }
 
-/* Half the motion of a disk's centre across the slip direction per unit length of slip, in the last
- * part of the step that ends at its sample. */
+/* a_i of the onset with two disks, (t . p')/(2 (e . p' - R')): half the motion of a disk's centre
+ * across the slip direction e per length of slip, in the step that ends at the sample of the disk. */
 static double slip_turn(const bd_coulomb_work *work, const bd_disk_point *point, int i,
                         const double *e, const double *t) {
     const int k1 = point->disk[i];
     const int k0 = bd_coulomb_before(work, k1);
     const double dp[2] = {work->x[k1] - work->x[k0], work->y[k1] - work->y[k0]};
     const double dR = work->R[k1] - work->R[k0];
-    const double speed = e[0] * dp[0] + e[1] * dp[1] - dR;
+    const double slip = e[0] * dp[0] + e[1] * dp[1] - dR;
+    const double across = t[0] * dp[0] + t[1] * dp[1];
     /* otherwise the centre has stopped before */
-    const int slips = speed > 1e-6 * bd_norm(dp[0], dp[1]);
-    return slips ? 0.5 * (t[0] * dp[0] + t[1] * dp[1]) / speed : 0.0;
+    if (!(slip > 1e-6 * bd_norm(dp[0], dp[1]))) return 0.0;
+    return 0.5 * across / slip;
 }
 
-/* Add the row of t . D between two disks: the motion of both across the line of the centres. Each
- * counts with the distance of the other disk. */
+/* Add the row of t . D between two disks, which move the slider across the line of their centres:
+ *
+ *     t . D = sum_i (r_j t . dp_i - r_j a_i d delta)/(r_1 + r_2),   j the other disk.
+ *
+ * With delta = 2 phi and e_2 = -e_1, the sum of e_i . dp_i - dR_i over both disks is d delta. */
 static void row_across(bd_coulomb_work *work, const bd_element *element, const bd_disk_point *point,
                        double (*e)[2], const double *r, const double *t, double *row) {
-    const double turn =
-        slip_turn(work, point, 0, e[0], t) * r[1] + slip_turn(work, point, 1, e[1], t) * r[0];
+    const double a_first = slip_turn(work, point, 0, e[0], t);
+    const double a_second = slip_turn(work, point, 1, e[1], t);
+    const double turn = a_first * r[1] + a_second * r[0]; /* sum_i r_j a_i */
     const double distance = r[0] + r[1];
     for (int i = 0; i < 2; ++i) {
         const double share = r[1 - i];
-        const double a[2] = {(share * t[0] - turn * e[i][0]) / distance,
-                             (share * t[1] - turn * e[i][1]) / distance};
+        const double a[2] = {
+            (share * t[0] - turn * e[i][0]) / distance,
+            (share * t[1] - turn * e[i][1]) / distance,
+        };
         motion_row(work, element, point->disk[i], a, turn / distance, row);
     }
 }
 
+/* Set y = (I - e e^T) y: a slip along e sets this component of the slider. */
+static void project_across(const double *e, double y[2]) {
+    const double along = e[0] * y[0] + e[1] * y[1];
+    for (size_t d = 0; d < 2; ++d) y[d] -= e[d] * along;
+}
+
 /* Add to the derivatives D_i (3, 2, n_col) after three disks the part of D_0, which recurs after
- * them: D_i += M_i D_0 with D_0 = D_3. */
+ * them: D_i += M_i D_0 with M_i = (I - e_i e_i^T) M_{i-1} and D_0 = D_3, so (I - M_3) D_0 is the
+ * present D_3. */
 static void close_three_disks(double (*e)[2], size_t n_col, double *D) {
     double M[2][2] = {{1.0, 0.0}, {0.0, 1.0}};
-    for (size_t i = 0; i < 3; ++i)
+    for (size_t i = 0; i < 3; ++i) {
         for (size_t c = 0; c < 2; ++c) {
-            const double along = e[i][0] * M[0][c] + e[i][1] * M[1][c];
-            for (size_t d = 0; d < 2; ++d) M[d][c] -= e[i][d] * along;
+            double column[2] = {M[0][c], M[1][c]};
+            project_across(e[i], column);
+            for (size_t d = 0; d < 2; ++d) M[d][c] = column[d];
         }
+    }
 
     for (size_t j = 0; j + 2 < n_col; ++j) {
-        const double *last = D + 2 * 2 * n_col + j;
-        const double constant_part[2] = {last[0], last[n_col]};
+        const double *D_3 = D + 2 * 2 * n_col + j;
+        const double constant_part[2] = {D_3[0], D_3[n_col]};
         double y[2];
         if (!bd_coulomb_solve_period(M, constant_part, y)) continue;
         for (size_t i = 0; i < 3; ++i) {
-            const double along = e[i][0] * y[0] + e[i][1] * y[1];
-            for (size_t d = 0; d < 2; ++d) {
-                y[d] -= e[i][d] * along;
-                D[(2 * i + d) * n_col + j] += y[d];
-            }
+            project_across(e[i], y);
+            for (size_t d = 0; d < 2; ++d) D[(2 * i + d) * n_col + j] += y[d];
         }
     }
 }
 
-/* Derivatives (n, 2, n_col) of the slider after each of the disks that determine
- * it at the onset of slip. */
-static void derivative_of_onset(bd_coulomb_work *work, const bd_element *element,
-                                const bd_disk_point *point) {
-    const size_t n_col = n_columns(work), n = (size_t)point->n;
-    double *D = work->slider_sums;
-    memset(D, 0, sizeof(double) * n * 2 * n_col);
-    if (n == 1) { /* the load nearly vanishes: the slider follows the motion */
-        const double axes[2][2] = {{1.0, 0.0}, {0.0, 1.0}};
-        for (size_t d = 0; d < 2; ++d)
-            motion_row(work, element, point->disk[0], axes[d], 0.0, D + d * n_col);
-        return;
-    }
+/* One disk: the load nearly vanishes, and the slider follows the motion, ds = dp. */
+static void onset_of_one(const bd_coulomb_work *work, const bd_element *element,
+                         const bd_disk_point *point, double *D) {
+    const double axes[2][2] = {{1.0, 0.0}, {0.0, 1.0}};
+    for (size_t d = 0; d < 2; ++d)
+        motion_row(work, element, point->disk[0], axes[d], 0.0, D + d * n_columns(work));
+}
 
-    double e[3][2] = {{0.0}}, r[3] = {0.0};
-    for (int i = 0; i < point->n; ++i) r[i] = direction(work, point, i, e[i]);
+/* Two disks: D_i = e_i (e_i . dp_i - dR_i) + t (t . D). */
+static void onset_of_two(bd_coulomb_work *work, const bd_element *element,
+                         const bd_disk_point *point, double (*e)[2], const double *r, double *D) {
+    const size_t n_col = n_columns(work);
     const double t[2] = {-e[0][1], e[0][0]};
-    double *across = work->slider_derivative;
+    double *across = work->slider_derivative, *of_edge = work->next_slider;
     memset(across, 0, sizeof(double) * n_col);
-    if (n == 2) row_across(work, element, point, e, r, t, across);
+    row_across(work, element, point, e, r, t, across);
+    for (size_t i = 0; i < 2; ++i) {
+        edge_motion(work, element, point->disk[i], e[i], of_edge);
+        for (size_t d = 0; d < 2; ++d) {
+            double *row = D + (2 * i + d) * n_col;
+            for (size_t j = 0; j + 2 < n_col; ++j) row[j] = e[i][d] * of_edge[j] + t[d] * across[j];
+        }
+    }
+}
 
-    /* for three disks D_0 = 0 leaves their constant part in D_3 */
-    double *motion_of_edge = work->next_slider; /* e_i . dp_i - dR_i */
-    for (size_t i = 0; i < n; ++i) {
-        const double *before = i > 0 ? D + (i - 1) * 2 * n_col : NULL;
-        double *now = D + i * 2 * n_col;
-        memset(motion_of_edge, 0, sizeof(double) * n_col);
-        motion_row(work, element, point->disk[i], e[i], -1.0, motion_of_edge);
-        for (size_t d = 0; d < 2; ++d)
+/* Three disks: D_i = (I - e_i e_i^T) D_{i-1} + e_i (e_i . dp_i - dR_i), all around. The first pass
+ * begins with D_0 = 0 and gives the part that does not depend on D_0. */
+static void onset_of_three(bd_coulomb_work *work, const bd_element *element,
+                           const bd_disk_point *point, double (*e)[2], double *D) {
+    const size_t n_col = n_columns(work);
+    double *of_edge = work->next_slider;
+    for (size_t i = 0; i < 3; ++i) {
+        edge_motion(work, element, point->disk[i], e[i], of_edge);
+        const double *before = i > 0 ? D + 2 * (i - 1) * n_col : NULL;
+        double *now = D + 2 * i * n_col;
+        for (size_t d = 0; d < 2; ++d) {
             for (size_t j = 0; j + 2 < n_col; ++j) {
                 double along = 0.0;
-                if (n == 3 && before) along = e[i][0] * before[j] + e[i][1] * before[n_col + j];
-                now[d * n_col + j] = e[i][d] * (motion_of_edge[j] - along);
-                if (n == 2) now[d * n_col + j] += t[d] * across[j];
-                if (n == 3 && before) now[d * n_col + j] += before[d * n_col + j];
+                if (before) along = e[i][0] * before[j] + e[i][1] * before[n_col + j];
+                now[d * n_col + j] = e[i][d] * (of_edge[j] - along);
+                if (before) now[d * n_col + j] += before[d * n_col + j];
             }
+        }
     }
-    if (n == 3) close_three_disks(e, n_col, D);
+    close_three_disks(e, n_col, D);
+}
+
+/* Derivatives (n, 2, n_col) of the slider after each of the disks that determine it at the onset of
+ * slip; their equations are at the head of the file. */
+static void derivative_of_onset(bd_coulomb_work *work, const bd_element *element,
+                                const bd_disk_point *point) {
+    double *D = work->slider_sums;
+    memset(D, 0, sizeof(double) * (size_t)point->n * 2 * n_columns(work));
+    double e[3][2] = {{0.0}}, r[3] = {0.0};
+    for (int i = 0; i < point->n; ++i) r[i] = direction(work, point, i, e[i]);
+    if (point->n == 1) onset_of_one(work, element, point, D);
+    if (point->n == 2) onset_of_two(work, element, point, e, r, D);
+    if (point->n == 3) onset_of_three(work, element, point, e, D);
 }
 
 /* Sums of the basis over the samples after each of the disks that determine the slider, as factors
- * of the force. */
+ * of the harmonic coefficients of the force: weight 1/n for the mean, 2/n for the others. The
+ * samples before the first disk follow the last one of the previous period. */
 static void basis_sums_of_onset(const bd_coulomb_work *work, const bd_disk_point *point,
                                 double *share) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
@@ -242,14 +295,19 @@ static void basis_sums_of_onset(const bd_coulomb_work *work, const bd_disk_point
     }
 }
 
-/* Tangent of T = p - s for a slider that does not move, but whose derivative D (n_part, 2, n_col)
- * changes from part to part of the cycle. */
+/* Tangent of T_d = p_d - s_d for a slider that does not move, but whose derivative D (n_part, 2,
+ * n_col) changes from part to part of the cycle. The displacement gives kt_d on the diagonal of
+ * dT_d/du_d; each part of the cycle subtracts its share of the slider. */
 static void write_tangent_parts(const bd_coulomb_work *work, const bd_element *element, int n_part,
                                 const double *D, const double *share, bd_response *out) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = n_columns(work);
-    for (size_t d = 0; d < 2; ++d)
+    for (size_t d = 0; d < 2; ++d) {
+        double *of_motion[3]; /* blocks of u1, u2, v */
+        of_motion[d] = out->dT[d];
+        of_motion[1 - d] = out->dTc[d];
+        of_motion[2] = out->dTv[d];
         for (size_t c = 0; c < 3; ++c) {
-            double *block = c == 2 ? out->dTv[d] : c == d ? out->dT[d] : out->dTc[d];
+            double *block = of_motion[c];
             memset(block, 0, sizeof(double) * n_coef * n_coef);
             if (c == d) {
                 for (size_t i = 0; i < n_coef; ++i) block[i * n_coef + i] = element->kt[d];
@@ -261,6 +319,7 @@ static void write_tangent_parts(const bd_coulomb_work *work, const bd_element *e
                     for (size_t j = 0; j < n_coef; ++j) block[i * n_coef + j] -= sum[i] * ds[j];
             }
         }
+    }
     for (int d = 0; d < 2; ++d) {
         out->tangential[d] = BD_BLOCK_FULL;
         out->with_normal[d] = 1;
@@ -268,17 +327,22 @@ static void write_tangent_parts(const bd_coulomb_work *work, const bd_element *e
     out->coupled = 1;
 }
 
+/* Put the disks that determine a point in the order of time. */
+static void sort_disks(bd_disk_point *point) {
+    for (int i = 0; i < point->n; ++i) {
+        for (int j = i + 1; j < point->n; ++j) {
+            if (point->disk[j] >= point->disk[i]) continue;
+            const int later = point->disk[i];
+            point->disk[i] = point->disk[j];
+            point->disk[j] = later;
+        }
+    }
+}
+
 void bd_sticking_write_onset(bd_coulomb_work *work, const bd_element *element,
                              const bd_disk_point *found, bd_response *out) {
-    /* disks in the order of time */
     bd_disk_point point = *found;
-    for (int i = 0; i < point.n; ++i)
-        for (int j = i + 1; j < point.n; ++j)
-            if (point.disk[j] < point.disk[i]) {
-                const int later = point.disk[i];
-                point.disk[i] = point.disk[j];
-                point.disk[j] = later;
-            }
+    sort_disks(&point);
     derivative_of_onset(work, element, &point);
     basis_sums_of_onset(work, &point, work->products);
     write_tangent_parts(work, element, point.n, work->slider_sums, work->products, out);
