@@ -54,7 +54,8 @@ BD_INLINE void tile(const int n_rows, const int n_vec, size_t i, size_t k, const
     }
 }
 
-/* All rows of the columns of one tile. */
+/* All rows of the columns of one tile; the last ones in smaller tiles of constant sizes, whose sums
+ * stay in registers. */
 BD_INLINE void strip(const int n_vec, size_t m, size_t k, const left_factor f, const double *B,
                      size_t stride_b, double *C, size_t stride_c, size_t n_columns) {
     size_t i = 0;
@@ -71,6 +72,7 @@ BD_INLINE void strip(const int n_vec, size_t m, size_t k, const left_factor f, c
     if (m - i == 1) tile(1, n_vec, i, k, f, B, stride_b, C, stride_c, n_columns);
 }
 
+/* C (m, n) += alpha A B, in strips of three vectors and a narrower last one. */
 BD_INLINE void all_strips(size_t m, size_t n, size_t k, const left_factor f, const double *B,
                           size_t stride_b, double *C, size_t stride_c) {
     if (k == 0) return;
@@ -110,36 +112,48 @@ static void exchange(int n, double *a, double *b, int stride) {
     }
 }
 
-/* Eliminate b columns of A from `first` by Gauss and Jordan. P (b, stride) holds these
- * columns; pivoting exchanges whole rows of A. Return the sign of the determinant, 0 if a
- * pivot is zero or infinite. */
+/* Row of the largest entry of a column in row k or below. */
+static int pivot_row(int n, int k, const double *column) {
+    int p = k;
+    for (int i = k + 1; i < n; ++i)
+        if (fabs(column[i]) > fabs(column[p])) p = i;
+    return p;
+}
+
+/* Eliminate b columns of A from `first` by Gauss and Jordan. P (b, stride) holds these columns;
+ * pivoting exchanges whole rows of A. For the pivot d of row p and column k,
+ *
+ *     row p       a_pj / d  in each other column j,
+ *     others      a_ij - a_ik (a_pj / d),
+ *     column k    -a_ik / d,  and 1/d in row p.
+ *
+ * Rows p and k are exchanged. Return the sign of the determinant, 0 if a pivot is zero or
+ * infinite. */
 static int eliminate_columns(int n, int first, int b, double *P, int stride, double *A,
                              int *pivot) {
     int sign = 1;
     for (int k = first; k < first + b; ++k) {
         double *column = P + (k - first) * stride;
-        int p = k;
-        for (int i = k + 1; i < n; ++i)
-            if (fabs(column[i]) > fabs(column[p])) p = i;
+        const int p = pivot_row(n, k, column);
+        const double d = column[p];
         pivot[k] = p;
-        const double largest = column[p];
-        if (!(fabs(largest) > 0.0) || isinf(largest)) return 0;
+        if (!(fabs(d) > 0.0) || isinf(d)) return 0;
         /* an exchange of rows changes the sign, and a negative pivot too */
         const int exchanged = p != k;
-        if ((largest < 0.0) != exchanged) sign = -sign;
+        if ((d < 0.0) != exchanged) sign = -sign;
         if (exchanged) exchange(n, A + p * n, A + k * n, 1);
 
         for (double *other = P; other < P + b * stride; other += stride) {
             if (other == column) continue;
-            const double factor = other[p] / largest;
+            const double factor = other[p] / d;
             for (int i = 0; i < n; i += BD_WIDTH)
                 bd_store(other + i, bd_load(other + i) - factor * bd_load(column + i));
             other[p] = other[k];
             other[k] = factor;
         }
-        for (int i = 0; i < n; i += BD_WIDTH) bd_store(column + i, bd_load(column + i) / -largest);
+        for (int i = 0; i < n; i += BD_WIDTH) bd_store(column + i, bd_load(column + i) / -d);
         column[p] = column[k];
-        column[k] = 1.0 / largest;
+        column[k] = 1.0 / d;
     }
     return sign;
 }
@@ -238,14 +252,15 @@ static void fill_rows(const bd_fill *f) {
 
 /* ---- matrix times vector ---- */
 
+/* a.x, with independent sums over alternate vectors. */
 BD_INLINE double dot(size_t n, const double *a, const double *x) {
-    bd_vec s0 = bd_all(0.0), s1 = bd_all(0.0);
+    bd_vec even = bd_all(0.0), odd = bd_all(0.0);
     size_t j = 0;
     for (; j + 2 * BD_WIDTH <= n; j += 2 * BD_WIDTH) {
-        s0 += bd_load(a + j) * bd_load(x + j);
-        s1 += bd_load(a + j + BD_WIDTH) * bd_load(x + j + BD_WIDTH);
+        even += bd_load(a + j) * bd_load(x + j);
+        odd += bd_load(a + j + BD_WIDTH) * bd_load(x + j + BD_WIDTH);
     }
-    double sum = bd_sum(s0 + s1);
+    double sum = bd_sum(even + odd);
     for (; j < n; ++j) sum += a[j] * x[j];
     return sum;
 }
@@ -281,10 +296,12 @@ BD_INLINE void dots(const int n_rows, size_t n, const double *A, const double *x
 static void multiply(size_t rows, size_t columns, const double *A, const double *x, double *y) {
     size_t i = 0;
     if (columns >= BD_WIDTH) {
-        double end[BD_WIDTH];
-        for (size_t j = 0; j < BD_WIDTH; ++j)
-            end[j] = j + columns % BD_WIDTH < BD_WIDTH ? 0.0 : x[columns - BD_WIDTH + j];
-        for (; i + 4 <= rows; i += 4) dots(4, columns, A + i * columns, x, bd_load(end), y + i);
+        /* the last vector of x, with zeros for entries that full vectors have covered */
+        const size_t n_covered = BD_WIDTH - columns % BD_WIDTH;
+        const double *end = x + columns - BD_WIDTH;
+        double last[BD_WIDTH];
+        for (size_t j = 0; j < BD_WIDTH; ++j) last[j] = j < n_covered ? 0.0 : end[j];
+        for (; i + 4 <= rows; i += 4) dots(4, columns, A + i * columns, x, bd_load(last), y + i);
     }
     for (; i < rows; ++i) y[i] = dot(columns, A + i * columns, x);
 }
@@ -297,6 +314,8 @@ static void multiply_pairs(size_t pairs, size_t columns, const double *A, const 
     }
 }
 
+/* Add A^T x to the entries of y in n_vec vectors, which stay in registers; A begins at their first
+ * column. */
 BD_INLINE void add_columns(const int n_vec, size_t rows, size_t columns, const double *A,
                            const double *x, double *y) {
     bd_vec sum[4];
@@ -315,9 +334,10 @@ static void multiply_transposed(size_t rows, size_t columns, const double *A, co
     for (; j + 4 * BD_WIDTH <= columns; j += 4 * BD_WIDTH)
         add_columns(4, rows, columns, A + j, x, y + j);
     for (; j + BD_WIDTH <= columns; j += BD_WIDTH) add_columns(1, rows, columns, A + j, x, y + j);
-    if (j < columns)
-        for (size_t i = 0; i < rows; ++i)
-            for (size_t c = j; c < columns; ++c) y[c] += x[i] * A[i * columns + c];
+    if (j == columns) return;
+    /* fewer columns than a vector has entries */
+    for (size_t i = 0; i < rows; ++i)
+        for (size_t c = j; c < columns; ++c) y[c] += x[i] * A[i * columns + c];
 }
 
 /* ---- values on the grid of the root finder ---- */
@@ -326,19 +346,21 @@ enum { GRID_VECTORS = 16 / BD_WIDTH };
 
 static void grid_values(int n_coef, int n_time, const double *basis, int n_poly, const double *x,
                         double *value) {
-    for (int q = 0; q < n_poly; ++q)
+    for (int q = 0; q < n_poly; ++q) {
+        const double *coefficient = x + (size_t)q * (size_t)n_coef;
+        double *values = value + (size_t)q * (size_t)n_time;
         for (int k = 0; k < n_time; k += 16) {
-            const double *xq = x + (size_t)q * (size_t)n_coef;
             bd_vec sum[GRID_VECTORS];
-            for (int v = 0; v < GRID_VECTORS; ++v) sum[v] = bd_all(xq[0]);
+            /* the first function of the basis is 1 */
+            for (int v = 0; v < GRID_VECTORS; ++v) sum[v] = bd_all(coefficient[0]);
             for (int i = 1; i < n_coef; ++i) {
                 const double *b = basis + (size_t)i * (size_t)n_time + k;
-                const bd_vec xi = bd_all(xq[i]);
-                for (int v = 0; v < GRID_VECTORS; ++v) sum[v] += xi * bd_load(b + v * BD_WIDTH);
+                const bd_vec c = bd_all(coefficient[i]);
+                for (int v = 0; v < GRID_VECTORS; ++v) sum[v] += c * bd_load(b + v * BD_WIDTH);
             }
-            double *to = value + (size_t)q * (size_t)n_time + k;
-            for (int v = 0; v < GRID_VECTORS; ++v) bd_store(to + v * BD_WIDTH, sum[v]);
+            for (int v = 0; v < GRID_VECTORS; ++v) bd_store(values + k + v * BD_WIDTH, sum[v]);
         }
+    }
 }
 
 /* Largest a - r b and smallest a + r b of n entries. */
@@ -347,10 +369,10 @@ static void bounds(int n, double r, const double *a, const double *b, double *la
     bd_vec most = bd_load(a) - r * bd_load(b);
     bd_vec least = bd_load(a) + r * bd_load(b);
     for (int k = BD_WIDTH; k < n; k += BD_WIDTH) {
-        const bd_vec lo = bd_load(a + k) - r * bd_load(b + k);
-        const bd_vec hi = bd_load(a + k) + r * bd_load(b + k);
-        most = bd_select(bd_above(lo, most), lo, most);
-        least = bd_select(bd_above(least, hi), hi, least);
+        const bd_vec difference = bd_load(a + k) - r * bd_load(b + k);
+        const bd_vec sum = bd_load(a + k) + r * bd_load(b + k);
+        most = bd_select(bd_above(difference, most), difference, most);
+        least = bd_select(bd_above(least, sum), sum, least);
     }
     *largest = bd_entry(most, 0);
     *smallest = bd_entry(least, 0);
