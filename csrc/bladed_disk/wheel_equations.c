@@ -28,7 +28,8 @@ static void multiply(const bd_wheel *w, int m, int n, int k, const double *A, in
 }
 
 /* Coefficient c belongs to the mean (0), a cosine (1) or a sine (-1). The other coefficient of its
- * harmonic is c + phase(c). */
+ * harmonic is c + phase(c). The phase is also the sign of damping, i l omega C (a - i b): the
+ * equations of the cosine a have l omega C b, and the equations of the sine b have -l omega C a. */
 static int phase(int c) {
     if (c == 0) return 0;
     return c % 2 ? 1 : -1;
@@ -64,44 +65,69 @@ static void copy_blades(const bd_wheel *w, const double *x, double *blade) {
 
 /* ---- disk and damping ---- */
 
+/* Real and imaginary part of an array. */
+typedef struct {
+    const double *re, *im;
+} complex_input;
+
+typedef struct {
+    double *re, *im;
+} complex_array;
+
 /* y += A x, complex; A stored as in bd_waves. */
-static void add_complex(int n, const double *A, const double *re, const double *im,
-                        double *restrict y, double *restrict y_imaginary) {
-    const double *B = A + (size_t)n * (size_t)n;
+static void add_complex(int n, const double *A, complex_input x, complex_array y) {
+    const double *A_imaginary = A + (size_t)n * (size_t)n;
+    double *restrict y_re = y.re, *restrict y_im = y.im;
     for (int j = 0; j < n; ++j) {
-        const double *a = A + (size_t)(j * n), *b = B + (size_t)(j * n);
-        const double x = re[j], z = im[j];
+        const double *re = A + (size_t)(j * n), *im = A_imaginary + (size_t)(j * n);
+        const double x_re = x.re[j], x_im = x.im[j];
         for (int i = 0; i < n; ++i) {
-            y[i] += a[i] * x - b[i] * z;
-            y_imaginary[i] += a[i] * z + b[i] * x;
+            y_re[i] += re[i] * x_re - im[i] * x_im;
+            y_im[i] += re[i] * x_im + im[i] * x_re;
         }
     }
 }
 
-/* One wave of one coefficient of harmonic l: K x - (l omega)^2 M x + l omega C x'. The other
- * coefficient is x'. x holds the real and imaginary parts of both. lin holds those of the product,
- * and rate those of its derivative with respect to omega; t is work (6, n_blade). */
-static void wave_product(const bd_wheel *w, const bd_waves *waves, int d, int l, double omega,
-                         double sense, const double *x[4], double *lin[2], double *rate[2],
-                         double *t) {
-    const int nb = w->input.n_blade, nr = w->input.n_root, root = nb - nr;
-    const size_t root_wave = (size_t)(2 * d * nr * nr), blade_wave = (size_t)(2 * d * nb * nb);
-    const double f = l * omega;
-    double *K[2] = {t, t + nb}, *M[2] = {t + 2 * nb, t + 3 * nb}, *C[2] = {t + 4 * nb, t + 5 * nb};
-    memset(t, 0, sizeof(double) * 6 * (size_t)nb);
+/* A wave: nodal diameter, harmonic, frequency, and the sign of the damping, see phase(). */
+typedef struct {
+    int diameter, harmonic;
+    double omega, sign;
+} wave_terms;
+
+/* One coefficient x of a wave of harmonic l, whose other coefficient is x':
+ * lin = K x - (l omega)^2 M x + sign l omega C x', and rate, its derivative with respect to omega,
+ * unless rate.re is NULL. work is (6, n_blade). */
+static void wave_product(const bd_wheel *w, const bd_waves *waves, wave_terms wave, complex_input x,
+                         complex_input x_other, complex_array lin, complex_array rate,
+                         double *work) {
+    const int nb = w->input.n_blade, nr = w->input.n_root;
+    const int d = wave.diameter, l = wave.harmonic;
+    const double f = l * wave.omega, sign = wave.sign;
+    const size_t root_matrix = (size_t)(2 * d * nr * nr), blade_matrix = (size_t)(2 * d * nb * nb);
+    double *Kx[2] = {work, work + nb};
+    double *Mx[2] = {work + 2 * nb, work + 3 * nb};
+    double *Cx[2] = {work + 4 * nb, work + 5 * nb}; /* C x' */
+    memset(work, 0, sizeof(double) * 6 * (size_t)nb);
 
     /* stiffness and mass of the disk act on the root, the last coordinates of a blade */
-    const double *x_root[2] = {x[0] + root, x[1] + root};
-    add_complex(nr, waves->stiffness + root_wave, x_root[0], x_root[1], K[0] + root, K[1] + root);
+    const int root = nb - nr;
+    const complex_input x_root = {x.re + root, x.im + root};
+    const complex_array K_root = {Kx[0] + root, Kx[1] + root};
+    add_complex(nr, waves->stiffness + root_matrix, x_root, K_root);
     if (l > 0) {
-        add_complex(nr, waves->mass + root_wave, x_root[0], x_root[1], M[0] + root, M[1] + root);
-        add_complex(nb, waves->damping + blade_wave, x[2], x[3], C[0], C[1]);
+        const complex_array M_root = {Mx[0] + root, Mx[1] + root};
+        const complex_array C_blade = {Cx[0], Cx[1]};
+        add_complex(nr, waves->mass + root_matrix, x_root, M_root);
+        add_complex(nb, waves->damping + blade_matrix, x_other, C_blade);
     }
+
+    double *to_lin[2] = {lin.re, lin.im}, *to_rate[2] = {rate.re, rate.im};
     for (int part = 0; part < 2; ++part) {
-        const double *k = K[part], *m = M[part], *c = C[part];
-        for (int i = 0; i < nb; ++i) lin[part][i] = k[i] - f * f * m[i] + sense * f * c[i];
-        if (!rate) continue;
-        for (int i = 0; i < nb; ++i) rate[part][i] = sense * l * c[i] - 2.0 * l * f * m[i];
+        const double *k = Kx[part], *m = Mx[part], *c = Cx[part];
+        double *of_lin = to_lin[part], *of_rate = to_rate[part];
+        for (int i = 0; i < nb; ++i) of_lin[i] = k[i] - f * f * m[i] + sign * f * c[i];
+        if (!of_rate) continue;
+        for (int i = 0; i < nb; ++i) of_rate[i] = sign * l * c[i] - 2.0 * l * f * m[i];
     }
 }
 
@@ -119,32 +145,58 @@ static void add_sum_of_waves(bd_wheel *w, const double *wave, double *to) {
     }
 }
 
+/* The nodal diameters d and N - d are conjugate, and only d <= N/2 is stored. Its weight in a mean
+ * over all N waves is 2/N, and 1/N for the waves 0 and N/2, which are their own conjugates. */
+static double weight_of_wave(int d, int n_sector) {
+    const int is_real = d == 0 || 2 * d == n_sector;
+    return (is_real ? 1.0 : 2.0) / n_sector;
+}
+
+/* Products of all coefficients of the waves of nodal diameter d; see wave_product. Arrays are
+ * (2, n_wave, n_coef, n_blade): real and imaginary parts. */
+static void products_of_diameter(const bd_wheel *w, const bd_waves *waves, int d, double omega,
+                                 int transposed, const double *x, double *lin, double *rate,
+                                 double *work) {
+    const int nb = w->input.n_blade, nc = w->n_coef;
+    const size_t imaginary = (size_t)(w->n_wave * nc * nb);
+    for (int c = 0; c < nc; ++c) {
+        if (!w->input.active[c]) continue;
+        const size_t own = (size_t)((d * nc + c) * nb);
+        const size_t other = (size_t)((d * nc + c + phase(c)) * nb);
+        const complex_input x_own = {x + own, x + imaginary + own};
+        const complex_input x_other = {x + other, x + imaginary + other};
+        const complex_array to = {lin + own, lin + imaginary + own};
+        complex_array to_rate = {NULL, NULL};
+        if (rate) to_rate = (complex_array){rate + own, rate + imaginary + own};
+        const wave_terms wave = {
+            .diameter = d,
+            .harmonic = (c + 1) / 2,
+            .omega = omega,
+            .sign = transposed ? -phase(c) : phase(c),
+        };
+        wave_product(w, waves, wave, x_own, x_other, to, to_rate, work);
+    }
+}
+
 /* out (a vector) += circulant part times the blade coordinates; the derivative with respect to
  * omega is added to `by`, unless NULL. Optionally with the transposed matrix. */
 void bd_wheel_add_waves(bd_wheel *w, const bd_waves *waves, double omega, int transposed,
                         const double *blade, double *out, double *by) {
-    const int N = w->input.n_sector, D = w->n_wave, nb = w->input.n_blade, nc = w->n_coef;
-    const int m = nc * nb; /* numbers of one wave */
-    const size_t part_size = (size_t)(D * m);
-    double *in = w->wave_work; /* (2, D, m): real and imaginary parts, as lin and rate */
-    double *lin = in + 2 * part_size, *rate = lin + 2 * part_size, *t = rate + 2 * part_size;
+    const int N = w->input.n_sector, D = w->n_wave, m = w->n_coef * w->input.n_blade;
+    const size_t part_size = (size_t)(D * m); /* real or imaginary part of all waves */
+    double *in = w->wave_work;
+    double *lin = in + 2 * part_size, *rate = lin + 2 * part_size, *work = rate + 2 * part_size;
+
+    /* Fourier transform over the sectors */
     multiply(w, D, m, N, w->cosine, N, blade, m, 0, in, m);
     multiply(w, D, m, N, w->sine, N, blade, m, 0, in + part_size, m);
+
+    /* coefficients that are not active stay zero */
     memset(lin, 0, sizeof(double) * 4 * part_size);
     for (int d = 0; d < D; ++d) {
-        const int is_real = d == 0 || 2 * d == N;
-        const double weight = (is_real ? 1.0 : 2.0) / N;
+        products_of_diameter(w, waves, d, omega, transposed, in, lin, by ? rate : NULL, work);
+        const double weight = weight_of_wave(d, N);
         const size_t first = (size_t)(d * m), end = first + (size_t)m;
-        for (int c = 0; c < nc; ++c) {
-            if (!w->input.active[c]) continue;
-            const int l = (c + 1) / 2, sense = transposed ? -phase(c) : phase(c);
-            const size_t at = first + (size_t)(c * nb);
-            const size_t other = first + (size_t)((c + phase(c)) * nb);
-            const double *x[4] = {in + at, in + part_size + at, in + other, in + part_size + other};
-            double *to[2] = {lin + at, lin + part_size + at};
-            double *to_rate[2] = {rate + at, rate + part_size + at};
-            wave_product(w, waves, d, l, omega, sense, x, to, by ? to_rate : NULL, t);
-        }
         for (size_t i = first; i < end; ++i) {
             lin[i] *= weight;
             lin[part_size + i] *= weight;
@@ -158,22 +210,26 @@ void bd_wheel_add_waves(bd_wheel *w, const bd_waves *waves, double omega, int tr
 
 /* ---- linear parts ---- */
 
-/* Inertia of the blade and equations of the damper of sector n, for coefficient c. `out` already
- * holds the stiffness of the blade; `by` may be NULL. */
+/* Add the inertia of the blade of sector n to `out`, which holds the stiffness, and set the
+ * equations of its damper, for coefficient c. The derivative with respect to omega is added to
+ * `by`, unless NULL. */
 static void sector_part(const bd_wheel *w, double omega, int transposed, int n, int c,
                         const double *x, double *out, double *by) {
     const bd_wheel_input *in = &w->input;
     const int n_blade = in->n_blade, n_damper = in->n_damper, sector_size = w->sector_size;
     const int l = (c + 1) / 2;
-    const double f = l * omega, sense = transposed ? -phase(c) : phase(c);
+    const double f = l * omega, sign = transposed ? -phase(c) : phase(c);
     const size_t row = (size_t)(n * w->n_coef + c), first = row * (size_t)sector_size;
     const double *inertia = w->inertia + row * (size_t)n_blade;
+    double *blade = out + first;
+    for (int i = 0; i < n_blade; ++i) blade[i] -= f * f * inertia[i];
+
+    /* damper: this coefficient y, and the other one of its harmonic */
     const double *mass = in->damper_mass + n * n_damper;
     const double *y = x + first + n_blade, *y_other = y + phase(c) * sector_size;
-    double *blade = out + first, *damper = blade + n_blade;
-    for (int i = 0; i < n_blade; ++i) blade[i] -= f * f * inertia[i];
+    double *damper = blade + n_blade;
     for (int i = 0; i < n_damper; ++i) {
-        const double damping = sense * in->damper_damping[i];
+        const double damping = sign * in->damper_damping[i];
         const double dynamic = in->damper_stiffness[i] - f * f * mass[i];
         damper[i] = dynamic * y[i] + (l ? f * damping * y_other[i] : 0.0);
     }
@@ -184,7 +240,7 @@ static void sector_part(const bd_wheel *w, double omega, int transposed, int n, 
     for (int i = 0; i < n_blade; ++i) blade_rate[i] -= 2.0 * l * f * inertia[i];
     if (l == 0) return;
     for (int i = 0; i < n_damper; ++i) {
-        const double damping = sense * in->damper_damping[i];
+        const double damping = sign * in->damper_damping[i];
         damper_rate[i] = l * damping * y_other[i] - 2.0 * l * f * mass[i] * y[i];
     }
 }
@@ -485,29 +541,30 @@ static void split_waves(const double *from, int waves, int n_row, double *to) {
     }
 }
 
-/* coupling (n_kept, n_kept) of a sector to the sector `behind` sectors before it: the mean of the
- * waves, whose last coordinates belong to the coupling. */
+/* Coupling B_b (n_kept, n_kept) of a sector to the sector b = `behind` sectors before it, from the
+ * last coordinates of the waves A_d:
+ *
+ *     B_b = 1/N sum_d Re[A_d exp(i d b phi)],   phi = 2 pi/N. */
 static void sum_coupling(const bd_wheel *w, int n, int n_kept, int behind, const double *waves,
                          double *coupling) {
     const int N = w->input.n_sector, first = n - n_kept;
     const size_t nn = (size_t)(n * n);
     memset(coupling, 0, sizeof(double) * (size_t)(n_kept * n_kept));
     for (int d = 0; d < w->n_wave; ++d) {
-        const int is_real = d == 0 || 2 * d == N;
-        const double weight = (is_real ? 1.0 : 2.0) / N;
+        const double weight = weight_of_wave(d, N);
         const double angle = BD_TWO_PI * d * behind / N, c = cos(angle), s = sin(angle);
         const double *re = waves + 2 * (size_t)d * nn, *im = re + nn;
         for (int i = 0; i < n_kept; ++i) {
             for (int j = 0; j < n_kept; ++j) {
-                const size_t at = (size_t)((first + j) * n + first + i);
+                const size_t at = (size_t)((first + j) * n + first + i); /* by columns */
                 coupling[i * n_kept + j] += weight * (re[at] * c - im[at] * s);
             }
         }
     }
 }
 
-/* Extract this coupling; subtract it and its transpose, the coupling to the sector behind, from the
- * waves. */
+/* Extract the coupling B_b from the waves: A_d -= B_b exp(-i d b phi) + B_b^T exp(i d b phi). The
+ * second part is the coupling of the sector before to this one, which b = 0 does not have. */
 static void extract_coupling(const bd_wheel *w, int n, int n_kept, int behind, double *waves,
                              double *coupling) {
     const int N = w->input.n_sector, first = n - n_kept;
@@ -518,7 +575,7 @@ static void extract_coupling(const bd_wheel *w, int n, int n_kept, int behind, d
         double *re = waves + 2 * (size_t)d * nn, *im = re + nn;
         for (int i = 0; i < n_kept; ++i) {
             for (int j = 0; j < n_kept; ++j) {
-                const size_t at = (size_t)((first + j) * n + first + i);
+                const size_t at = (size_t)((first + j) * n + first + i); /* by columns */
                 const double forth = coupling[i * n_kept + j];
                 const double back = behind ? coupling[j * n_kept + i] : 0.0;
                 re[at] -= (forth + back) * c;
@@ -626,85 +683,136 @@ static bd_status flags_create(bd_wheel *w, const bd_wheel_input *in) {
 
 static size_t larger(size_t a, size_t b) { return a > b ? a : b; }
 
-/* Sizes and memory; the arrays of the input are copied, and `input` points to the copies. */
-static bd_status parts_create(bd_wheel *w, const bd_wheel_input *in) {
-    const size_t n_sector = (size_t)in->n_sector, n_wave = n_sector / 2 + 1;
-    const size_t n_harmonic = (size_t)in->n_harm + 1, n_coef = (size_t)bd_n_coef(in->n_harm);
-    const size_t n_blade = (size_t)in->n_blade, n_damper = (size_t)in->n_damper;
+/* Lengths of arrays, in numbers. */
+typedef struct {
+    size_t n_wave, n_coef, n_unknown;
+    size_t n_point, n_damper;         /* points and damper coordinates of all sectors */
+    size_t sector, vector, blades;    /* coordinates of a sector; a vector; its blade part */
+    size_t blade_matrix, kept_matrix; /* matrices of one sector */
+    size_t blade_waves, root_waves;   /* matrices of all waves, real and imaginary part */
+    size_t forces, tangents;          /* forces and tangents of all points */
+    size_t wave_work, elimination, krylov;
+} lengths;
+
+static lengths find_lengths(const bd_wheel_input *in, size_t n_unknown) {
+    const size_t n_sector = (size_t)in->n_sector, n_blade = (size_t)in->n_blade;
     const size_t n_root = (size_t)in->n_root, n_kept = (size_t)in->n_kept;
-    const size_t n_unknown = (size_t)w->base.n;
-    const size_t sector_size = n_blade + n_damper;
-    const size_t vector = n_sector * n_coef * sector_size; /* numbers of a vector */
-    const size_t blades = n_sector * n_coef * n_blade;     /* of its blade part */
-    const size_t dampers = n_sector * n_damper;
-    const size_t n_point = n_sector * (size_t)in->n_point, force = 3 * n_point * n_coef;
-    const size_t blade_matrix = n_blade * n_blade, kept_matrix = n_kept * n_kept;
-    const size_t root_waves = 2 * n_wave * n_root * n_root, blade_waves = 2 * n_wave * blade_matrix;
-    const size_t n_matrix = n_harmonic * (2 * blade_matrix + 2 * dampers + kept_matrix);
-    const size_t n_krylov =
-        (BD_WHEEL_KRYLOV + 1) * (blades + BD_WHEEL_KRYLOV + vector) + 5 * BD_WHEEL_KRYLOV;
-    const size_t of_waves = 6 * n_wave * n_coef * n_blade + 6 * n_blade;
-    bd_wheel_input *copies = &w->input;
-    *copies = *in;
-    w->n_coef = (int)n_coef;
-    w->n_wave = (int)n_wave;
-    w->sector_size = (int)sector_size;
-    w->vector_size = (int)vector;
-    bd_status status = flags_create(w, in);
-    if (status != BD_OK) return status;
-    const part parts[] = {
-        {(double **)&copies->motion_rows, 3 * (size_t)in->n_point * sector_size, in->motion_rows},
-        {(double **)&copies->stiffness, n_sector * blade_matrix, in->stiffness},
-        {(double **)&copies->mass, blade_matrix, in->mass},
-        {(double **)&copies->damper_stiffness, n_damper, in->damper_stiffness},
-        {(double **)&copies->damper_mass, dampers, in->damper_mass},
-        {(double **)&copies->damper_damping, n_damper, in->damper_damping},
-        {(double **)&copies->springs, dampers, in->springs},
-        {(double **)&copies->spring_origin, dampers, in->spring_origin},
-        {(double **)&copies->shift, 3 * n_point, in->shift},
-        {(double **)&copies->force, n_unknown, in->force},
-        {&w->base.row_scale, n_unknown, in->row_scale},
-        {&w->base.r, n_unknown, NULL},
-        {&w->base.C, n_unknown, NULL},
-        {&w->base.scratch, 4 * (n_unknown + 1), NULL},
-        {&w->waves.stiffness, root_waves, NULL},
-        {&w->waves.mass, root_waves, NULL},
-        {&w->waves.damping, blade_waves, NULL},
-        {&w->remainder.stiffness, root_waves, NULL},
-        {&w->remainder.mass, root_waves, NULL},
-        {&w->remainder.damping, blade_waves, NULL},
-        {&w->sector_part[0], blade_matrix, NULL},
-        {&w->sector_part[1], blade_matrix, NULL},
-        {&w->sector_part[2], blade_matrix, NULL},
-        {&w->neighbour_part[0], kept_matrix, NULL},
-        {&w->neighbour_part[1], kept_matrix, NULL},
-        {&w->cosine, n_wave * n_sector, NULL},
-        {&w->sine, n_wave * n_sector, NULL},
-        {&w->X, force, NULL},
-        {&w->F, force, NULL},
-        {&w->tangent, 7 * n_point * n_coef * n_coef, NULL},
-        {&w->x, vector, NULL},
-        {&w->shifted, vector, NULL},
-        {&w->motion, larger(force, blades), NULL},
-        {&w->blade_motion, blades, NULL},
-        {&w->inertia, blades, NULL},
-        {&w->wave_work, larger(blade_matrix, of_waves), NULL},
-        {&w->matrices, n_matrix, NULL},
-        {&w->springs, dampers, NULL},
-        {&w->C, vector + 1, NULL},
-        {&w->border, vector + 1, NULL},
-        {&w->scale, vector + 1, NULL},
-        {&w->column, vector + 1, NULL},
-        {&w->b, 3 * (vector + 1), NULL},
-        {&w->product, vector + 1, NULL},
-        {&w->work, larger(vector + 1, 2 * force), NULL},
-        {&w->krylov, n_krylov, NULL},
+    const size_t n_group = (size_t)in->n_harm + 1, n_krylov = BD_WHEEL_KRYLOV;
+    lengths n = {
+        .n_wave = n_sector / 2 + 1,
+        .n_coef = (size_t)bd_n_coef(in->n_harm),
+        .n_unknown = n_unknown,
+        .n_point = n_sector * (size_t)in->n_point,
+        .n_damper = n_sector * (size_t)in->n_damper,
+        .sector = n_blade + (size_t)in->n_damper,
+        .blade_matrix = n_blade * n_blade,
+        .kept_matrix = n_kept * n_kept,
     };
+    n.vector = n_sector * n.n_coef * n.sector;
+    n.blades = n_sector * n.n_coef * n_blade;
+    n.blade_waves = 2 * n.n_wave * n.blade_matrix;
+    n.root_waves = 2 * n.n_wave * n_root * n_root;
+    n.forces = 3 * n.n_point * n.n_coef;
+    n.tangents = 7 * n.n_point * n.n_coef * n.n_coef;
+
+    /* waves, products and rates of bd_wheel_add_waves, and work of wave_product; split_couplings
+     * needs a matrix */
+    const size_t of_waves = 6 * n.n_wave * n.n_coef * n_blade + 6 * n_blade;
+    n.wave_work = larger(n.blade_matrix, of_waves);
+
+    /* common, damping, damper and neighbour matrices of each harmonic, in fill_matrices */
+    n.elimination = n_group * (2 * n.blade_matrix + 2 * n.n_damper + n.kept_matrix);
+
+    /* arrays of solve_once: vectors; triangular matrix, rotations and right-hand side; solutions
+     * of the vectors */
+    n.krylov = (n_krylov + 1) * n.blades;
+    n.krylov += (n_krylov + 1) * n_krylov + 2 * n_krylov + n_krylov + 1;
+    n.krylov += n_krylov * (n.vector + 1);
+    return n;
+}
+
+/* Elements, shares and forms of the contact points. */
+static bd_status points_create(bd_wheel *w, size_t n_point) {
     w->element = malloc(sizeof(bd_element) * (n_point + 1));
     w->share = malloc(sizeof(bd_status_share) * (n_point + 1));
     w->form = malloc(n_point + 1);
-    if (!w->element || !w->share || !w->form) return BD_NO_MEMORY;
-    status = memory_create(w, parts, sizeof parts / sizeof *parts);
+    return w->element && w->share && w->form ? BD_OK : BD_NO_MEMORY;
+}
+
+/* All arrays of numbers in one block of memory. The arrays of the input are copied, and
+ * w->input points to the copies. */
+static bd_status arrays_create(bd_wheel *w, const bd_wheel_input *in, const lengths *n) {
+    const size_t n_sector = (size_t)in->n_sector, n_damper = (size_t)in->n_damper;
+    const size_t bordered = n->vector + 1; /* a vector and one number */
+    bd_wheel_input *copies = &w->input;
+    const part parts[] = {
+        /* input */
+        {(double **)&copies->motion_rows, 3 * (size_t)in->n_point * n->sector, in->motion_rows},
+        {(double **)&copies->stiffness, n_sector * n->blade_matrix, in->stiffness},
+        {(double **)&copies->mass, n->blade_matrix, in->mass},
+        {(double **)&copies->damper_stiffness, n_damper, in->damper_stiffness},
+        {(double **)&copies->damper_mass, n->n_damper, in->damper_mass},
+        {(double **)&copies->damper_damping, n_damper, in->damper_damping},
+        {(double **)&copies->springs, n->n_damper, in->springs},
+        {(double **)&copies->spring_origin, n->n_damper, in->spring_origin},
+        {(double **)&copies->shift, 3 * n->n_point, in->shift},
+        {(double **)&copies->force, n->n_unknown, in->force},
+        /* equations */
+        {&w->base.row_scale, n->n_unknown, in->row_scale},
+        {&w->base.r, n->n_unknown, NULL},
+        {&w->base.C, n->n_unknown, NULL},
+        {&w->base.scratch, 4 * (n->n_unknown + 1), NULL},
+        /* circulant matrices, and their parts */
+        {&w->waves.stiffness, n->root_waves, NULL},
+        {&w->waves.mass, n->root_waves, NULL},
+        {&w->waves.damping, n->blade_waves, NULL},
+        {&w->remainder.stiffness, n->root_waves, NULL},
+        {&w->remainder.mass, n->root_waves, NULL},
+        {&w->remainder.damping, n->blade_waves, NULL},
+        {&w->sector_part[0], n->blade_matrix, NULL},
+        {&w->sector_part[1], n->blade_matrix, NULL},
+        {&w->sector_part[2], n->blade_matrix, NULL},
+        {&w->neighbour_part[0], n->kept_matrix, NULL},
+        {&w->neighbour_part[1], n->kept_matrix, NULL},
+        {&w->cosine, n->n_wave * n_sector, NULL},
+        {&w->sine, n->n_wave * n_sector, NULL},
+        /* contact */
+        {&w->X, n->forces, NULL},
+        {&w->F, n->forces, NULL},
+        {&w->tangent, n->tangents, NULL},
+        /* evaluation */
+        {&w->x, n->vector, NULL},
+        {&w->shifted, n->vector, NULL},
+        {&w->motion, larger(n->forces, n->blades), NULL},
+        {&w->blade_motion, n->blades, NULL},
+        {&w->inertia, n->blades, NULL},
+        {&w->wave_work, n->wave_work, NULL},
+        /* solution with the border */
+        {&w->matrices, n->elimination, NULL},
+        {&w->springs, n->n_damper, NULL},
+        {&w->C, bordered, NULL},
+        {&w->border, bordered, NULL},
+        {&w->scale, bordered, NULL},
+        {&w->column, bordered, NULL},
+        {&w->b, 3 * bordered, NULL},
+        {&w->product, bordered, NULL},
+        {&w->work, larger(bordered, 2 * n->forces), NULL},
+        {&w->krylov, n->krylov, NULL},
+    };
+    return memory_create(w, parts, sizeof parts / sizeof *parts);
+}
+
+/* Sizes, memory and initial values. */
+static bd_status parts_create(bd_wheel *w, const bd_wheel_input *in) {
+    const lengths n = find_lengths(in, (size_t)w->base.n);
+    w->input = *in;
+    w->n_coef = (int)n.n_coef;
+    w->n_wave = (int)n.n_wave;
+    w->sector_size = (int)n.sector;
+    w->vector_size = (int)n.vector;
+    bd_status status = flags_create(w, in);
+    if (status == BD_OK) status = points_create(w, n.n_point);
+    if (status == BD_OK) status = arrays_create(w, in, &n);
     if (status == BD_OK) set_arrays(w, in);
     return status;
 }
