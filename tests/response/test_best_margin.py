@@ -205,7 +205,8 @@ def test_the_whole_tracking_curve_is_asked(study, curve, monkeypatch):
     monkeypatch.setattr(robust_optimum, "AGREES", share + 1e-6)
     assert study.best_margin(curve, AISI_1050).best_status == "complete"
     monkeypatch.setattr(robust_optimum, "AGREES", share - 1e-6)
-    where = f"on the response curve there the margin is {least:.4g} at {along.frequency[along.least]:.6g} Hz"
+    at_least = amount(float(along.frequency[along.least]), "Hz")
+    where = f"on the response curve there the margin is {least:.4g} at {at_least}"
     assert study.best_margin(curve, AISI_1050).best_reason.endswith(where)
 
 
