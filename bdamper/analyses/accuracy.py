@@ -732,7 +732,9 @@ def ladder_values(problem: Problem, name: str) -> list[Any]:
 
 
 def make_ladders(problem: Problem, vary: Any) -> dict[str, dict[str, Any]]:
-    """Return the values of each varied setting by their names, in ascending order of detail.
+    """Return the values of each varied setting, from the least to the most detailed one.
+
+    Each value has its printed name as key.
 
     Parameters
     ----------

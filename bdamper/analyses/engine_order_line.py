@@ -351,7 +351,7 @@ def at_fixed_speed(
     top: Peak,
     tolerance: float,
 ) -> Peak | str:
-    """Return the peak at fixed speed that lies on the line, or why there is none.
+    """Find the peak at fixed speed that lies on the line; return the reason as text if there is none.
 
     The search takes secant steps from a point on the line. Steps are halved if no peak is found.
     From a shoulder of the response to the peak they amount to some per cent.
@@ -407,7 +407,10 @@ def at_fixed_speed(
 def interpolated_at_fixed_speed(
     equations: Equations[Family], top: Peak, meter: CostMeter
 ) -> Peak | str:
-    """Return the peak of interpolated equations at fixed speed, or why there is none."""
+    """Find the peak at fixed speed that lies on the line, from equations interpolated over speed.
+
+    If there is no such peak, return the reason as text.
+    """
     structure = equations.structure
     order = structure.engine_order
 
@@ -424,7 +427,7 @@ def interpolated_at_fixed_speed(
 def exact_at_fixed_speed(
     family: SpeedFamily, speeds: tuple[float, float], mode: int, top: Peak, meter: CostMeter
 ) -> Peak | str:
-    """Return the peak at fixed speed that lies on the line, or why there is none.
+    """Find the peak at fixed speed that lies on the line; return the reason as text if there is none.
 
     At each speed the highest peak is sought. The search goes beyond the line, up to the next mode,
     because vibration may raise the resonance above the stuck one.
@@ -455,7 +458,7 @@ def peak_at_fixed_speed(
     top: Peak,
     meter: CostMeter,
 ) -> Peak | str:
-    """Return the peak at fixed speed that lies on the line, or why there is none.
+    """Find the peak at fixed speed that lies on the line; return the reason as text if there is none.
 
     If Newton's method on the interpolated equations fails, as at a corner of the curve, the
     complete search of the exact equations follows.

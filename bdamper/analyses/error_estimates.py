@@ -416,13 +416,14 @@ class Tops:
 
 
 class Solution(NamedTuple):
-    """Change of a peak to another study, with the peaks there.
+    """Peaks of another study, and the change of the highest peak relative to the first study.
 
     Parameters
     ----------
     change : Change
     tops : Tops or None
-        None if unknown, or at an end of the interval.
+        Peaks of the other study; None if they are unknown, or if the highest point is an end of
+        the interval.
     """
 
     change: Change
@@ -536,7 +537,10 @@ class Richer(NamedTuple):
 
 
 class Enriched(NamedTuple):
-    """Study that is more detailed in one respect, and its highest peaks; None if unknown."""
+    """Study that is more detailed in one respect, with its highest peaks.
+
+    ``tops`` is None if these peaks are unknown, or if the highest point is an end of the interval.
+    """
 
     problem: Problem
     text: str

@@ -104,7 +104,7 @@ def sample(distributions: Mapping[str, Any], n: int, *, seed: int = 0) -> dict[s
         raise SettingError(
             f"distributions: expected a mapping of setting to distribution, found {distributions!r}"
         )
-    # the standard deviation of residual slip is a number, all others are distributions
+    # the standard deviation of residual slip is a number; all others are distributions
     drawn_settings = {
         name: distribution
         for name, distribution in distributions.items()
@@ -566,15 +566,16 @@ coefficients.
 def with_other_friction(
     problem: Problem, curve: OptimalCurve, progress: bool = False
 ) -> OptimalCurve:
-    """Return the optimal curve with the peaks at its recommended preload with different friction.
+    """Compute the peaks at the recommended preload with lower and higher friction coefficients.
 
-    The friction coefficients are lower and higher by :data:`OTHER_FRICTION`. ``friction_range``
+    The result is the optimal curve with these peaks.  The friction coefficients are multiplied by
+    the factors :data:`OTHER_FRICTION`. ``friction_range``
     contains the factors on the friction coefficients at which the amplitude doubles. If it doubles
     within a factor of 1.5, ``friction_range.remedy`` is the nearest preload of the curve at which
     it does not.
 
-    Without an optimum or without friction the curve is returned as it is.  After Ctrl-C the peaks
-    that are missing have the status "interrupted".
+    Without an optimum or without friction the curve does not change.  After Ctrl-C the missing
+    peaks have the status "interrupted".
     """
     preload = curve.recommended_preload
     if not np.isfinite(preload) or not problem.settings.friction_values():

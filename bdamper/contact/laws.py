@@ -205,7 +205,10 @@ class PointArrays:
     memory: NDArray | None = None
 
     def taken(self, index: NDArray) -> PointArrays:
-        """Return the points ``index`` (n,) without ``load``, in this order and with repetitions."""
+        """Return the points with the indices ``index`` (n,), in this order.
+
+        An index may occur more than once.  The result has no field ``load``.
+        """
         return replace(
             self,
             kt=self.kt[index],
@@ -516,7 +519,7 @@ class ContactLaw:
 
 @dataclass(frozen=True, eq=False)
 class LawPoint:
-    """Compiled law of a contact point, with its parameters (n,) there and the interface."""
+    """Compiled law of one contact point, with its parameters (n,) and the name of the interface."""
 
     law: ContactLaw
     parameters: NDArray
@@ -529,7 +532,7 @@ class LawPoint:
 
     @property
     def width(self) -> int:
-        """Length of the memory: latest motion and state."""
+        """Number of stored values: the latest motion and the state variables of the law."""
         return 3 + self.law.n_state
 
 
@@ -653,7 +656,7 @@ class OwnLaws:
 
     @property
     def width(self) -> int:
-        """Length of the memory of a point: latest motion and state of its law."""
+        """Largest number of stored values of a point: its latest motion and its state variables."""
         return max(point.width for point in self._own_points)
 
     def core(self, memory: NDArray) -> tuple[tuple[Any, ...] | None, ...]:

@@ -117,7 +117,7 @@ class _Iterate:
     ----------
     force, eta : array
     law_residual : (3 n,) float, N
-        Difference to the forces of the contact law.
+        Difference from the forces of the contact law.
     balance : (n_rigid,) float
         Residual of the equilibrium.
     status : (n, 2) int

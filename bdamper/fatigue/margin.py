@@ -179,7 +179,7 @@ class Margins(
 
     @property
     def yields(self) -> bool:
-        """Whether a counted point yields in the first cycle."""
+        """Whether any of the counted points yields in the first cycle."""
         return bool((self.yield_factor < 1.0)[self.counted].any())
 
     @property

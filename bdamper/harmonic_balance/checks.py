@@ -391,10 +391,11 @@ class _Resonance(NamedTuple):
 
 
 def check_interval(case: LoadCase, frequency: tuple[float, float]) -> None:
-    """Warn if an interval (Hz) contains resonances only when read as radians per second.
+    """Warn if an interval (Hz) contains resonances only if it is read in radians per second.
 
-    These are the free and the stuck resonance of a mode.  An interval that contains resonances as
-    given is accepted, unless the response there is far weaker.
+    The free and the stuck resonances of the modes are compared with it.  An interval that contains
+    resonances in Hz causes a warning only if it contains free and stuck resonances in radians per
+    second and the response to the excitation is at least 20 times stronger there.
     """
     if not case.static.ok:
         return

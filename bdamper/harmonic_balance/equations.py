@@ -445,11 +445,11 @@ class Equations(Generic[S]):
     # ---- budget ----
 
     def within(self, evaluations: int) -> Equations[S]:
-        """Return the same equations with a budget of further evaluations."""
+        """Return the same equations, limited to ``evaluations`` further evaluations."""
         return replace(self, last=self.core.cost.evaluations + evaluations)
 
     def with_share(self, share: float) -> Equations[S]:
-        """Return the same equations with a fraction of the remaining budget."""
+        """Return the same equations, limited to a fraction of the remaining evaluations."""
         if self.last == math.inf:
             return self
         return self.within(int(share * max(self.left, 0)))

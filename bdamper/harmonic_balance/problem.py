@@ -476,9 +476,9 @@ class Problem:
         return np.pad(force, (0, self.static_basis.n_modes - len(force)))
 
     def location_modes(self, location: str, harmonic: int) -> NDArray:
-        """Return the motion (3, n_modes) of a location per coordinate of a harmonic.
+        """Return the motion (3, n_modes) of a location for unit modal coordinates of a harmonic.
 
-        Residual modes do not move it.
+        The columns of residual modes are zero.
         """
         modes = self.coupling.location_modes(location, harmonic)
         if any(coordinate.body == BASE for coordinate in self.bases[harmonic].coordinates):

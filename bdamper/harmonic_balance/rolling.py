@@ -96,10 +96,10 @@ def rolling_dampers(problem: Problem) -> tuple[str, ...]:
 
 
 def rows_to_slide(faces: list[FaceInSection], load: NDArray, loaded_at: NDArray) -> int:
-    """Return how many rows of points keep a damper with two faces from rolling.
+    """Return the number of rows of points that keep a damper with two faces from rolling.
 
-    The result is 0 if the damper does the same on the points that it has as on its whole faces:
-    both senses of the turn are compared.
+    The result is 0 if the damper does not roll on its contact points, or would also roll on its
+    whole faces.  Both directions of rotation are examined.
 
     Parameters
     ----------

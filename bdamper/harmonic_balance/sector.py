@@ -307,7 +307,7 @@ class SectorData:
 
     @property
     def rows(self) -> Rows:
-        """Rows of the first harmonic of the response."""
+        """Rows whose products with the unknowns are the first harmonic of the response."""
         real_and_imaginary = self.layout.parts(np.asarray(self.response_rows[1]))
         return Rows(np.array([real_and_imaginary]))
 

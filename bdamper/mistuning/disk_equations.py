@@ -509,7 +509,7 @@ class DiskScene:
     excitation : (n_blades, n_sector) complex
         Forces of the first harmonic.
     response_row : (n,) float
-        Row of the response by blade coordinates.
+        Row whose product with the coordinates of a blade is its response.
     missing : (n_blades,) bool
         Missing dampers, whose coordinates stay zero.
     force_scale : (2,) float
@@ -535,7 +535,7 @@ class DiskScene:
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Number of blades, of Fourier coefficients, and of coordinates of a sector."""
+        """Numbers of blades, Fourier coefficients and coordinates per sector."""
         return self.structure.n_blades, 2 * max(1, *self.harmonics) + 1, self.structure.n_sector
 
     @cached_property

@@ -227,7 +227,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
 
     @property
     def origin(self) -> str:
-        """Source of the deviations with its seed, and the number of modes of each blade."""
+        """Source and random seed of the deviations, and the number of modes of each blade."""
         text = self.source
         if self.seed:
             text += f", seed {' '.join(map(str, self.seed))}"

@@ -352,8 +352,9 @@ class MistunedSample(
         return weibull_tail(self.amplification[:, i, j], tail)
 
     def cell(self, standard_deviation: float | None, preload: float | None) -> tuple[int, int]:
-        """Return the indices of a standard deviation and a preload of the sample, the last ones by
-        default.
+        """Return the indices of a standard deviation and of a preload in the sample.
+
+        None selects the last value.
 
         Raises
         ------
@@ -365,7 +366,7 @@ class MistunedSample(
         return i, j
 
     def _index(self, name: str, value: float | None) -> int:
-        """Return the index of a value among those of the sample, the last one by default."""
+        """Return the index of a value in the sample; None selects the last value."""
         values = getattr(self, name)
         if value is None:
             value = values[-1]

@@ -57,11 +57,12 @@ def rows_of_points(face: Interface) -> tuple[int, int]:
 
 
 def group_patches(face: Interface, n_groups: int) -> NDArray:
-    """Return the group of each patch of a face, (n_points,), with at most ``n_groups`` groups.
+    """Divide the patches of a face into at most ``n_groups`` groups; return the group of each patch.
 
-    Strips of about equal area along t1 are divided into groups of about equal area along t2.  If
-    the number allows it, both directions have at least three groups, otherwise t1.  On a grid whole
-    rows are united, symmetrically.
+    The face is divided into strips of about equal area along t1, and each strip into groups of
+    about equal area along t2.  Both directions have at least three groups if ``n_groups`` is large
+    enough.  Otherwise t1 takes precedence.  On a grid, each group consists of whole rows, and the
+    groups are symmetric about the middle of the face.
     """
     place = _places(face)
     apart = _least_row_distance(face)

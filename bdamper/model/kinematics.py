@@ -204,11 +204,11 @@ def retained_modes(
     blade_modes : int
         Number of modes of each constrained body.
     damper_modes : mapping of body name to int
-        Number of elastic modes of each free body, and of modes of each ring beyond its six lowest
-        ones.
+        Number of elastic modes of each free body.  For a ring, number of modes in addition to its
+        six lowest modes.
     rigid : sequence of str
-        Rigid-body modes of free bodies, from :data:`RIGID_NAMES`; a ring has others, and keeps
-        all of them.
+        Rigid-body modes of free bodies, from :data:`RIGID_NAMES`.  They do not apply to a ring,
+        whose six lowest modes are always retained.
 
     Raises
     ------
@@ -467,10 +467,10 @@ class Coupling:
         return np.concatenate(columns, axis=1)
 
     def strain_by_contact(self, place: Response, harmonic: int) -> NDArray:
-        """Return ``s`` (3 n_points,), with the strain ``-s^H F`` of a gauge under contact forces F.
+        """Return the row ``s`` (3 n_points,) for which contact forces F cause a strain ``-s^H F``.
 
-        It is the static strain beyond the retained modes: of the other modes, and of the local
-        deformation that all modes lack.
+        It is the static strain at a gauge that the retained modes do not contain.  It consists of
+        the strain of the omitted modes and of the local deformation, which no mode represents.
         """
         stress_set, index = gauge_point(self.model.stress, place.location)
         weights = gauge_weights(place.direction, place.elastic)

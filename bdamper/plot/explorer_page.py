@@ -92,7 +92,7 @@ def _same_optimum(one: Question, other: Question) -> bool:
 
 
 def _text_of_curve(answer: Answer, curve: ResponseCurve) -> str:
-    """Return the peak of a curve, or why it is none, as text."""
+    """Describe the peak of a curve, or the reason why there is none."""
     provisional = "" if answer.full else COARSE
     if not answer.full and not curve.complete:
         return f"{provisional}the curve ends early while the slider moves."

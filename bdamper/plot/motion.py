@@ -120,7 +120,7 @@ def _solutions(problem: Problem, unknowns: NDArray) -> NDArray:
 def modal_amplitudes(problem: Problem, unknowns: NDArray) -> list[NDArray]:
     """Return the modal coordinates (..., n_modes) of each harmonic.
 
-    The coordinates of the mean are real, all others are complex amplitudes.
+    The coordinates of the mean are real; those of the other harmonics are complex amplitudes.
     """
     mean, *harmonics = problem.bases
     n_mean = len(mean.omega2)

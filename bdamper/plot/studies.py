@@ -388,7 +388,7 @@ def _look_of_run(result: AccuracyCost, run: Run) -> dict[str, Any]:
 
 
 def _saving(result: AccuracyCost) -> str:
-    """Return how much faster the recommended settings are."""
+    """Describe how much faster the recommended settings are than the reference."""
     if result.recommended is result.richest:
         return "no run is faster"
     ratio = result.richest.seconds / (result.recommended.seconds or np.nan)

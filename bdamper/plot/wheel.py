@@ -308,7 +308,7 @@ def plot_sample(
     quantity : {"amplification", "amplitude"}
         Amplification factor, or resonance amplitude together with the tuned amplitude.
     standard_deviation : float, optional
-        For a plot over the preload; the last one by default.
+        For a plot over the preload.  By default the last value of the sample.
     percentiles : sequence of float
         Up to six.
     """

@@ -194,7 +194,7 @@ class SearchEnd:
     ----------
     status, reason : str
     missing_ranges : tuple of LeftOut
-        Omissions.
+        Ranges without a solution.
     """
 
     status: str
@@ -203,11 +203,11 @@ class SearchEnd:
 
 
 def ending(pieces: Sequence[Piece], low: float, high: float) -> SearchEnd:
-    """Return how the search for a curve over an interval (rad/s) ended, from its pieces.
+    """Determine from the pieces of a curve how the search over an interval (rad/s) ended.
 
-    "complete" means solutions at every frequency of the interval, except for gaps below a
-    thousandth of its width.  The omissions are these gaps, and paths that ended within the
-    interval.
+    The status is "complete" if there are solutions at every frequency of the interval, except for
+    gaps narrower than a thousandth of the interval.  The missing ranges are these gaps, and the
+    ends of paths that stopped within the interval.
     """
     missing_ranges = _left_out(pieces, low, high)
     for piece in pieces:

@@ -153,14 +153,17 @@ def followed_peaks(
     before: Mapping[float, Followed] | None = None,
     options: PeakOptions | None = None,
 ) -> dict[float, Followed]:
-    """Return the peaks of lower preloads that are still higher than the highest point found.
+    """Follow peaks to higher preloads to find amplitudes above the highest point found.
+
+    A peak is followed to the next preload if the highest point there is lower by more than a third,
+    or if the peak itself was followed.  The result contains each followed peak that is higher than
+    this point.
 
     Parameters
     ----------
     problem : Problem
     heights : mapping of preload to float, m
-        Amplitude of the highest point found at each preload, also of one that is not known to be
-        the highest.
+        Amplitude of the highest point found at each preload, even if a higher one may exist.
     known : callable
         Whether the amplitude at a preload is known and needs a check.
     peak_at : callable
@@ -172,7 +175,7 @@ def followed_peaks(
     Returns
     -------
     dict of preload to Followed
-        All followed peaks, also those of ``before``.
+        Followed peaks at each preload, including those of ``before``.
     """
     found = dict(before or {})
     below: float | None = None

@@ -539,7 +539,10 @@ def sign_of_jacobian(system: Equations, y: NDArray) -> int:
 
 
 def phase_row(system: Equations, y: NDArray) -> tuple[NDArray, NDArray]:
-    """Return the unit row (n_unknowns + 1,) that keeps the phase of the response, and the units."""
+    """Return the normalised gradient (n_unknowns + 1,) of the phase, and the unit of each unknown.
+
+    A correction in these units leaves the phase unchanged if its product with the gradient is zero.
+    """
     scale = system.units(y, y[-1])
     _, phase_gradient, _ = amplitude_and_phase(system, y[:-1])
     row = np.append(phase_gradient, 0.0) * scale
@@ -557,9 +560,9 @@ def peak_of_sign(
 ) -> tuple[Peak | str, int]:
     """Compute a peak from a distant guess by Newton's method.
 
-    The first attempt keeps the phase of the guess, the second its frequency.
+    The first attempt keeps the phase of the guess constant, and the second its frequency.
 
-    A resonance that shifts keeps its phase, whereas its old frequency may be on its flank or on
+    The phase of a resonance that shifts hardly changes, whereas its old frequency may be on its flank or on
     another branch.
 
     Parameters

@@ -179,7 +179,7 @@ class ResponseCurve(
 
     @property
     def peak_to_peak(self) -> Metres:
-        """Difference (n,) of the highest and lowest response in a period, all harmonics, m."""
+        """Difference (n,) in m between the highest and lowest response in a period, with all harmonics."""
         return 2.0 * half_range(self.harmonics)
 
     @property

@@ -88,7 +88,7 @@ class PeakSensitivity:
     value : float
         Value of the parameter at the peak.
     amplitude : float
-        Derivative of the amplitude, m per unit.
+        Derivative of the amplitude, m per unit of the parameter.
     frequency : float
         Derivative of the frequency, Hz per unit.
     y : (n_unknowns + 1,) float
@@ -186,7 +186,7 @@ class CurveSensitivity:
     frequency : (n,) float
         Derivative of the frequency, Hz per unit.
     response : (n,) complex
-        Derivative of the first harmonic of the response, m per unit.
+        Derivative of the first harmonic of the response, m per unit of the parameter.
     tangent : (n, 2) complex
         Change of frequency (Hz) and response (m) along the curve.
     """
@@ -220,7 +220,10 @@ class CurveSensitivity:
 
     @property
     def at_frequency(self) -> NDArray:
-        """Derivative (n,) of the response at fixed frequency, m per unit; infinite at a fold."""
+        """Derivative (n,) of the response at fixed frequency, m per unit of the parameter.
+
+        It is infinite at a fold.
+        """
         onward = self.tangent[:, 0].real
         with np.errstate(divide="ignore", invalid="ignore"):
             return self.response - self.tangent[:, 1] * self.frequency / onward
@@ -563,7 +566,9 @@ def _adjoint(system: Equations, peak: Peak) -> NDArray:
 
 
 def amplitude_sensitivity(peak: Peak, family: Family, value: float) -> float:
-    """Compute the derivative of a peak's amplitude (m per unit) by the adjoint solution alone.
+    """Compute the derivative of the amplitude of a peak with respect to a parameter.
+
+    The derivative has the unit m per unit of the parameter.  It requires only one adjoint solution.
 
     Parameters
     ----------

@@ -424,10 +424,10 @@ def _negative_determinant(system: Equations[SectorData], u: NDArray, omega: floa
 
 
 def judged_in_time(sectors: AllSectors, curve: ResponseCurve, progress: bool) -> ResponseCurve:
-    """Return a curve with stability by time integration in addition to the stability by the
-    harmonics.
+    """Determine the stability of a curve by time integration, and return the curve with it.
 
-    Undecided points, and all points after Ctrl-C, keep the stability by the harmonics.
+    Points that time integration leaves undecided, and all points after Ctrl-C, retain their
+    stability from harmonic balance.
 
     Parameters
     ----------

@@ -214,10 +214,9 @@ class SteadySearch:
 
     @property
     def fall(self) -> float:
-        """Frequency (Hz) closest to the highest motion at which it does not stay; NaN if there is
-        none.
+        """Frequency (Hz) closest to the highest motion at which the motion jumps to another level.
 
-        Frequencies beyond a motion of a lower level do not count.
+        It is NaN if there is none.  Frequencies beyond a motion of a lower level do not count.
         """
         best = self.best
         if best is None:
@@ -231,8 +230,9 @@ class SteadySearch:
         return min(own_falls, key=lambda f: abs(f - best.frequency), default=float("nan"))
 
     def between(self, fall: float) -> list[SteadyPoint]:
-        """Return the steady motions at frequencies between the highest motion and ``fall`` (Hz),
-        excluding ``fall``.
+        """Return the steady motions between the frequency of the highest motion and ``fall`` (Hz).
+
+        Motions at ``fall`` itself are excluded.
         """
         best = self.best
         if best is None:
@@ -246,7 +246,7 @@ class SteadySearch:
         return enclosed
 
     def run(self) -> None:
-        """Search from the flank and from the tip."""
+        """Follow motions that start on the flank and at the harmonic-balance peak."""
         flank = self.balance.flank
         tip = self.balance.tip
         way = float(np.sign(tip - flank))

@@ -761,8 +761,10 @@ def compare_with_solution(
     periods: int = CRITERIA.longest,
     progress: bool = False,
 ) -> tuple[Verdict, bool]:
-    """Integrate until it is decided whether the motion keeps the response ``expected``
-    (n_harmonics + 1,) complex, m.
+    """Integrate until it is decided whether the motion stays at a solution.
+
+    ``expected`` (n_harmonics + 1,) contains the mean and the complex amplitudes (m) of the response
+    of this solution.
 
     Returns
     -------

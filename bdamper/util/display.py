@@ -346,7 +346,10 @@ def _reason_of(status: str) -> str:
 
 
 def in_unit_of_response(shown: Summarised, statement: Statement) -> Statement:
-    """Return a statement on a result with its lengths as strains if the response is a strain."""
+    """Return a printed statement in the unit of the response.
+
+    If the response is a strain, all lengths are converted to strains.
+    """
     return statement.with_texts(shown._in_unit_of_response)
 
 

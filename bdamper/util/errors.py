@@ -246,7 +246,7 @@ class WithStatus:
 
     @property
     def status_text(self) -> str:
-        """Status and reason in one text, "incomplete: the reason"."""
+        """Status, followed by a colon and the reason if there is one."""
         return with_reason(self.status, self.reason)
 
 
@@ -265,7 +265,7 @@ class WithRowStatus:
 
     @property
     def status_text(self) -> tuple[str, ...]:
-        """Status and reason of each row in one text, "incomplete: the reason"."""
+        """Status of each row, followed by a colon and the reason if there is one."""
         return tuple(map(with_reason, self.status, self.reason))
 
 

@@ -2,7 +2,7 @@
 
 A value outside its range is used, with a warning that gives the value, the range and the likely
 mistake.  A key of the table is the name of a parameter.  The name of a function or class before it
-limits the range to that function or class.  A bound can depend on the sizes of the model
+limits the range to that function or class.  A bound can depend on characteristic sizes of the model
 (:class:`bdamper.harmonic_balance.model_sizes.Sizes`).
 """
 
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from bdamper.util.errors import warn_implausible
 
 Bound = float | Callable[[Any, Any], float]
-"""Number, or function of the sizes of a model and of the key of the value in a mapping."""
+"""Number, or function of the characteristic sizes of a model and of the key in a mapping."""
 
 
 def each(values: NDArray) -> tuple[float, float]:
@@ -52,7 +52,8 @@ class Range:
     Parameters
     ----------
     low, high : float or callable
-        Bounds, or functions of the sizes of the model and the key.
+        Bounds, or functions that compute them from the characteristic sizes of a model and the
+        key of the value in a mapping.
     unit : str
     above, below : str
         Likely mistake if a value lies above or below the range.
@@ -129,8 +130,8 @@ class Names:
     of : str
         Function or class that has the ranges.
     leading : int, optional
-        Number of values of each parameter that are compared.  A standard deviation behind them has
-        its own magnitude.
+        Number of values of each parameter that are compared, beginning with the first.  For example,
+        1 omits the standard deviation in a pair of mean and standard deviation.
     """
 
     of: str

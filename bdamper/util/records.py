@@ -121,12 +121,15 @@ class Item(NamedTuple):
     ----------
     name : str
     kind : type
-        Type of the field, or of the values of its mapping or tuple of records.
+        Type of the field.  For a mapping or a tuple of records, type of each value.
     keys : type or None
-        Type of the keys of a mapping; tuple for a tuple of records.
-    optional, required : bool
-        Whether it may be None, and whether every file must contain it.
+        For a mapping, type of the keys.  ``tuple`` for a tuple of records, otherwise None.
+    optional : bool
+        Whether the field may be None.
+    required : bool
+        Whether every file must contain the field.
     data : Data
+        Units, shape and limits of the field.
     """
 
     name: str
