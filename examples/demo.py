@@ -61,7 +61,7 @@ def main(
     print(curves[3], end="\n\n")
     gain = optimal.free.amplitude / optimal.optimum.amplitude
     title = f"The right preload: {gain:.2g} times less vibration (excitation 1 N on each blade)"
-    save_figure(plot_optimal(optimal, new_axes(4.4, 2.6), title=title), figures / "optimum.png")
+    save_figure(plot_optimal(optimal, new_axes(4.4, 3.2), title=title), figures / "optimum.png")
     save_figure(plot_curves(curves), figures / "response.png")
     (figures / "optimum.json").write_text(random(optimal, curves) + "\n")
     print(

@@ -346,9 +346,9 @@ def plot_optimal(
     verified optimum, an open star the lowest value found.  In the shaded range of preloads, the
     harmonic-balance amplitude is at most 20 % above the optimum.  In hatched ranges no value was
     found; open triangles there mark lower bounds.  The bar at the optimum shows the range of its
-    peak with more harmonics.  Diamonds with bars show means and ranges from time integration.
-    Triangles to the left and to the right mark amplitudes that are clearly higher with lower and
-    higher friction coefficients.
+    peak with more harmonics.  Diamonds with bars show means and ranges from time integration; the
+    filled diamond is the lowest of them.  Triangles to the left and to the right mark amplitudes
+    that are clearly higher with lower and higher friction coefficients.
     """
     if ax is None:
         shown: tuple[str, ...] = SHOWN
@@ -371,9 +371,17 @@ def _draw_optimal(ax: Axes, result: OptimalCurve, quantity: str) -> None:
     for first, last in runs(branch):
         part = slice(first, last + 1)
         ax.plot(preload[part], values[part], ".-", color="0.1", markersize=4.0)
-    # another resonance becomes the highest, or one was not found
-    for k in np.flatnonzero(~goes_on[1:]):
-        ax.plot(preload[k : k + 2], values[k : k + 2], ":", color="0.1", linewidth=0.8)
+    # no dotted line leads to a preload without a value
+    both_known = np.isfinite(values[:-1] + values[1:])
+    for k in np.flatnonzero(~goes_on[1:] & both_known):
+        ax.plot(
+            preload[k : k + 2],
+            values[k : k + 2],
+            ":",
+            color="0.1",
+            linewidth=0.8,
+            label=once(ax, "highest resonance changes"),
+        )
     if quantity == "shift":
         if not np.isfinite(values).any():
             note(ax, "no frequency shift: no peak or no free resonance is known", empty=True)
@@ -424,19 +432,27 @@ def with_optimum(
 
 def _mark_checks(ax: Axes, result: OptimalCurve) -> None:
     """Mark results of time integration, of other friction coefficients and of more harmonics."""
+    convergence = result.convergence
+    has_more_harmonics = convergence is not None and len(convergence.peaks) > 1
+    if result.time_response or has_more_harmonics:
+        # tells the line from the marks
+        ax.plot([], [], ".-", color="0.1", markersize=4.0, label="harmonic balance")
     for response in result.time_response:
         if np.isfinite(response.mean):
             mark_time_response(response, ax, response.preload)
     in_time = result.optimum_in_time
     if in_time:
+        # over the star, with a white edge
         ax.plot(
             in_time.preload,
             in_time.mean,
             "D",
             color=IN_TIME,
-            markersize=4.5,
-            zorder=6.0,
-            label="least in time",
+            markeredgecolor="w",
+            markeredgewidth=0.4,
+            markersize=3.5,
+            zorder=8.0,
+            label="lowest by time integration",
         )
     for marker, peak in zip("<>", result.other_friction[1:]):
         nominal = result.other_friction[0]
@@ -450,9 +466,11 @@ def _mark_checks(ax: Axes, result: OptimalCurve) -> None:
                 markersize=4.5,
                 label=f"{peak.factor:g} times the friction",
             )
-    convergence = result.convergence
-    if convergence is not None and len(convergence.peaks) > 1:
+    if convergence is not None and has_more_harmonics:
         low, high = convergence.range
+        fewest = convergence.peaks[0].harmonics
+        most = convergence.peaks[-1].harmonics
+        # caps wider than the star
         ax.errorbar(
             convergence.preload,
             low,
@@ -460,8 +478,8 @@ def _mark_checks(ax: Axes, result: OptimalCurve) -> None:
             fmt="none",
             ecolor="0.35",
             elinewidth=1.0,
-            capsize=2.5,
-            label="range with more harmonics",
+            capsize=7.0,
+            label=f"range with {fewest} to {most} harmonics",
         )
 
 
@@ -477,14 +495,14 @@ def _mark_optimum(ax: Axes, result: OptimalCurve) -> None:
         optimum.amplitude,
         "*",
         color=OPTIMUM,
-        markersize=9.0,
+        markersize=11.0,
         markerfacecolor=fill,
         zorder=7.0,
     )
-    within = f"at most {percent(NEAR_BEST - 1.0)} higher by harmonic balance"
+    within = f"within {percent(NEAR_BEST - 1.0)} of the optimum (harmonic balance)"
     ax.axvspan(*result.near_best, color=OPTIMUM, alpha=0.1, linewidth=0.0, label=within)
     ax.margins(y=0.25)  # for the name
-    text = "\n".join(wrapped(line, 32) for line in _lines_of_optimum(result))
+    text = "\n".join(wrapped(line, 40) for line in _lines_of_optimum(result))
     name_point(ax, text, (optimum.preload, optimum.amplitude), color=OPTIMUM)
 
 
@@ -508,9 +526,11 @@ def _lines_of_optimum(result: OptimalCurve) -> list[str]:
     lines = [f"{name}: {amount(optimum.preload, 'N')}, {amount(optimum.amplitude, 'm')}"]
     in_time = result.optimum_in_time
     if in_time:
-        lines.append(
-            f"time integration: {amount(in_time.preload, 'N')}, {amount(in_time.largest, 'm')}"
-        )
+        highest = f"up to {amount(in_time.largest, 'm')}"
+        # one preload is not written twice
+        if in_time.preload != optimum.preload:
+            highest = f"{amount(in_time.preload, 'N')}, {highest}"
+        lines.append(f"time integration: {highest}")
     if result.failures:
         lines.append(f"not for design: {counted(len(result.failures), 'check')} failed")
     return lines
@@ -578,7 +598,7 @@ def mark_time_response(time_response: TimeResponse, ax: Axes, x: float | None = 
         capsize=3.0,
         linewidth=1.2,
         zorder=5.0,
-        label=once(ax, "highest blade in time, and range"),
+        label=once(ax, "time integration, highest blade: mean, range"),
     )
 
 

@@ -370,7 +370,12 @@ def plot_margin(curve: MarginCurve, ax: Axes = NEW, *, label: str = "margin") ->
         preload = [margins.preload for margins in curve.in_time]
         least = [margins.least for margins in curve.in_time]
         ax.plot(
-            preload, least, "D", color=IN_TIME, markerfacecolor="w", label="highest blade in time"
+            preload,
+            least,
+            "D",
+            color=IN_TIME,
+            markerfacecolor="w",
+            label="time integration, highest blade",
         )
     if n_drawn > 0:
         return

@@ -21,7 +21,7 @@ from bdamper.fatigue.criteria import Material
 from bdamper.mistuning import DiskPeak
 from bdamper.plot import new_axes, plot_crossings, plot_curves, plot_response_map
 from bdamper.plot.axes import COLUMN, Picture, name_point, place_names, wrapped
-from bdamper.response.verification import TimeResponse
+from bdamper.response.verification import Convergence, HarmonicPeak, TimeResponse
 from tests.each import each
 from tests.every_result import RESULTS
 from tests.every_result import result as of_masses
@@ -110,6 +110,17 @@ def failed_checks():
     )
 
 
+def all_marks():
+    """An optimum with every mark of :func:`bdamper.plot.plot_optimal`."""
+    o = optimal().optimum
+    top = o.amplitude
+    least = TimeResponse(0.9 * top, 0.8 * top, 0.95 * top, o.frequency, o.preload, top)
+    higher = replace(least, preload=1.35 * o.preload, highest=1.2 * top)
+    peaks = tuple(HarmonicPeak(n, a * top, o.frequency, 1.0) for n, a in ((3, 1.0), (16, 0.8)))
+    convergence = Convergence(o.preload, 0.05, peaks)
+    return replace(optimal(), time_response=(least, higher), convergence=convergence)
+
+
 def without_values():
     best = replace(
         optimal().optimum,
@@ -167,6 +178,7 @@ PICTURES = {
         [bladed_disk().frequency_response(p, BAND) for p in (5e2, 1e3, 2e3, 3e3, 4e3, 5e3)]
     ),
     "optimum with failed checks": lambda: failed_checks().plot(),
+    "optimum with all marks": lambda: all_marks().plot(),
     "optimal curve without values": lambda: without_values().plot(),
     **{
         f"masses: {name} without values": lambda name=name: without(name).plot() for name in MISSING
@@ -255,7 +267,8 @@ def test_no_text_lies_on_another_one_or_is_cut(name):
         "masses: flutter",
         "optimal_curve",
         "optimum with failed checks",
-    )  # these two: no free resonance
+        "optimum with all marks",
+    )  # these three: no free resonance
     assert bool(notes) == (name in lacking or "without" in name), notes
     plt.close("all")
 

@@ -21,6 +21,7 @@ from bdamper.plot import draw_table, plot_accuracy, plot_curves, plot_surfaces
 from bdamper.plot.axes import drawing, limit_line
 from bdamper.plot.contact import plot_faces
 from bdamper.plot.motion import VIEW
+from bdamper.response.verification import Convergence, HarmonicPeak, TimeResponse
 from bdamper.util.formatting import amount
 from bdamper.util.tables import Newtons, Numbers, Tabular
 
@@ -379,7 +380,7 @@ class TestStyle:
             f"optimum: {amount(curve.optimum.preload, 'N')}, {amount(curve.optimum.amplitude, 'm')}"
             in [text.get_text() for text in amplitude.texts]
         )
-        assert "at most 20 % higher by harmonic balance" in legend_texts(shift)
+        assert "within 20 % of the optimum (harmonic balance)" in legend_texts(shift)
         assert shift.get_ylabel() == "Frequency\nshift (%)"
         drawn = np.concatenate(
             [line.get_xdata() for line in amplitude.lines if line.get_linestyle() == "-"]
@@ -387,6 +388,31 @@ class TestStyle:
         assert curve.optimum.preload in drawn, "the line goes through the optimum"
         only = curve.plot(ax=plt.figure().add_subplot()).axes[0]
         assert only.get_ylabel() == "Tip amplitude (µm)"
+
+
+def test_marks_at_an_optimum_are_explained_and_visible(study):
+    """Time integration lies over the star, and more harmonics are named with their numbers."""
+    curve = study.optimal_curve((200.0, 5e3), 6, frequency=INTERVAL, check=False)
+    best = curve.optimum
+    top = best.amplitude
+    in_time = TimeResponse(
+        0.98 * top, 0.97 * top, 0.99 * top, best.frequency, best.preload, top, periods=9
+    )
+    peaks = tuple(HarmonicPeak(n, a * top, best.frequency, 1.0) for n, a in ((3, 1.0), (5, 0.9)))
+    convergence = Convergence(best.preload, 0.05, peaks)
+    higher = replace(in_time, preload=1.35 * best.preload, mean=1.1 * top, highest=1.2 * top)
+    shown = replace(curve, time_response=(in_time, higher), convergence=convergence)
+    ax, shift = shown.plot().axes
+    assert {
+        "harmonic balance",
+        "lowest by time integration",
+        "time integration, highest blade: mean, range",
+        "range with 3 to 5 harmonics",
+    } <= set(legend_texts(shift))
+    (star,) = (line for line in ax.lines if line.get_marker() == "*")
+    (lowest,) = (line for line in ax.lines if line.get_label() == "lowest by time integration")
+    assert lowest.get_zorder() > star.get_zorder()
+    assert lowest.get_markersize() < 0.5 * star.get_markersize()
 
 
 def test_a_limit_bears_its_name_within_the_axes_at_a_known_point():

@@ -68,7 +68,7 @@ def test_by_default_it_is_computed_at_the_optimum_and_above(study, curve, monkey
     found.save(tmp_path / "optimal.h5")
     assert bd.load(tmp_path / "optimal.h5").time_response == found.time_response
     ax = found.plot().axes[0]
-    assert "highest blade in time, and range" in ax.get_legend_handles_labels()[1]
+    assert "time integration, highest blade: mean, range" in ax.get_legend_handles_labels()[1]
     plt.close("all")
 
 
@@ -87,7 +87,7 @@ def test_neighbours_on_request(study, curve, monkeypatch):
     assert value(found, "Time integration") == span(least.lowest, min(tops), "m")
     assert ("preloads were not integrated" in text) == (least.preload != best)
     assert ("optimum in time", least._headline()) in [fact[:2] for fact in found._facts()]
-    assert "least in time" in found.plot().axes[0].get_legend_handles_labels()[1]
+    assert "lowest by time integration" in found.plot().axes[0].get_legend_handles_labels()[1]
     plt.close("all")
     low, middle, high = found.time_response
     half = replace(middle, highest=0.5 * low.highest, highest_period=0.5 * low.highest)
@@ -167,7 +167,7 @@ def test_the_ends_of_the_range_on_request(study, monkeypatch, tmp_path):
 def test_the_range_is_named_a_result_of_harmonic_balance(curve, tmp_path):
     assert ": within 20 % by harmonic balance" in row(curve, "Preload").remark
     labels = curve.plot().axes[0].get_legend_handles_labels()[1]
-    assert "at most 20 % higher by harmonic balance" in labels
+    assert "within 20 % of the optimum (harmonic balance)" in labels
     plt.close("all")
     page = curve.report(tmp_path / "review.html").read_text()
     assert "at most a fifth higher than its minimum, by harmonic balance: " in page

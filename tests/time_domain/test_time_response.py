@@ -247,7 +247,7 @@ def test_energies_and_blades_of_the_last_periods(found):
 
 def test_a_response_in_time_marks_a_picture(bent, found):
     ax = found.mark(bent[1].plot()).axes[0]
-    assert "highest blade in time, and range" in ax.get_legend_handles_labels()[1]
+    assert "time integration, highest blade: mean, range" in ax.get_legend_handles_labels()[1]
     plt.close("all")
 
 
