@@ -633,32 +633,32 @@ class AccuracyCost(Result, Plottable, Tabular, Storable, kind="bdamper-accuracy"
         if not self.reached and np.isfinite(self.uncertainty):
             remarks.append(self._forecast_text())
         if self.interrupted:
-            remarks.append("Interrupted: other runs may suffice.")
+            remarks.append("Interrupted: cheaper settings may suffice")
         table, further = self._few_rows()
-        verdict = self._answer_text().removesuffix(".")
-        return Statement([verdict], remarks=[*further, *remarks], table=table)
+        return Statement([self._answer_text()], remarks=[*further, *remarks], table=table)
 
     def _answer_text(self) -> str:
         """Return a sentence on the cheapest settings within the tolerance."""
         best = self.recommended
         tolerance = percent(self.tolerance)
         if not np.isfinite(self.uncertainty):
-            return f"Not known which settings have an error within {tolerance}."
+            return f"Not known which settings have an error within {tolerance}"
         if not self.reached:
-            return f"Not reached: an error within {tolerance}."
+            return f"Not reached: an error within {tolerance}"
         if best is self.richest:
-            return f"Only the most detailed settings have an error within {tolerance}."
+            return f"Only the most detailed settings have an error within {tolerance}"
         ratio = best.seconds / self.richest.seconds
         settings = f"Cheapest settings within {tolerance}: {_text(self.varied, best.values)}"
         error = f"error {percent(self.error(best))}"
-        return f"{settings}; {error}, {ratio:.2g} times the time of the most detailed settings."
+        time = f"computing time {ratio:.2g} times that of the most detailed settings"
+        return f"{settings}; {error}, {time}"
 
     def _reference_text(self) -> str:
         """Return a sentence on the error of the most detailed settings, with its sources."""
         size = percent(self.uncertainty)
         parts = self._sources_text() if self.sources else "sum of the last refinements"
         bracket = f" ({parts})" if parts else ""
-        return f"Estimated error of the most detailed settings: {size}{bracket}."
+        return f"Estimated error of the most detailed settings: {size}{bracket}"
 
     def _sources_text(self) -> str:
         """Return the sources of error with their sizes, then those of unknown size."""
@@ -676,13 +676,12 @@ class AccuracyCost(Result, Plottable, Tabular, Storable, kind="bdamper-accuracy"
     def _forecast_text(self) -> str:
         """Return what would reach a tolerance that was not reached."""
         if self.forecast is None:
-            return "No more detailed settings of this model are expected to reach it."
-        settings = self.forecast.settings[:1].upper() + self.forecast.settings[1:]
+            return "More detailed settings of this model are not expected to reach it either"
         seconds = amount(self.forecast.seconds, "s", 2)
         computed_seconds = amount(self.richest.seconds, "s", 2)
         return (
-            f"{settings} would leave an estimated {percent(self.forecast.error)}, in about "
-            f"{seconds} instead of {computed_seconds}."
+            f"Estimated error with {self.forecast.settings}: {percent(self.forecast.error)}, in "
+            f"about {seconds} instead of {computed_seconds}"
         )
 
     def _facts(self) -> tuple[Fact, ...]:

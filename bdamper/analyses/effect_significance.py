@@ -155,14 +155,19 @@ class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-eff
 
     def _statement(self) -> Statement:
         n = len(self.effects)
-        n_significant = n - len(self.negligible)
-        left_out = ", ".join(self.negligible) or "none"
-        rows = [
-            Row("Significant effects only", percent(self.amplitude_change, True), "change in peak"),
-            Row("Computing effort", f"{self.work:.2g}", "relative to all effects"),
-            Row("Negligible effects", left_out),
-        ]
-        verdict = f"{n_significant} of {n} effects are significant"
+        n_kept = n - len(self.negligible)
+        verdict = f"Keep {n_kept} of {n} effects" if self.negligible else f"Keep all {n} effects"
+        rows = []
+        if self.negligible:
+            rows = [
+                Row("Omitted effects", str(n - n_kept), ", ".join(self.negligible)),
+                Row("Change in peak", percent(self.amplitude_change, True), "without all of them"),
+                Row("Computing effort", f"{self.work:.2g}", "relative to all effects"),
+            ]
+        small = [e for e in self.effects if e.significant and e.size <= self.tolerance]
+        if small:
+            reasons = ", ".join(f"{effect.name} ({effect.reason})" for effect in small)
+            rows.append(Row("Kept although small", str(len(small)), reasons))
         subject = f"preload {amount(self.preload, 'N')}, tolerance {percent(self.tolerance)}"
         remarks = [sentence(note) for note in self.notes]
         return Statement([f"{verdict}: {subject}"], rows, remarks=remarks, table=self._rows())
@@ -194,11 +199,12 @@ class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-eff
                 state,
             )
             rows.append(row)
-        amplitude = percent(self.amplitude_change, True)
-        frequency = percent(self.frequency_change, True)
-        rows.append(
-            ("all negligible", amplitude, frequency, "", "computed", f"{self.work:.2f}", "")
-        )
+        if self.negligible:
+            amplitude = percent(self.amplitude_change, True)
+            frequency = percent(self.frequency_change, True)
+            rows.append(
+                ("all omitted", amplitude, frequency, "", "computed", f"{self.work:.2f}", "")
+            )
         return rows
 
 
@@ -335,7 +341,7 @@ def _chosen(
         if max(map(abs, change)) <= tolerance:  # false if the change is unknown
             break
         largest = max(omitted, key=lambda row: row.size)
-        kept[largest.name] = "changes more together with others"
+        kept[largest.name] = "the change is larger together with other effects"
     marked = []
     for row in rows:
         # omitted, alone or with an effect that contains it
@@ -345,9 +351,9 @@ def _chosen(
         reason = row.reason or kept.get(row.name, "")
         if not reason and row.size <= tolerance:
             if row.work >= SAVES_NOTHING:
-                reason = "saves nothing"
+                reason = "its omission saves no time"
             else:
-                reason = "the sum would exceed the tolerance"
+                reason = "the sum of all changes would exceed the tolerance"
         marked.append(replace(row, significant=True, reason=reason))
     return marked, change
 

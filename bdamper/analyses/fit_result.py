@@ -21,7 +21,7 @@ from bdamper.harmonic_balance.study_boundary import A, problem_of
 from bdamper.util import validation
 from bdamper.util.display import Plottable, Result
 from bdamper.util.errors import COMPLETE
-from bdamper.util.formatting import percent, sentence, short_repr, spaced
+from bdamper.util.formatting import listed, percent, sentence, short_repr, spaced
 from bdamper.util.records import Reason
 from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import Recorded, Storable
@@ -211,15 +211,14 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
 
     def _settings_text(self) -> str:
         """Return the settings of the fit that determine its parameters."""
-        harmonics = " ".join(map(str, self.settings["harmonics"]))
-        points = self.settings["contact_points"] or "all"
-        stiffness = self.settings["contact_stiffness"]
-        if not isinstance(stiffness, str):
-            stiffness = "given"
-        return (
-            f"harmonics {harmonics}, {self.settings['blade_modes']} blade modes, {points} contact "
-            f"points, contact stiffness {spaced(stiffness)}"
-        )
+        numbers = self.settings["harmonics"]
+        harmonics = f"harmonic{'s' if len(numbers) > 1 else ''} {listed(map(str, numbers))}"
+        modes = f"{self.settings['blade_modes']} blade modes"
+        points = f"{self.settings['contact_points'] or 'all'} contact points"
+        stiffness = "the contact stiffness of this fit"
+        if isinstance(self.settings["contact_stiffness"], str):
+            stiffness = f'contact_stiffness="{self.settings["contact_stiffness"]}"'
+        return listed([harmonics, modes, points, stiffness])
 
     def columns(self) -> dict[str, Column]:
         """Return one row for each measured point."""

@@ -166,7 +166,7 @@ def _too_few_text(percentile: float, n: int) -> str:
     """Return a remark if there are too few draws for a percentile, or ""."""
     needed = _draws_needed(percentile)
     if np.isfinite(needed) and n < needed:
-        return f" (a {percentile:g} % statement needs {needed:g} draws)"
+        return f" (percentile {percentile:g} requires {needed:g} draws)"
     return ""
 
 
@@ -272,7 +272,7 @@ class RobustOptimum(Result):
         edge = ", an end of the range" if at_end else ""
         draws = _draws_text(self.percentile, self.draws)
         too_few = _too_few_text(self.percentile, self.draws)
-        at_most = f"{draws} reach at most {amount(self.amplitude, 'm')}{too_few}"
+        at_most = f"at most {amount(self.amplitude, 'm')} in {draws}{too_few}"
         verdict = f"Best preload {amount(self.preload, 'N')}{edge}: {at_most}"
         half_width = "half-width of the last search interval"
         rows = [Row("Uncertainty of the preload", f"± {percent(self.uncertainty)}", half_width)]
@@ -413,7 +413,7 @@ class OptimalCurveUncertainty(
             verdict = f"At no preload do {draws} of {settings} have a peak"
             return Statement([verdict], remarks=remarks, table=table)
         best = int(np.argmin(high))
-        at_most = f"{draws} reach at most {amount(high[best], 'm')}"
+        at_most = f"at most {amount(high[best], 'm')} in {draws}"
         at_end = best in (0, len(self.preload) - 1)
         edge = ", an end of the range" if at_end else ""
         verdict = f"Best preload {amount(self.preload[best], 'N')}{edge}: {at_most}"

@@ -857,7 +857,7 @@ class Comparison(Result, Plottable, Tabular, Storable, kind="bdamper-comparison"
         peak = peak_text(outcome.amplitude, outcome.frequency)
         verdict = f"Lowest with '{best}': {peak}, preload {amount(outcome.preload, 'N')}"
         if best != reference_name:
-            verdict += f", {percent(known[best], True)} from '{reference_name}'"
+            verdict += f", {percent(-known[best])} lower than with '{reference_name}'"
         doubts = [
             f"Not for design: '{name}': {_outcome(result).status}"
             for name, result in self.results.items()

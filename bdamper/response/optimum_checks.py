@@ -344,7 +344,7 @@ def _errors_by_source(curve: OptimalCurve) -> Check:
     preload = _rounded(curve.recommended_preload, 3)
     n_curves = _rounded(_curves_per_estimate(curve), 1)
     call = f"study.estimate_errors(study.peak({preload}))"
-    found = f"{call} takes as long as about {n_curves} response curves (this result: {len(curve)})"
+    found = f"{call} takes about as long as {n_curves} response curves (this result: {len(curve)})"
     return Check("white", "Errors by source", found, "white, not part of an optimal curve")
 
 

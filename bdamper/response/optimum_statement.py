@@ -202,7 +202,7 @@ def _amplitude_rows(curve: OptimalCurve, any_failed: bool) -> list[Row]:
         ratio = free / optimum.amplitude
         remark += f", {ratio:.3g} times below the free blade ({amount(free, 'm')})"
     if in_time is None:
-        remark += "; do not use it for the stress"
+        remark += "; do not compute stresses from it"
     rows.append(Row(name, amount(optimum.amplitude, "m"), remark))
     more = curve.convergence
     if more is not None and len(more.peaks) > 1:

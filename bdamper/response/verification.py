@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, NamedTuple
 
@@ -19,6 +19,7 @@ from bdamper.util.formatting import (
     amount,
     counted,
     extent,
+    listed,
     peak_text,
     percent,
     sentence,
@@ -337,9 +338,8 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         if self.answers:
             outcome = "pass" if self.ok else "FAIL"
             means = extent(min(self.answers.values()), max(self.answers.values()), "m")
-            rows.append(
-                Row("Other integrations", outcome, f"mean {means} with {', '.join(self.answers)}")
-            )
+            finding = f"mean {means} with {_integrations_text(self.answers)}"
+            rows.append(Row("Other integrations", outcome, finding))
         if self.starts:
             outcome = "uncertain" if self.elsewhere else "pass"
             finding = f"{self.elsewhere} of {len(self.starts)} lead to a different motion"
@@ -470,6 +470,14 @@ class MotionInTime(
         if self.repeats_after is None:
             return "irregular"
         return "periodic" if self.repeats_after == 1 else f"{self.repeats_after}-periodic"
+
+
+def _integrations_text(names: Collection[str]) -> str:
+    """Return the names of integrations as a list, such as "256 and 512 steps, at the jump"."""
+    numbers = [name.removesuffix(" steps") for name in names if name.endswith(" steps")]
+    others = [name for name in names if not name.endswith(" steps")]
+    steps = [f"{listed(numbers)} steps"] if numbers else []
+    return ", ".join([*steps, *others])
 
 
 def _range_without_unit(motion: TimeResponse | MotionInTime) -> str:
@@ -872,7 +880,8 @@ class Convergence(Result, Plottable, Tabular):
             if outcome == "pass" and len(peaks) <= 2:
                 outcome = "uncertain"
             finding = f"{percent(spread)} (limit {percent(self.tolerance)})"
-            rows.append(Row(f"Spread from {peaks[0].harmonics}", outcome, finding))
+            compared = f"Spread from {peaks[0].harmonics} to {peaks[-1].harmonics} harmonics"
+            rows.append(Row(compared, outcome, finding))
         return rows
 
 

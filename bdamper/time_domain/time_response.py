@@ -568,7 +568,7 @@ def _stated(
         runs = {_steps_name(search, 1): best}
     answers = {name: run.mean for name, run in runs.items()}
     if not np.isnan(search.fall):
-        answers["at the fall"] = _at_fall(search)
+        answers["at the jump"] = _at_fall(search)
     starts = integrations.starts
     higher_starts = {name: mean for name, mean in starts.items() if mean > best.mean}
     lowest, highest, doubt_about_range = error_range(answers | higher_starts, runs.values())

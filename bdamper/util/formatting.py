@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any, TypeVar
 
@@ -168,6 +168,12 @@ def spaced(name: str) -> str:
 def counted(n: int, what: str) -> str:
     """Return a number of things, for example "1 point", "2 masses" or "no frequency"."""
     return f"{n or 'no'} {_plural(what) if n > 1 else what}"
+
+
+def listed(texts: Iterable[str]) -> str:
+    """Return texts as a list in a sentence, for example "1, 3 and 5"."""
+    *others, last = texts
+    return f"{', '.join(others)} and {last}" if others else last
 
 
 def _plural(noun: str) -> str:

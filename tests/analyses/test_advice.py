@@ -152,7 +152,7 @@ def test_effects_that_save_most_are_left_out_within_the_sum():
     } and change == (0.0, 0.0)
     assert (
         next(e for e in found if e.name == "rotation X").reason
-        == "the sum would exceed the tolerance"
+        == "the sum of all changes would exceed the tolerance"
     )
 
 
@@ -161,7 +161,7 @@ def test_what_saves_nothing_stays_on_and_what_is_off_may_stay_off():
     found, _ = module._chosen(Reference(DEFAULT, lambda e: 0.0), given, 0.01)
     assert [e.verdict for e in found] == ["keep", "stays off"] and found[
         0
-    ].reason == "saves nothing"
+    ].reason == "its omission saves no time"
 
 
 def test_effects_that_change_more_together_are_taken_back():
@@ -183,7 +183,7 @@ def test_effects_that_change_more_together_are_taken_back():
     reference = Reference(effects, joint)
     found, change = module._chosen(reference, given, 0.01)
     assert [e.significant for e in found] == [True, True, False] and change == (0.004, 0.0)
-    assert found[0].reason == found[1].reason == "changes more together with others"
+    assert found[0].reason == found[1].reason == "the change is larger together with other effects"
     assert reference.asked == [
         effects.without("bias").without("constraint planes").without("rotation X"),
         effects.without("constraint planes").without("rotation X"),

@@ -32,6 +32,7 @@ from bdamper.response.optimal_curve import optimal_curve
 from bdamper.response.verification import TimeResponse
 from bdamper.util import storage
 from bdamper.util.errors import Ending
+from bdamper.util.formatting import amount
 from bdamper.util.progress import Cost, LongWork
 from bdamper.util.storage import ResultsFile, from_line, json_line
 from tests.analyses.test_executors import Ends
@@ -767,11 +768,11 @@ class TestUncertainty:
         """70 % of three draws: two of three are only 67 %, so that it is the highest one."""
         found = robust(percentile=70.0, tolerance=1e-6)
         assert (found.preload, found.amplitude) == pytest.approx((self.BEST, self.HEIGHT), rel=1e-5)
-        assert "all 3 draws reach at most" in said(
-            found
-        ) and "(a 70 % statement needs 5 draws)" in said(found)
-        assert "50 % of 3 draws reach at most" in said(robust(percentile=50.0))
-        assert "needs" not in str(robust(percentile=100.0))
+        height = amount(found.amplitude, "m")
+        text = f": at most {height} in all 3 draws (percentile 70 requires 5 draws) "
+        assert text in said(found)
+        assert " in 50 % of 3 draws " in said(robust(percentile=50.0))
+        assert "requires" not in str(robust(percentile=100.0))
 
     def test_a_draw_that_fails_is_named(self, study, monkeypatch):
         """It does not count, and the other draws give the optimum that they give alone."""
@@ -811,8 +812,8 @@ class TestUncertainty:
         assert not found.complete
         text = said(found)
         assert text.startswith(
-            "Best preload 1 N, an end of the range: all 8 draws reach at most 8 m Sample 8 draws random "
-            "friction coefficient (a 95 % statement"
+            "Best preload 1 N, an end of the range: at most 8 m in all 8 draws Sample 8 draws random "
+            "friction coefficient (percentile 95 requires 21 draws)"
         )
         assert " 1 N 5 m 8 m " in text
         assert "7 of 8 draws have no peak at some preloads" in text
@@ -830,7 +831,7 @@ class TestUncertainty:
                             samples={"friction_coefficient": np.ones(n)}, warnings=())  # fmt: skip
             reached = float(found.percentile(95.0)[0])
             assert np.count_nonzero(size <= reached) >= 0.95 * n and (reached < n) == (n >= 21)
-            assert ("a 95 % statement needs 21 draws" in said(found)) == (n < 21)
+            assert ("(percentile 95 requires 21 draws)" in said(found)) == (n < 21)
 
     def test_draws_of_an_uncertain_curve_that_fail(self, study, monkeypatch):
         """A draw with invalid settings does not count; one whose search ends in an error is unknown."""

@@ -207,7 +207,7 @@ def test_the_bottom_line_says_what_is_open(study, curve):
     )
     without = replace(curve, time_response=(none,))
     assert "is not found: no motion stays" in without._headline()
-    assert "do not use it for the stress" in row(without, "Harmonic balance").remark
+    assert "do not compute stresses from it" in row(without, "Harmonic balance").remark
     assert "Not covered: time integration, " in said(without)
 
 
@@ -283,5 +283,5 @@ def test_without_a_known_amplitude_of_all_checks_there_is_no_design_amplitude(cu
     without = replace(passed, time_response=())
     assert (
         np.isnan(without.design_amplitude)
-        and "do not use it for the stress" in row(without, "Harmonic balance").remark
+        and "do not compute stresses from it" in row(without, "Harmonic balance").remark
     )

@@ -216,7 +216,7 @@ def test_one_mass_falls_at_the_fold_of_its_branch(bent, found):
 
 def test_the_range_is_an_error(found):
     """All answers and the 1 % to which motions settle."""
-    assert set(found.answers) == {"256 steps", "at the fall", "512 steps", "1024 steps"}
+    assert set(found.answers) == {"256 steps", "at the jump", "512 steps", "1024 steps"}
     low, high = min(found.answers.values()), max(found.answers.values())
     assert found.answers["256 steps"] == found.mean
     assert found.lowest <= found.balance <= found.highest, (

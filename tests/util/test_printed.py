@@ -169,7 +169,7 @@ class TestBottomLine:
             "excitation, friction coefficient 0.4 "
             f"Preload {preload} {span(low, high, 'N')}: within 20 % by harmonic balance "
             f"Harmonic balance {size} {amount(o.frequency, 'Hz')}, {ratio} times below the free "
-            f"blade ({amount(curve.free.amplitude, 'm')}); do not use it for the stress "
+            f"blade ({amount(curve.free.amplitude, 'm')}); do not compute stresses from it "
         )
         assert text.endswith(
             "Not covered: time integration, more blade modes, mistuning, wear, more contact points, "
