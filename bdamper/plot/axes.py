@@ -34,6 +34,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 from matplotlib.ticker import (
     AutoLocator,
@@ -387,12 +388,14 @@ def name_point(ax: Axes, text: str, at: tuple[float, float], **style: Any) -> No
         gid="name",
         fontsize=SMALL,
         ha="center",
+        # a white edge keeps letters readable on lines
+        path_effects=[withStroke(linewidth=1.5, foreground="w")],
         arrowprops={
             "arrowstyle": "-",
             "color": "0.6",
             "linewidth": 0.4,
             "shrinkA": 0.0,
-            "shrinkB": 2.0,
+            "shrinkB": 3.5,
         },
         **look,
     )

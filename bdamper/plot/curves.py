@@ -502,7 +502,7 @@ def _mark_optimum(ax: Axes, result: OptimalCurve) -> None:
     within = f"within {percent(NEAR_BEST - 1.0)} of the optimum (harmonic balance)"
     ax.axvspan(*result.near_best, color=OPTIMUM, alpha=0.1, linewidth=0.0, label=within)
     ax.margins(y=0.25)  # for the name
-    text = "\n".join(wrapped(line, 40) for line in _lines_of_optimum(result))
+    text = "\n".join(wrapped(line, 38) for line in _lines_of_optimum(result))
     name_point(ax, text, (optimum.preload, optimum.amplitude), color=OPTIMUM)
 
 

@@ -1,6 +1,7 @@
 """Pictures: they are written, their legends and labels say what is drawn, nothing lies on anything else."""
 
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import matplotlib
 
@@ -11,6 +12,8 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
 
 import bdamper as bd
 from bdamper.analyses.accuracy import AccuracyCost, Forecast, ReferenceError, Run
@@ -212,6 +215,30 @@ def test_accuracy_that_was_not_reached_shows_what_would():
     assert drawn == pytest.approx(np.array([(2.0, 6.0), (0.5, 8.12), (10.0, 3.0)]))
     assert ax.get_title().endswith("5 % not reached")
     assert_nothing_overlaps(ax)
+
+
+def test_names_of_near_runs_lie_on_no_other_run():
+    """Samples per period on the difficult disk; the ring around the fastest run reaches its neighbour."""
+    ladder = (
+        (32, 6.0e-6, 3.21e-3), (64, 9.5e-6, 3.37e-3), (128, 3.6e-6, 3.45e-3), (256, 9.9e-7, 3.78e-3),
+        (512, 1.7e-7, 4.57e-3), (2048, 7.4e-9, 10.7e-3),
+    )  # fmt: skip
+    runs = (
+        Run("most detailed", ("exact",), 1e-3, 300.0, 0.0, 3.96e-3),
+        *(Run("evaluation", (f"{n} samples",), 1e-3, 300.0, e, t) for n, e, t in ladder),
+    )
+    result = AccuracyCost("samples", 2000.0, INTERVAL, 0.01, ("evaluation",), runs)
+    ax = plot_accuracy(result)
+    ax.figure.canvas.draw()
+    names = {text.get_text(): Text.get_window_extent(text) for text in ax.texts}
+    assert list(names) == [str(n) for n, *_ in ladder]
+    assert not any(a.overlaps(b) for a, b in combinations(names.values(), 2))
+    for line in ax.lines:
+        if len(line.get_xdata()) == 1:
+            place = line.get_transform().transform(line.get_xydata())[0]
+            radius = 0.5 * line.get_markersize() * ax.figure.dpi / 72.0
+            mark = Bbox([place - 0.7 * radius, place + 0.7 * radius])
+            assert not any(mark.overlaps(box) for box in names.values())
 
 
 class TestSurfaces:
