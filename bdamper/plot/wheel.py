@@ -26,6 +26,7 @@ from bdamper.plot.axes import (
     limit_line,
     looks,
     note,
+    once,
     picture,
 )
 from bdamper.plot.bodies import shown_shapes
@@ -249,7 +250,8 @@ def plot_wheel(peak: DiskPeak, model: Model, ax: Axes = NEW) -> None:
     patches.set_array(amplitude[farthest_first])
     patches.set_clim(0.0, peak.amplitude)
     ax.add_collection(patches)
-    radius = 1.07 * np.linalg.norm(mesh.points[:, :2], axis=1).max()
+    # far enough for the numbers to lie beyond the tips
+    radius = 1.11 * np.linalg.norm(mesh.points[:, :2], axis=1).max()
     for blade in _numbered_blades(n_blades, peak.blade):
         x, y = radius * (rotations[blade] @ [0.0, 1.0, 0.0])[:2]
         ax.text(
@@ -269,8 +271,8 @@ def plot_wheel(peak: DiskPeak, model: Model, ax: Axes = NEW) -> None:
 
 def _numbered_blades(n_blades: int, highest: int) -> set[int]:
     """Return the highest blade and every tenth blade whose number does not touch another one."""
-    # smallest difference of two numbers
-    apart = min(5, n_blades // 10 + 1)
+    # largest difference at which two numbers touch; a number is a fortieth of the circle wide
+    apart = int(np.ceil(n_blades / 40))
     near_highest = {(highest + k) % n_blades for k in range(-apart, apart + 1)}
     tenth = set(range(0, n_blades - apart, 10))
     return (tenth - near_highest) | {highest}
@@ -282,7 +284,7 @@ def _title(sample: MistunedSample, i: int, n: int) -> str:
     return f"{n} bladed disks, standard deviation of blade frequencies {percent:g} %"
 
 
-@picture(MistunedSample)
+@picture(MistunedSample, size=(COLUMN, 3.0))
 def plot_sample(
     sample: MistunedSample,
     over: str | None = None,
@@ -297,8 +299,8 @@ def plot_sample(
     Over the standard deviation each preload has a colour.
 
     Bands are 95 % confidence intervals with the errors of the peaks, for the last percentile if
-    there are several colours.  They end where the sample does not bound them.  Over the preload,
-    stars mark the smallest value of each line.
+    there are several colours.  Their edges have the line style of the percentile.  They end where
+    the sample does not bound them.  Over the preload, stars mark the smallest value of each line.
 
     Parameters
     ----------
@@ -335,16 +337,22 @@ def plot_sample(
         for q, (low, value, high), style in zip(percentiles, lines[:, :, k], STYLES):
             ax.plot(x, value, **{**look, "linestyle": style})
             if over_preload or q == percentiles[-1]:
-                known = np.isfinite(low) & np.isfinite(high)
-                ax.fill_between(x, low, high, where=known, color=colour, alpha=0.15, linewidth=0.0)
+                _confidence_band(ax, x, low, high, colour, style)
             if over_preload:
                 best = int(np.argmin(value))
-                ax.plot(x[best], value[best], "*", color=colour, markersize=9.0)
+                ax.plot(
+                    x[best],
+                    value[best],
+                    "*",
+                    color=colour,
+                    markersize=9.0,
+                    label=once(ax, "lowest of each line"),
+                )
         ax.plot([], [], **{**look, "linestyle": ""}, label=name or None)
     for q, dashes in zip(percentiles, STYLES):
         ax.plot([], [], color="0.3", linestyle=dashes, label=f"{q:g} % of disks are below")
     if sample.held:
-        ax.plot([], [], " ", label=f"dampers held: {100.0 * sample.held:.0f} % of peaks")
+        ax.plot([], [], " ", label=f"{100.0 * sample.held:.0f} % of peaks: dampers held by springs")
     if over_preload:
         tuned = sample.tuned_amplitude[order]
         relative = tuned / (tuned if is_factor else 1.0)
@@ -358,6 +366,20 @@ def plot_sample(
         ax.set(ylabel=_FACTOR, yscale="linear")
     else:
         ax.set(ylabel=axis_label(MistunedSample, "amplitude"), yscale="log")
+
+
+def _confidence_band(
+    ax: Axes, x: NDArray, low: NDArray, high: NDArray, colour: Any, style: Any
+) -> None:
+    """Shade a confidence interval where the sample bounds it; edges have the style of the line."""
+    known = np.isfinite(low) & np.isfinite(high)
+    if not known.any():
+        return
+    label = once(ax, "95 % confidence interval, with errors of peaks")
+    ax.fill_between(x, low, high, where=known, color=colour, alpha=0.15, linewidth=0.0, label=label)
+    for edge in (low, high):
+        bounded = np.where(known, edge, np.nan)
+        ax.plot(x, bounded, color=colour, alpha=0.6, linestyle=style, linewidth=0.6)
 
 
 @picture(MistunedSample, "plot_tail")
@@ -404,7 +426,7 @@ def plot_sample_tail(
         color="k",
         alpha=0.1,
         linewidth=0.0,
-        label="its 95 % interval, with errors",
+        label="its 95 % confidence interval, with errors of peaks",
     )
     ax.locator_params(axis="y", integer=True)
     ax.set(xlabel=_FACTOR, ylabel="Number of bladed disks")

@@ -231,6 +231,25 @@ def test_percentiles_of_the_stored_wheels_carry_the_errors_of_their_peaks():
     np.testing.assert_allclose([span.x0, span.x1], [low[1], high[1]])
 
 
+def test_stars_and_bands_of_the_stored_wheels_are_explained():
+    """The interval of the 95th percentile has no upper end at 500 N, so its edges begin at 1 kN."""
+    sample = bd.load(Path(bd.__file__).parent / "data/wheels.h5")
+    (axes,) = sample.plot(over="preload").axes
+    legend = axes.get_legend()
+    entries = dict(
+        zip((text.get_text() for text in legend.get_texts()), legend.legend_handles, strict=True)
+    )
+    assert entries["lowest of each line"].get_marker() == "*"
+    bands = axes.collections
+    shade = entries["95 % confidence interval, with errors of peaks"].get_facecolor()
+    assert len(bands) == 2 and np.allclose(shade, bands[0].get_facecolor())
+    assert "52 % of peaks: dampers held by springs" in entries
+    edges = [line for line in axes.lines if line.get_linewidth() == 0.6]
+    assert [line.get_linestyle() for line in edges] == ["-", "-", "-.", "-."]
+    first_known = [line.get_xdata()[np.isfinite(line.get_ydata())][0] for line in edges]
+    assert first_known == [500.0, 500.0, 1000.0, 1000.0]
+
+
 @pytest.mark.parametrize("seen", [True, False])
 def test_tails_of_the_stored_wheels_are_drawn(seen):
     """Of amplitudes that are as rare as those of an exponential distribution the fit sees no bound."""

@@ -273,6 +273,22 @@ def test_no_text_lies_on_another_one_or_is_cut(name):
     plt.close("all")
 
 
+@pytest.mark.parametrize("highest", [2, 3, 17, 47, 58, 63])
+def test_numbers_of_blades_lie_beyond_the_tips_and_not_on_each_other(highest):
+    ax = disk_peak(blade=highest).plot_wheel(bladed_disk().model).axes[0]
+    ax.figure.canvas.draw()
+    numbers = {int(text.get_text()): text.get_window_extent() for text in ax.texts}
+    tenth = {k for k in range(0, N, 10) if min(abs(k - highest), N - abs(k - highest)) > 2}
+    assert set(numbers) == tenth | {highest}
+    assert not any(a.overlaps(b) for a, b in combinations(numbers.values(), 2))
+    (blades,) = ax.collections
+    corners = np.concatenate([path.vertices for path in blades.get_paths()])
+    on_screen = ax.transData.transform(corners)
+    for box in numbers.values():
+        assert not ((on_screen > box.min) & (on_screen < box.max)).all(axis=1).any()
+    plt.close("all")
+
+
 def test_a_failed_check_is_in_the_name_of_the_optimum():
     names = [" ".join(text.get_text().split()) for text in failed_checks().plot().axes[0].texts]
     (name,) = [name for name in names if "not verified" in name]
