@@ -17,6 +17,7 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, LogLocator
 from numpy.typing import NDArray
 
@@ -293,6 +294,8 @@ def draw(growths: Sequence[Measured]) -> None:
             draw_one(ax, measured)
         for ax in axes[:, 0]:
             ax.set_ylabel("Processor time")
+        handles, labels = axes[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
         save_figure(figure, PICTURE)
 
 
@@ -303,18 +306,22 @@ def draw_one(ax: Any, measured: Measured) -> None:
     # a fit in logarithms passes through the geometric means
     centre = float(np.exp(np.log(fitted).mean())), float(np.exp(np.log(seconds[-FITTED:]).mean()))
     low, high = (power_law(fitted, power, centre) for power in measured.growth.expected)
-    ax.fill_between(fitted, low, high, color="0.85", linewidth=0.0)
+    ax.fill_between(
+        fitted, low, high, color="0.85", linewidth=0.0, label="between expected exponents"
+    )
     for edge in (low, high):
         ax.plot(fitted, edge, color="0.6", linewidth=0.8)
-    ax.plot(fitted, power_law(fitted, measured.exponent, centre), color="k", linewidth=1.2)
-    ax.plot(sizes, seconds, "o", color="C0", markersize=4.0)
+    fit = power_law(fitted, measured.exponent, centre)
+    ax.plot(fitted, fit, color="k", linewidth=1.2, label=f"fitted to the {FITTED} largest sizes")
+    ax.plot(sizes, seconds, "o", color="C0", markersize=4.0, label="measured")
     ax.set(xscale="log", yscale="log", xlabel=measured.growth.over.capitalize())
-    ax.set_xticks(sizes, [f"{size:,}" for size in measured.sizes])
+    ax.set_xticks(sizes, [f"{size:,}" for size in measured.sizes], fontsize=6.5)
     ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
     ax.yaxis.set_major_formatter(FuncFormatter(lambda seconds, _: in_words(seconds)))
     ax.minorticks_off()
     words = f"exponent {measured.exponent:.2f}\nexpected {measured.expected}"
-    ax.text(0.04, 0.96, words, transform=ax.transAxes, va="top", fontsize=7.0)
+    edge = [withStroke(linewidth=1.5, foreground="w")]
+    ax.text(0.04, 0.96, words, transform=ax.transAxes, va="top", fontsize=7.0, path_effects=edge)
     work = measured.growth.work
     ax.set_title(work[0].upper() + work[1:], fontsize=8.0)
 
