@@ -8,8 +8,9 @@
   twelve blades, and at 0.54, engine order 5 and 43.7 N: first lines, answers, waves and energies.
 
 ``python -m benchmarks.bench_blades map`` computes amplitudes in time of the turbine blade at five friction coefficients,
-four preloads and two engine orders, and draws by how much the highest blade exceeds the peak of the balance
-(``docs/images/in-time-map.png``).
+four preloads and two engine orders, stores them in ``benchmarks/results/in_time_map.json``, and draws by how much the
+highest blade exceeds the peak of the balance (``docs/images/in-time-map.png``).  ``python -m benchmarks.bench_blades draw``
+draws the stored values.
 
 ``python -m benchmarks.bench_blades wheel`` makes the turbine blade with all its 31 nodal diameters and integrates a ring of
 twelve blades and the whole wheel of sixty at engine order 5, in a scene where blades part and in one where they do not.
@@ -17,13 +18,17 @@ twelve blades and the whole wheel of sixty at engine order 5, in a scene where b
 
 from __future__ import annotations
 
+import json
 import sys
 import time
+from dataclasses import asdict, dataclass
 from math import tau
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.patches import Rectangle
 
 import bdamper as bd
@@ -34,12 +39,16 @@ from bdamper.time_domain.steady_amplitude import BalanceCurve
 from bdamper.time_domain.time_response import of_blades
 from bdamper.time_domain.transient import CRITERIA, Transient
 from bdamper.util.errors import BdamperError
+from benchmarks.measuring import RESULTS
 
 IMAGE = Path(__file__).parents[1] / "docs" / "images" / "in-time-ring.png"
 """Of the ring of twelve blades at engine order 10."""
 MAP = IMAGE.with_name("in-time-map.png")
-FRICTION, PRELOADS = (0.2, 0.3, 0.4, 0.5, 0.6), (40.0, 80.0, 160.0, 320.0)
+MAP_VALUES = RESULTS / "in_time_map.json"
+FRICTION, PRELOADS, ORDERS = (0.2, 0.3, 0.4, 0.5, 0.6), (40.0, 80.0, 160.0, 320.0), (5, 10)
 """Of the map; preloads in N."""
+RATIOS, GREYS = (1.0, 2.0), LinearSegmentedColormap.from_list("greys", ["1.0", "0.65"])
+"""Ratios between which cells of the map darken, and their colours."""
 BLADE = bd.Excitation("tip", "tangential", 1.0)
 DOWN = np.arange(322.0, 309.9, -1.0)
 """Hz."""
@@ -88,64 +97,140 @@ def highest(study: bd.Study, preload: float, **ring: int) -> tuple[float, bd.Tim
     return curve.peak.amplitude, found if np.isfinite(found.mean) else None
 
 
-def said(balance: float, found: bd.TimeResponse | None) -> tuple[float, str]:
-    """Highest blade over the peak of the balance, and the text of a cell."""
-    if found is None:
-        return np.nan, "not found"
-    ratio = found.mean / balance
-    if "not settled" in found.reason:
-        low, high = (
-            a / balance for a in (min(found.answers.values()), max(found.answers.values()))
-        )
-        return ratio, f"{low:.2f} to\n{high:.2f}"
-    return ratio, f"{ratio:.2f}" + ("\napart" if found.blades_differ else "")
+# ---- Map over friction coefficient and preload ----
 
 
-def over_friction_and_preload() -> None:
-    """Table and picture of the highest blade over the peak of the balance."""
+@dataclass(frozen=True)
+class Cell:
+    """Highest blade in time over the peak of harmonic balance, in one scene of the map.
+
+    Parameters
+    ----------
+    ratio : float or None
+        Mean amplitude over the peak; None if no amplitude in time was found.
+    low, high : float or None
+        Lowest and highest answer over the peak, if the amplitude has not settled.
+    blades_differ : bool
+        Whether the blades do not vibrate alike.
+    """
+
+    ratio: float | None
+    low: float | None = None
+    high: float | None = None
+    blades_differ: bool = False
+
+    @classmethod
+    def of(cls, balance: float, found: bd.TimeResponse | None) -> Cell:
+        """Return the cell of a peak (m) and an amplitude in time."""
+        if found is None:
+            return cls(None)
+        ratio = found.mean / balance
+        if "not settled" in found.reason:
+            answers = found.answers.values()
+            return cls(ratio, min(answers) / balance, max(answers) / balance)
+        return cls(ratio, blades_differ=bool(found.blades_differ))
+
+    @property
+    def text(self) -> str:
+        """Text in the picture, in one or two lines."""
+        if self.ratio is None:
+            return "not found"
+        if self.low is not None:
+            return f"{self.low:.2f} to\n{self.high:.2f}"
+        return f"{self.ratio:.2f}" + ("\nblades differ" if self.blades_differ else "")
+
+
+Map = dict[int, list[list[Cell]]]
+"""By engine order: a row of cells for each friction coefficient, a cell for each preload."""
+
+
+def compute_map() -> Map:
+    """Compute all scenes of the map."""
+    return {
+        order: [
+            [Cell.of(*highest(turbine(friction, order), preload)) for preload in PRELOADS]
+            for friction in FRICTION
+        ]
+        for order in ORDERS
+    }
+
+
+def write_map(cells: Map) -> None:
+    """Store a map."""
+    orders = {
+        str(order): [[asdict(cell) for cell in row] for row in rows]
+        for order, rows in cells.items()
+    }
+    stored = {"friction": FRICTION, "preload": PRELOADS, "orders": orders}
+    MAP_VALUES.write_text(json.dumps(stored, indent=1) + "\n")
+
+
+def read_map() -> Map:
+    """Return the stored map."""
+    stored = json.loads(MAP_VALUES.read_text())
+    assert (stored["friction"], stored["preload"]) == (list(FRICTION), list(PRELOADS))
+    return {
+        int(order): [[Cell(**cell) for cell in row] for row in rows]
+        for order, rows in stored["orders"].items()
+    }
+
+
+def table_of_map(cells: Map) -> str:
+    """Return the tables of a map in Markdown, one for each engine order."""
+    preloads = " | ".join(f"{preload:g} N" for preload in PRELOADS)
+    lines = []
+    for order, rows in cells.items():
+        lines += [f"| engine order {order} | {preloads} |", "|---" * (len(PRELOADS) + 1) + "|"]
+        for friction, row in zip(FRICTION, rows):
+            texts = " | ".join(cell.text.replace("\n", " ") for cell in row)
+            lines.append(f"| mu {friction:g} | {texts} |")
+    return "\n".join(lines)
+
+
+def draw_map(cells: Map) -> None:
+    """Draw a map; the darker a scene, the further the highest blade exceeds the peak."""
     with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.2), sharey=True)
-        for ax, order in zip(axes, (5, 10)):
-            print(
-                f"| engine order {order} | "
-                + " | ".join(f"{p:g} N" for p in PRELOADS)
-                + " |\n"
-                + "|---" * 5
-                + "|"
-            )
-            for i, friction in enumerate(FRICTION):
-                cells = [said(*highest(turbine(friction, order), p)) for p in PRELOADS]
-                print(
-                    f"| mu {friction:g} | "
-                    + " | ".join(text.replace("\n", " ") for _, text in cells)
-                    + " |",
-                    flush=True,
-                )
-                for k, (ratio, text) in enumerate(cells):
-                    grey = 1.0 - 0.35 * float(
-                        np.clip(np.nan_to_num(ratio, nan=1.0) - 1.0, 0.0, 1.0)
-                    )
+        size = {"figsize": (7.2, 3.2), "constrained_layout": True}
+        figure, axes = plt.subplots(1, len(cells), sharey=True, **size)
+        shades = ScalarMappable(Normalize(*RATIOS, clip=True), GREYS)
+        for ax, (order, rows) in zip(axes, cells.items()):
+            ax.grid(False)
+            for i, row in enumerate(rows):
+                for k, cell in enumerate(row):
+                    colour = "w" if cell.ratio is None else shades.to_rgba(cell.ratio)
+                    place = (k - 0.5, i - 0.5)
                     ax.add_patch(
-                        Rectangle(
-                            (k - 0.5, i - 0.5),
-                            1.0,
-                            1.0,
-                            facecolor=str(grey),
-                            edgecolor="k",
-                            linewidth=0.5,
-                        )
+                        Rectangle(place, 1.0, 1.0, facecolor=colour, edgecolor="k", linewidth=0.5)
                     )
-                    ax.text(k, i, text, ha="center", va="center", fontsize=8.0)
+                    ax.text(k, i, cell.text, ha="center", va="center", fontsize=6.5)
             ax.set(
                 title=f"Engine order {order}",
                 xlabel="Preload (N)",
-                xlim=(-0.5, 3.5),
-                ylim=(-0.5, 4.5),
+                xlim=(-0.5, len(PRELOADS) - 0.5),
+                ylim=(-0.5, len(FRICTION) - 0.5),
             )
-            ax.set_xticks(range(len(PRELOADS)), [f"{p:g}" for p in PRELOADS])
-            ax.set_yticks(range(len(FRICTION)), [f"{m:g}" for m in FRICTION])
+            ax.set_xticks(range(len(PRELOADS)), [f"{preload:g}" for preload in PRELOADS])
+            ax.set_yticks(range(len(FRICTION)), [f"{friction:g}" for friction in FRICTION])
         axes[0].set_ylabel("Friction coefficient")
+        label = "Highest blade in time / peak of harmonic balance"
+        figure.colorbar(shades, ax=axes, label=label, extend="both")
         save_figure(figure, MAP)
+
+
+def map_from_start() -> None:
+    """Compute, store, print and draw the map."""
+    write_map(compute_map())
+    map_from_file()
+
+
+def map_from_file() -> None:
+    """Print and draw the stored map."""
+    cells = read_map()
+    print(table_of_map(cells))
+    draw_map(cells)
+
+
+# ---- Whole wheel ----
 
 
 def wheel() -> None:
@@ -171,7 +256,7 @@ def wheel() -> None:
 
 
 def main() -> None:
-    for name, work in {"map": over_friction_and_preload, "wheel": wheel}.items():
+    for name, work in {"map": map_from_start, "draw": map_from_file, "wheel": wheel}.items():
         if name in sys.argv[1:]:
             work()
             return

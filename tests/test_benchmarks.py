@@ -2,13 +2,14 @@
 
 import json
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
 import bdamper as bd
 from bdamper.fem.generated_models import SectorFE
 from bdamper.fem.meshes import Geometry, sector_mesh
-from benchmarks import bench_growth, bench_import, bench_works, measuring
+from benchmarks import bench_blades, bench_growth, bench_import, bench_works, measuring
 
 MORE = 1.1
 """Ratio by which the evaluations of a work may exceed the stored number."""
@@ -148,3 +149,50 @@ def test_an_unknown_work_is_refused(monkeypatch, capsys):
 def test_stored_files_are_small():
     files = [bench_works.STORED, bench_growth.STORED]
     assert all(file.stat().st_size < 10_000 for file in files)
+
+
+def test_the_map_in_time_is_drawn_from_its_file(tmp_path, monkeypatch, capsys):
+    """Texts stay within their cells, and a higher ratio is darker."""
+    monkeypatch.setattr(bench_blades, "MAP_VALUES", tmp_path / "map.json")
+    monkeypatch.setattr(bench_blades, "MAP", tmp_path / "map.png")
+    kept = []
+    monkeypatch.setattr(bench_blades, "save_figure", lambda figure, path: kept.append(figure))
+    kinds = [
+        bench_blades.Cell(1.0),
+        bench_blades.Cell(1.3, 1.25, 1.5),
+        bench_blades.Cell(1.94, blades_differ=True),
+        bench_blades.Cell(None),
+    ]
+    cells = {order: [kinds] * len(bench_blades.FRICTION) for order in bench_blades.ORDERS}
+    bench_blades.write_map(cells)
+    assert bench_blades.read_map() == cells
+    bench_blades.map_from_file()
+    printed = capsys.readouterr().out
+    assert "| mu 0.2 | 1.00 | 1.25 to 1.50 | 1.94 blades differ | not found |" in printed
+    (figure,) = kept
+    figure.canvas.draw()
+    left, right, bar = figure.axes
+    assert bar.get_ylabel() == "Highest blade in time / peak of harmonic balance"
+    for ax in (left, right):
+        for cell, text in zip(ax.patches, ax.texts, strict=True):
+            inside, around = text.get_window_extent(), cell.get_window_extent()
+            assert around.x0 < inside.x0 and inside.x1 < around.x1
+            assert around.y0 < inside.y0 and inside.y1 < around.y1
+        greys = [cell.get_facecolor()[0] for cell in ax.patches[:4]]
+        assert greys[0] == greys[3] == 1.0 > greys[1] > greys[2]
+    plt.close("all")
+
+
+def test_numbers_below_the_growths_do_not_touch(monkeypatch):
+    kept = []
+    monkeypatch.setattr(bench_growth, "save_figure", lambda figure, path: kept.append(figure))
+    bench_growth.draw(bench_growth.stored_growths())
+    (figure,) = kept
+    figure.canvas.draw()
+    for ax in figure.axes:
+        boxes = [label.get_window_extent() for label in ax.get_xticklabels()]
+        assert all(one.x1 + 2.0 < other.x0 for one, other in zip(boxes, boxes[1:])), ax.get_xlabel()
+    (legend,) = figure.legends
+    words = [text.get_text() for text in legend.get_texts()]
+    assert words == ["between expected exponents", "fitted to the 3 largest sizes", "measured"]
+    plt.close("all")
