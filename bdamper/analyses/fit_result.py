@@ -118,7 +118,7 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
         for name, shape in expected.items():
             actual = np.shape(getattr(self, name))
             if actual != shape:
-                raise ValueError(f"'{name}' has the shape {actual}, not {shape}")
+                raise ValueError(f"'{name}' needs the shape {shape}, but has the shape {actual}")
 
     def with_present_names(self) -> Self:
         """Return a result of version 3 of the format with the current names of settings."""

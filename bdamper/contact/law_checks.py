@@ -67,7 +67,7 @@ def check_law(
         if not finite and size > length:
             return
         expected = "finite forces, states and derivatives"
-        check(finite, where, expected, f"others at motions of {size:.3g} m")
+        check(finite, where, expected, f"others for displacements of {size:.3g} m")
         for x, s in zip(path, states):
             _check_rest(where, law, x, s)
         _check_slopes(where, law, path, F, D, SHORT * size)
@@ -79,8 +79,8 @@ def _check_rest(where: str, law: _Law, x: NDArray, s: NDArray) -> None:
     if (change <= REST * np.abs(s)).all():
         return
     i = int(np.argmax(change))
-    expected = "a state that a step without motion leaves as it is"
-    found = f"that state {i} changes by {change[i]:.3g} from {s[i]:.6g} in such a step"
+    expected = "a state that does not change in a step without motion"
+    found = f"a change of state {i} from {s[i]:.6g} by {change[i]:.3g}"
     raise SettingError(f"{where}: expected {expected}, found {found}")
 
 

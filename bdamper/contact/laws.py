@@ -473,9 +473,10 @@ class ContactLaw:
         name = record.get("contact_law")
         if not isinstance(name, str) or name not in SHIPPED:
             found = one_line(
-                f"{name!r}, of which a file has no function; create the study again with this law"
+                f"{name!r}, whose function is not in the file; create the study again with this law"
             )
-            raise SettingError(f"friction_law: expected a name in {tuple(SHIPPED)}, found {found}")
+            built_in = ", ".join(SHIPPED)
+            raise SettingError(f"friction_law: expected a built-in law ({built_in}), found {found}")
         # incomplete records of a file reach the checks of the constructor
         data: Any = record
         return cls(
@@ -704,7 +705,7 @@ class OwnLaws:
             where = f"friction_law: {point.where}" if point else ""
             raise SettingError(
                 f"{where}: expected finite forces and states, "
-                f"found NaN or infinite ones at the motion {motion[first].tolist()} m"
+                f"found NaN or infinite ones for the displacement {motion[first].tolist()} m"
             )
         return force, derivative, after
 

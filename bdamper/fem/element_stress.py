@@ -245,7 +245,7 @@ def in_reference_order(elements: NDArray, nodes: NDArray) -> NDArray:
     distance = np.linalg.norm(nodes[midside][:, None] - middles[:, :, None], axis=3)
     length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
     if np.any(distance.min(axis=2) > 0.3 * length + 1e-9 * length.max()):
-        raise ValueError("no node between two corners of an element of second order")
+        raise ValueError("second-order element: no midside node between two corners")
     ordered = np.take_along_axis(midside, distance.argmin(axis=2), axis=1)
     return np.hstack([corner_nodes, ordered])
 

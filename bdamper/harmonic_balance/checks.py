@@ -489,6 +489,6 @@ def _check_direction(problem: Problem, sector: SectorData, frequency: tuple[floa
     warn_implausible(
         "excitation direction",
         f"along the motion of a mode in the interval ({modes_at} Hz)",
-        f"{excitation.direction} at '{excitation.location}', along which these have "
-        f"{100.0 * share:.2g} % of their motion there",
+        f"{excitation.direction} at '{excitation.location}', with at most {100.0 * share:.2g} % of "
+        "the motion of these modes",
     )

@@ -50,7 +50,7 @@ def read(name: str, table: Table, at: float) -> float:
     places = sorted(table)
     if not places[0] <= at <= places[-1]:
         raise SettingError(
-            f"{name}: expected a table that reaches {at:g}, found {places[0]:g} to {places[-1]:g}"
+            f"{name}: expected a table that includes {at:g}, found {places[0]:g} to {places[-1]:g}"
         )
     return float(np.interp(at, places, [table[x] for x in places]))
 

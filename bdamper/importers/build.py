@@ -531,8 +531,8 @@ def _found_faces(body: PreparedBody, n_blades: int | None) -> SectorFaces:
         if not n_blades:
             expected += ", and n_blades (1 if nothing repeats)"
         raise SettingError(
-            f"sector faces: expected {expected}, as no rotation carries faces of elements "
-            "onto others"
+            f"sector faces: expected {expected}, found no rotation that maps element faces onto "
+            "each other"
         )
     body.passed(f"sector faces: found from the geometry, {faces.n_sectors} sectors")
     return faces

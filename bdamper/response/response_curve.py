@@ -112,8 +112,8 @@ def notes(
         start = _displacement(model, coordinate, before[largest])
         end = _displacement(model, coordinate, after[largest])
         texts.append(
-            f"{coordinate.body} drifts along {coordinate.name} at {frequency:.6g} Hz, where its "
-            f"mean force vanishes: from {start} to {end}"
+            f"{coordinate.body} drifts along {coordinate.name} from {start} to {end} at "
+            f"{frequency:.6g} Hz, because the mean force on it is zero there"
         )
     undetermined = [point for point in points if point.rank_deficiency > 0]
     if undetermined:
@@ -179,8 +179,8 @@ def why_no_solution(
         always_open = shares[:, 4].min() >= 1.0
         if always_open:
             return (
-                f"no periodic solution: all contacts of {coordinate.body} are open through the "
-                f"cycle and a static load of {abs(force):.3g} N acts along {coordinate.name}"
+                f"no periodic solution: all contacts of {coordinate.body} are open throughout "
+                f"the cycle and a static load of {abs(force):.3g} N acts along {coordinate.name}"
             )
         return (
             f"no periodic solution near here: a mean force of {force:.3g} N along "

@@ -731,8 +731,8 @@ def families(
     contact_forces = problem.settings.contact_forces
     if contact_forces != "event_driven":
         raise SettingError(
-            'sensitivities: expected contact_forces="event_driven", found '
-            f"{contact_forces}: the peak has ripples"
+            'sensitivities: expected contact_forces="event_driven", because sampled forces cause '
+            f"ripples in the amplitude, found {contact_forces}"
         )
     any_free_body = any(body.is_free for body in problem.model.bodies.values())
     by_name: dict[str, tuple[Family, float]] = {}

@@ -278,7 +278,7 @@ def _start(problem: Problem, preload: float, first: float) -> tuple[NDArray, flo
     start = frequency_response(problem, preload, (first * (1.0 - NEAR), first * (1.0 + NEAR)))
     if not len(start):
         raise BdamperError(
-            f"no solution to start from at {first:g} Hz ({start.status}: {start.reason})"
+            f"frequency sweep: no initial solution at {first:g} Hz ({start.status}: {start.reason})"
         )
     # the lowest solution; backward stretches of a curve are unstable
     forward_amplitude = np.where(start.backward, np.inf, start.amplitude)

@@ -304,7 +304,7 @@ class Tabular:
             mark = marks[name]
             dims = mark.dims or (ROW, *mark.parts[:1])[: len(shape)]
             if len(dims) < len(shape):
-                raise ValueError(f"'{name}' has the shape {shape}")
+                raise ValueError(f"'{name}' has the shape {shape}, with more than {len(dims)} axes")
             # from the last dimension, because a single solution lacks the first one
             for dim, size in zip(dims[::-1], shape[::-1]):
                 dimension = dim or self._dimension()
@@ -318,16 +318,16 @@ class Tabular:
     ) -> None:
         """Raise ValueError if the rows of a field do not have the width that its mark says."""
         if mark.parts and shape[-1:] != (len(mark.parts),):
-            raise ValueError(f"'{name}' has the shape {shape} instead of {len(mark.parts)} columns")
+            raise ValueError(f"'{name}' needs {len(mark.parts)} columns, but has the shape {shape}")
         # mean and first harmonic
         if mark.dims[-1:] == ("harmonic",) and shape[-1] < 2:
             raise ValueError(
-                f"'{name}' has the shape {shape}; the last axis needs at least the mean "
-                "and the first harmonic"
+                f"the last axis of '{name}' needs at least the mean and the first harmonic, but has "
+                f"the size {shape[-1]}"
             )
         if entry is not None and entry.shape is not None and shape[1:] != entry.shape:
             raise ValueError(
-                f"'{name}' has the shape {shape} instead of {entry.shape} values in each row"
+                f"each row of '{name}' needs the shape {entry.shape}, but has the shape {shape[1:]}"
             )
 
     def _dimension(self) -> str:

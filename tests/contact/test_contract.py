@@ -67,7 +67,8 @@ def test_what_is_not_finite(analysis):
 @pytest.mark.parametrize("fades", [1e-3, 1e-6])
 def test_a_state_that_changes_at_rest(analysis, fades):
     with pytest.raises(
-        bd.SettingError, match=f"{AT}: expected a state that a step without motion leaves as it is"
+        bd.SettingError,
+        match=f"{AT}: expected a state that does not change in a step without motion, found a change of ",
     ):
         analysis(joint(slider(fades=fades)))
 
@@ -150,7 +151,7 @@ def test_values_that_end_at_larger_motions(tmp_path):
     assert f"forces of {AT} may not be finite there" in curve.reason
     with pytest.raises(
         bd.SettingError,
-        match=rf"{AT}: expected finite .*, found NaN or infinite ones at the motion \[1.3",
+        match=rf"{AT}: expected finite .*, found NaN or infinite ones for the displacement \[1.3",
     ):
         study.problem.own_laws.step(np.array([[1.3, 0.0, 0.0]]), np.zeros((1, 3)))
 

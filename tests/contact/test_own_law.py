@@ -142,7 +142,9 @@ class TestFiles:
         study = joint(law)
         study.save(tmp_path / "study.h5")
         with pytest.raises(
-            bd.SettingError, match="found 'of my own', of which a file has no function"
+            bd.SettingError,
+            match=r"friction_law: expected a built-in law \(jenkins, iwan, bouc_wen\), found 'of my own', "
+            "whose function is not in the file; create the study again with this law",
         ):
             bd.load_study(tmp_path / "study.h5")
         with pytest.raises(bd.SettingError, match="of my own"):

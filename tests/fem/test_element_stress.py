@@ -90,7 +90,7 @@ def test_a_missing_middle_node_is_named():
     wrong = elements.copy()
     wrong[:, 4] = wrong[:, 0]
     with pytest.raises(
-        ValueError, match="no node between two corners of an element of second order"
+        ValueError, match=r"second-order element: no midside node between two corners$"
     ):
         in_reference_order(wrong, nodes)
 

@@ -147,7 +147,7 @@ def test_friction_by_temperature_and_excitation_by_order(study):
     [
         (
             {"friction": {100.0: 0.3, 200.0: 0.4}},
-            "friction: expected a table that reaches 400, found 100 to 200",
+            "friction: expected a table that includes 400, found 100 to 200$",
         ),
         (
             {"friction": "0.3"},

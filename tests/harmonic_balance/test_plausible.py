@@ -122,6 +122,6 @@ def test_a_force_across_the_motion_of_the_mode_is_named(asked):
             assert len(told) == across and across == ((mode, direction) == (0, "axial"))
             assert (
                 not across
-                or f"found axial at 'tip', along which these have {100.0 * share[mode]:.2g} %"
+                or f"found axial at 'tip', with at most {100.0 * share[mode]:.2g} % of the motion of these modes"
                 in told[0]
             )

@@ -565,7 +565,7 @@ BAD_SETTINGS = [
     ({"nodal_diameters": None}, "expected engine_order or nodal_diameters"),
     (
         {"faces": None, "n_blades": 64},
-        "sector faces: expected the two faces of the sector, as no rotation",
+        "sector faces: expected the two faces of the sector, found no rotation that maps element faces",
     ),
     ({"fixed": None}, "found neither, and a motion without force"),
     ({"locations": {"tip": 7}}, "location 'tip': expected numbers of existing nodes, found 7"),

@@ -226,7 +226,7 @@ class TestDamaged:
         rewritten(tmp_path / "fit.h5", field, lambda value: value[..., :-1])
         with pytest.raises(
             bd.BdamperError,
-            match=r"expected a file written by Fitted\.save, found .*' has the shape",
+            match=r"expected a file written by Fitted\.save, found .*'\w+' needs the shape .*, but has the shape ",
         ):
             bd.load(tmp_path / "fit.h5")
 
