@@ -639,8 +639,12 @@ class Page:
         self._fit(self.best.y_range, micrometres)
         loads = [*preload, self.value("preload")]
         self.best.x_range.update(start=0.8 * min(loads), end=1.25 * max(loads))
-        star = "★ " if np.isfinite(optimum.preload) else ""
-        self.texts["optimal"] = star + in_unit_of_response(found, statement(found)).html
+        # the verdict alone: tables would leave no space for the panels
+        verdict = " ".join(in_unit_of_response(found, statement(found)).verdict)
+        text = f"{html.escape(verdict)}."
+        if np.isfinite(optimum.preload):
+            text = f"★ {peak_text(optimum.amplitude, optimum.frequency)}. {text}"
+        self.texts["optimal"] = text
 
     def _in_time(self, found: TimeResponse) -> None:
         """Show the steady-state amplitude by time integration next to the peak."""

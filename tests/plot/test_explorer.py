@@ -559,7 +559,7 @@ class Window:
 
     def settle(self):
         """Wait until all is answered but the amplitude in time."""
-        self.wait("return !get('busy').visible || get('busy').text.includes('in time')")
+        self.wait("return !get('busy').visible || get('busy').text.includes('time integration')")
 
     def shown(self, name="curve"):
         """The answer in full that the page shows to what stands on it."""
@@ -707,6 +707,14 @@ def test_a_chosen_point_is_told_once_it_is_the_one_that_is_shown(page, answers):
     page.show(replace(provisional, full=True, point=3))
     curve = provisional.curve
     assert f" Chosen point: {peak_text(curve.amplitude[3], curve.frequency[3])}." in page.text.text
+
+
+def test_the_optimum_is_told_in_a_sentence(page, answers):
+    """Tables of checks would leave no space for the panels."""
+    page.show(answers.optimal(page.question(), None))
+    text = page.text.text
+    assert text.startswith("★ ") and "Lowest amplitude at" in text and text.endswith(".")
+    assert "<table" not in text and len(text) < 250
 
 
 def test_of_an_empty_curve_the_curve_alone_is_saved(page, answers, monkeypatch):
@@ -873,7 +881,7 @@ def test_the_amplitude_in_time_stands_beside_the_peak(browser, explorer, study):
     window = Window(browser, explorer)
     page = explorer.pages[-1]
     window.type("preload", "2000")  # a time integration that the next move ends
-    window.wait("return get('busy').text.includes('in time')")
+    window.wait("return get('busy').text.includes('time integration')")
     window.type("preload", "200")
     for _ in range(5):
         with suppress(AssertionError):
