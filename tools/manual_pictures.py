@@ -1,0 +1,151 @@
+"""Pictures of the manual that need a browser or a long computation.
+
+``python tools/manual_pictures.py`` draws all of them into docs/images; names as arguments select some:
+
+* ``left-out``: a response curve at very low preload, with the ranges that have no solution
+  (docs/messages.md).
+* ``report``: the beginning of the report of the typical blade (docs/fit.md).
+* ``explorer``: the explorer of the typical blade in a window of 1280 by 800 pixels
+  (docs/how-to.md).
+
+The last two need the extras ``bdamper[app-test]`` and ``bdamper[report]``, and a browser (Debian:
+chromium, chromium-driver).
+"""
+
+from __future__ import annotations
+
+import argparse
+import base64
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import bdamper as bd
+from bdamper.plot import new_axes, plot_curve, save_figure
+
+IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
+SCALE = 2
+"""Pixels of a picture for each pixel of the window, for sharp letters in print."""
+REPORT_SIZE, EXPLORER_SIZE = (775, 1000), (1280, 800)
+"""Width and height of the windows (pixels)."""
+LONGEST = 600.0
+"""Longest time (s) until the explorer has computed everything."""
+
+
+def typical_blade() -> bd.Study:
+    """Return the study of examples/demo.py."""
+    return bd.Study(
+        bd.reference_model("turbine_blade"),
+        bd.Excitation("tip", direction="tangential", amplitude=1.0),
+        engine_order=5,
+        friction_coefficient=0.3,
+    )
+
+
+def left_out() -> None:
+    """Draw a response curve at very low preload."""
+    study = bd.Study(
+        bd.reference_model("bladed_disk", contact_points=9),
+        bd.Excitation("tip"),
+        engine_order=5,
+        friction_coefficient=0.4,
+    )
+    curve = study.frequency_response(12.0, (250.0, 400.0))
+    ax = plot_curve(curve, new_axes(4.4, 2.8))
+    ax.set(xlim=(255.0, 315.0), ylim=(1.5e-5, None))
+    save_figure(ax, IMAGES / "left-out.png")
+
+
+# ---- Pages in a browser ----
+
+
+@contextmanager
+def browser(size: tuple[int, int]) -> Iterator[Any]:
+    """Provide a browser without a window on the screen, of a size in pixels."""
+    from selenium import webdriver
+
+    chromium, driver = shutil.which("chromium"), shutil.which("chromedriver")
+    if not (chromium and driver):
+        sys.exit("a browser is missing (Debian: chromium, chromium-driver)")
+    options = webdriver.ChromeOptions()
+    options.binary_location = chromium
+    for argument in (
+        "headless=new",
+        "no-sandbox",
+        "disable-gpu",
+        "disable-dev-shm-usage",
+        "hide-scrollbars",
+    ):
+        options.add_argument(f"--{argument}")
+    with webdriver.Chrome(options=options, service=webdriver.ChromeService(driver)) as found:
+        width, height = size
+        metrics = {"width": width, "height": height, "deviceScaleFactor": SCALE, "mobile": False}
+        found.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+        yield found
+
+
+def photograph(page: Any, path: Path, height: float, width: float) -> None:
+    """Save the upper part of a page (pixels of the window) as a picture."""
+    clip = {"x": 0, "y": 0, "width": width, "height": height, "scale": 1}
+    options = {"format": "png", "clip": clip, "captureBeyondViewport": True}
+    shot = page.execute_cdp_cmd("Page.captureScreenshot", options)
+    path.write_bytes(base64.b64decode(shot["data"]))
+
+
+def report() -> None:
+    """Write the report of an optimal curve, and photograph it down to the end of the checks."""
+    study = typical_blade()
+    curve = study.optimal_curve((30.0, 1000.0), 12)
+    with tempfile.TemporaryDirectory() as folder, browser(REPORT_SIZE) as page:
+        path = Path(folder) / "review.html"
+        curve.report(path, study)
+        page.get(path.as_uri())
+        end = page.execute_script(
+            "const checks = [...document.querySelectorAll('h2')].find((e) => e.textContent === 'Checks');"
+            "return checks.nextElementSibling.getBoundingClientRect().bottom"
+        )
+        photograph(page, IMAGES / "report.png", end + 12.0, REPORT_SIZE[0])
+
+
+def explorer() -> None:
+    """Photograph the explorer when all panels and the amplitude by time integration are there."""
+    server = bd.explore(typical_blade())
+    try:
+        with browser(EXPLORER_SIZE) as page:
+            page.get(server.address)
+            begin = time.monotonic()
+            while not page.execute_script(
+                "if (!window.Bokeh || !Bokeh.documents.length) return false;"
+                "const get = (n) => Bokeh.documents[0].get_model_by_name(n);"
+                "return !get('busy').visible && get('answer').text.includes('★')"
+            ):
+                if time.monotonic() > begin + LONGEST:
+                    sys.exit(f"the explorer is not ready after {LONGEST:g} s")
+                time.sleep(0.5)
+            photograph(page, IMAGES / "explorer.png", EXPLORER_SIZE[1], EXPLORER_SIZE[0])
+    finally:
+        server.close()
+
+
+PICTURES: dict[str, Callable[[], None]] = {
+    "left-out": left_out,
+    "report": report,
+    "explorer": explorer,
+}
+
+
+def main() -> None:
+    """Draw the pictures that are asked for."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", help=f"out of {', '.join(PICTURES)}; all by default")
+    for name in parser.parse_args().names or PICTURES:
+        PICTURES[name]()
+
+
+if __name__ == "__main__":
+    main()
