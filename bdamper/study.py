@@ -802,8 +802,9 @@ class Study(Comparable):
         """
         problem = self.problem
         # all arguments are checked before the first curve is computed
-        if check is not False:
-            check = validation.choice("check", check, ("time", "neighbours", "range"))
+        checks = ("time", "neighbours", "range", False)
+        is_known = isinstance(check, str | bool) and check in checks
+        validation.check_value(is_known, "check", f"one of {checks}", check)
         check_executor(executor)
         progress = shows_progress(progress)
         values = optimal.preload_values(preload, n)

@@ -451,7 +451,12 @@ def _tests(data: Any) -> list[MeasuredResponse | Measured | MeasuredMode]:
     kinds = MeasuredResponse, Measured, MeasuredMode
     if isinstance(data, kinds):
         return [data]
-    validation.instance("data", data, Iterable, "tests, as MeasuredResponse")
+    validation.instance(
+        "data",
+        data,
+        Iterable,
+        "a MeasuredResponse, a Measured, a MeasuredMode or a sequence of these",
+    )
     tests = [validation.instance("data", test, kinds) for test in data]
     validation.check(tests, "data", "one test or more", "none")
     return tests

@@ -252,8 +252,8 @@ def check_settings(problem: Problem) -> None:
         if not set(flow) & used:
             warn_implausible(
                 "aerodynamic_damping",
-                f"at one of the nodal diameters {sorted(used)} of the study",
-                f"at {sorted(flow)} alone",
+                f"values at the nodal diameters of the study, {sorted(used)}",
+                f"values at {sorted(flow)} only",
             )
 
 

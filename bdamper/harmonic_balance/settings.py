@@ -245,8 +245,8 @@ class Settings(validation.Answering):
         validation.check_value(
             self.contact_points is None or self.contact_points <= most,
             "contact_points",
-            f"at most {most}, those of a friction face of the model, which decides how many there "
-            "are (None for all)",
+            f"at most {most}, the number of points on a friction face of the model, or None for all "
+            "of them",
             self.contact_points,
         )
 

@@ -44,9 +44,10 @@ def _direction(name: str, value: str | Sequence[float]) -> str | Sequence[float]
 
 
 def _phase(name: str, value: float) -> float:
-    expected = "a phase in radians from -2 pi to 2 pi; np.deg2rad(90) is 90 degrees"
     phase = validation.number(name, value)
-    validation.check_value(abs(phase) <= 2.0 * np.pi, name, expected, value)
+    if abs(phase) > 2.0 * np.pi:
+        error = validation.invalid(name, "a phase in radians from -2 pi to 2 pi", value)
+        raise SettingError(f"{error}; possibly given in degrees: use np.deg2rad({phase:g})")
     return phase
 
 

@@ -22,7 +22,7 @@ ENDS = {
     "end": "at an end of the range; a lower amplitude may lie outside",
     "edge": "at the lowest preload with a steady response",
 }
-WITH_CHECKS = "optimal_curve with check=True"
+WITH_CHECKS = 'optimal_curve with check="time"'
 """Call that runs the checks of a curve."""
 NEAR_BEST = 1.2
 """Amplitude over the optimum that defines the printed range of acceptable preloads."""

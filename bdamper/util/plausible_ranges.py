@@ -432,9 +432,9 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
         0.01, 100.0, "times that of the study", "possibly given in N/m"
     ),
     "DamperVariation.gap": Range(1e-12, 1e-3, "m", MILLIMETRES),
-    "DamperVariation.random.mass": Range(1e-6, 0.5, above=PER_CENT),
-    "DamperVariation.random.friction_coefficient": Range(1e-6, 1.0, above=PER_CENT),
-    "DamperVariation.random.contact_stiffness": Range(1e-6, 2.0, above=PER_CENT),
+    "DamperVariation.random.mass": Range(1e-6, 0.5, "of the mean", PER_CENT),
+    "DamperVariation.random.friction_coefficient": Range(1e-6, 1.0, "of the mean", PER_CENT),
+    "DamperVariation.random.contact_stiffness": Range(1e-6, 2.0, "of the mean", PER_CENT),
     "DamperVariation.random.gap": Range(1e-12, 1e-3, "m", MILLIMETRES),
     # measurements
     "MeasuredResponse.force": Range(1e-6, 1e6, "N", "possibly given in mN", "possibly given in MN"),
@@ -538,7 +538,10 @@ def _check_settings(
 
 
 def _item_of(item: str, key: object) -> str:
-    return item if key is None else f"{item} of {key!r}"
+    """Return the name of a value in a mapping, for example "gap of 'left'" or "friction at 300"."""
+    if key is None:
+        return item
+    return f"{item} at {key:g}" if isinstance(key, int | float) else f"{item} of {key!r}"
 
 
 def _leading(values: object, count: int | None) -> object:

@@ -363,8 +363,11 @@ def read_hdf5(
         raise too_little_memory(str(path), error) from error
     # a damaged file can make HDF5 and h5py raise almost anything
     except Exception as error:
-        found = one_line(error) or type(error).__name__
-        raise kind(f"{path}: expected {expected}, found something else ({found})") from error
+        found = "an empty file"
+        if size:
+            reason = one_line(error) or type(error).__name__
+            found = f"a damaged or different file ({reason})"
+        raise kind(f"{path}: expected {expected}, found {found}") from error
 
 
 def _require_memory(path: FilePath, size: int) -> None:
@@ -486,14 +489,14 @@ class ResultsFile:
         if not first.endswith(b"\n"):
             # a new file, or one of a run that was killed while it wrote the header
             if not json_line(self.header).startswith(first):
-                raise self._mismatch(self.expected, "something else")
+                raise self._mismatch(self.expected, "a file of another kind")
             os.ftruncate(self.file, 0)
             self._write(json_line(self.header))
             return
         try:
             header = json.loads(first)
         except ValueError as error:
-            raise self._mismatch(self.expected, "something else") from error
+            raise self._mismatch(self.expected, "a file of another kind") from error
         self._compare(header)
         # the last line of a killed run may be incomplete
         os.ftruncate(self.file, complete_bytes)
@@ -514,7 +517,7 @@ class ResultsFile:
     def _compare(self, stored: Any) -> None:
         """Raise BdamperError if the stored header belongs to other work."""
         if not isinstance(stored, dict) or stored.get("format") != self.header["format"]:
-            raise self._mismatch(self.expected, "something else")
+            raise self._mismatch(self.expected, "a file of another kind")
         version = self.header.get("bdamper_version")
         stored_version = stored.get("bdamper_version")
         if version != stored_version:

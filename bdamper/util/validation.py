@@ -310,6 +310,8 @@ def check_arguments(called: T, also: Iterable[str] = (), name: str = "", warns: 
         if word not in OWNERS and p.default is p.empty and p.kind != p.VAR_KEYWORD
     ]
 
+    arguments_are = "arguments are" if len(required) > 1 else "argument is"
+
     @wraps(function)
     def checked(*arguments: Any, **keywords: Any) -> Any:
         if not takes_any:
@@ -318,7 +320,7 @@ def check_arguments(called: T, also: Iterable[str] = (), name: str = "", warns: 
             bound = signature.bind(*arguments, **keywords)
         except TypeError as error:
             raise SettingError(
-                f"{name}: {error}; the required arguments are {', '.join(required)}"
+                f"{name}: {error}; the required {arguments_are} {', '.join(required)}"
             ) from None
         _convert(name, bound)
         # the warnings fill in defaults, which the function has itself
@@ -447,7 +449,13 @@ def numbers(name: str, value: Any, n: int | None = None, **limits: Any) -> NDArr
     if is_counted and all(item is not None and within.hold(item) for item in converted):
         return np.array(converted)
     count = "a sequence of one or more" if n is None else str(n)
-    raise invalid(name, f"{count} finite numbers {within}".strip(), value)
+    expected = f"{count} finite numbers {within}".strip()
+    if is_counted and len(converted) > 6:
+        wrong = next(i for i, x in enumerate(converted) if x is None or not within.hold(x))
+        items = value.tolist() if isinstance(value, np.ndarray) else value
+        found = one_line(_shown(items[wrong]))
+        raise SettingError(f"{name}: expected {expected}, found {found} at index {wrong}")
+    raise invalid(name, expected, value)
 
 
 def _plain_numbers(value: Any) -> list[float | None]:

@@ -521,7 +521,7 @@ class TestResultsFile:
         for text in (b"notes of mine\n", b"notes", b'{"format": "other"}\n'):
             path = tmp_path / "notes.txt"
             path.write_bytes(text)
-            with pytest.raises(bd.BdamperError, match="something else"):
+            with pytest.raises(bd.BdamperError, match=r"found a file of another kind$"):
                 self.run(study, path)
             assert path.read_bytes() == text
 

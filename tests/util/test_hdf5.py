@@ -88,7 +88,7 @@ class TestReading:
         path.write_bytes(b"not HDF5")
         with pytest.raises(
             bd.BdamperError,
-            match=rf"{path}: expected a file written by bdamper, found something else",
+            match=rf"{path}: expected a file written by bdamper, found a damaged or different file",
         ):
             bd.load(path)
         h5py.File(path, "w").close()
@@ -108,7 +108,9 @@ class TestReading:
     def test_errors_without_a_text_are_named(self, tmp_path):
         h5py.File(path := tmp_path / "result.h5", "w").close()
         with (
-            pytest.raises(bd.BdamperError, match=r"found something else \(EOFError\)$"),
+            pytest.raises(
+                bd.BdamperError, match=r"found a damaged or different file \(EOFError\)$"
+            ),
             read_hdf5(path, "a file"),
         ):
             raise EOFError

@@ -114,8 +114,14 @@ def test_sequences_of_numbers():
             bd.SettingError, match="f: expected a sequence of one or more finite numbers"
         ):
             validation.numbers("f", value)
-    with pytest.raises(bd.SettingError, match="f: expected 3 finite numbers > 0 N, found"):
+    with pytest.raises(bd.SettingError) as caught:
         validation.numbers("f", [1.0, 2.0, 0.0], 3, above=0.0, unit="N")
+    assert str(caught.value) == "f: expected 3 finite numbers > 0 N, found [1.0, 2.0, 0.0]"
+    for wrong, shown in ((None, "None"), ("a", "'a'"), (-1.0, "-1.0")):
+        # one wrong value in a long sequence is shown with its index
+        with pytest.raises(bd.SettingError) as caught:
+            validation.numbers("f", [1.0] * 5 + [wrong] + [1.0] * 4, 10, above=0.0)
+        assert str(caught.value) == f"f: expected 10 finite numbers > 0, found {shown} at index 5"
 
 
 def test_long_things_are_not_printed_whole():
