@@ -176,6 +176,8 @@ class SteadySearch:
     ----------
     points : list of SteadyPoint
         Steady motions.
+    parted : list of SteadyPoint
+        Steady motions in which the amplitudes of the blades do not diverge further.
     fell : list of float, Hz
         Frequencies at which a motion did not stay near the expected amplitude.
     below : float, m
@@ -197,6 +199,7 @@ class SteadySearch:
         self.balance = balance
         self.steps = steps
         self.points: list[SteadyPoint] = []
+        self.parted: list[SteadyPoint] = []
         self.fell: list[float] = []
         self.below = float("nan")
         self.periods = 0
@@ -209,8 +212,10 @@ class SteadySearch:
 
     @property
     def best(self) -> SteadyPoint | None:
-        """Highest steady motion so far."""
-        return max(self.points, key=lambda point: point.mean, default=None)
+        """Highest steady motion so far; of those whose blades had time to diverge, if there are
+        any.
+        """
+        return max(self.parted or self.points, key=lambda point: point.mean, default=None)
 
     @property
     def fall(self) -> float:
@@ -291,15 +296,20 @@ class SteadySearch:
     def _let_blades_diverge(self) -> None:
         """Continue the highest motion until the amplitudes of the blades do not diverge further.
 
-        Another motion may be the highest one afterwards, and continues in the same way.
+        A motion that is higher afterwards by more than :attr:`SteadyCriteria.drift`, to which the
+        means are known, continues in the same way.
         """
-        parted: list[SteadyPoint] = []
-        best = self.best
-        while best is not None and best not in parted:
-            self.points.remove(best)
-            point = self.settle(best.frequency, best.transient.motion, best.mean, parting=True)
-            parted.append(point)
-            best = self.best
+        while True:
+            others = [point for point in self.points if point not in self.parted]
+            highest = max(others, key=lambda point: point.mean, default=None)
+            known_to = (1.0 + CRITERIA.drift) * max((p.mean for p in self.parted), default=0.0)
+            if highest is None or highest.mean <= known_to:
+                return
+            self.points.remove(highest)
+            motion = highest.transient.motion
+            point = self.settle(highest.frequency, motion, highest.mean, parting=True)
+            if point.stays:
+                self.parted.append(point)
 
     def _settle_tip(self, start: Place, along: float, way: float, parting: bool) -> None:
         """Settle the motion from the tip, and search around it if it is the highest one.

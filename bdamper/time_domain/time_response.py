@@ -9,7 +9,7 @@ frequency of the highest harmonic (:func:`structure_in_time`).
 **Error.**  The search (``bdamper.time_domain.steady_amplitude``) uses n time steps per period.
 From its highest motion
 
-* 2n and, from there, 4n time steps are used, because contacts may chatter only with shorter steps;
+* 4n time steps are used, because contacts may chatter only with shorter steps;
 * the motion continues in a more detailed structure: all elastic modes of the free bodies, and
   :data:`VECTORS` residual modes for the flexibility of the contact faces;
 * its amplitude is extrapolated up to the frequency at which it falls.
@@ -366,8 +366,8 @@ def _integrate(
     time_spent = ""
     what = f"time integration at {amount(preload, 'N')}, {counted(search.sectors.n, 'blade')}"
     with LongWork() as work, progress_stages(progress, what, "step") as report:
-        # three runs with different steps, one with the more detailed structure, one for each start
-        search.on_frequency = lambda frequency: report(f"{frequency:.6g} Hz", len(runs), 3 + starts)
+        # the search, shorter steps, the more detailed structure, and one run for each start
+        search.on_frequency = lambda frequency: report(f"{frequency:.6g} Hz", len(runs), 2 + starts)
         try:
             search.run()
             best = search.best
@@ -388,7 +388,7 @@ def _integrate(
             if isinstance(failed, EnergyGained) or search.best is None:
                 error = str(failed)
     # the order in which they ended depends on the threads
-    names = [_steps_name(search, factor) for factor in (1, 2, 4)]
+    names = [_steps_name(search, factor) for factor in (1, 4)]
     names += [name for name in runs if name not in names]
     in_order = {name: runs[name] for name in names if name in runs}
     cost = Cost() if richer is None else richer.sectors.cost
@@ -422,20 +422,21 @@ def _add_refinements(
     """
     runs[_steps_name(search, 1)] = best
     # refinements are tried from three motions
-    highest_first = sorted(search.points, key=lambda point: -point.mean)
-    points = highest_first[:3]
+    lower = [point for point in search.points if point is not best]
+    highest_first = sorted(lower, key=lambda point: -point.mean)
+    points = [best, *highest_first[:2]]
 
     def with_shorter_steps() -> None:
-        shorter = _refine(search, points, search.sectors, 2)
-        runs[_steps_name(search, 2)] = shorter
-        runs[_steps_name(search, 4)] = _refine(search, [shorter, *points], search.sectors, 4)
+        runs[_steps_name(search, 4)] = _refine(search, points, search.sectors, 4)
+
+    def from_other_starts() -> None:
         others.update(_other_starts(search, best, starts))
 
     def in_richer_structure() -> None:
         if richer is not None:
             runs[richer.name] = _refine(search, points, richer.sectors, 1)
 
-    on_threads([with_shorter_steps, in_richer_structure])
+    on_threads([with_shorter_steps, in_richer_structure, from_other_starts])
 
 
 def _curve_of_peak(problem: Problem, peak: Peak) -> ResponseCurve:
@@ -517,7 +518,10 @@ def _at_fall(search: SteadySearch) -> float:
     """Return the amplitude (m) of the highest motion, extrapolated to the frequency at which it
     falls.
     """
-    best, *others = sorted(search.points, key=lambda point: -point.mean)
+    best = search.best
+    if best is None:
+        return float("nan")
+    others = [point for point in search.points if point is not best]
     to_fall = search.fall - best.frequency
     behind = [point for point in others if (point.frequency - best.frequency) * to_fall < 0.0]
     # a maximum lies between the highest motion and its fall

@@ -196,7 +196,7 @@ def test_too_long_time_steps_are_divided_by_four(bent, monkeypatch):
         time_response, "step_error", lambda t: "too long" if t.steps < 128 else own(t)
     )
     found = study.time_response(curve, steps_per_period=64)
-    assert found.ok and list(found.answers)[:3] == ["256 steps", "512 steps", "1024 steps"]
+    assert found.ok and list(found.answers)[:2] == ["256 steps", "1024 steps"]
     motion = study.motion_in_time(curve, 0, steps_per_period=64)
     fine = study.motion_in_time(curve, 0, steps_per_period=256)
     assert motion.harmonics == pytest.approx(fine.harmonics)

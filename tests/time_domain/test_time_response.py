@@ -216,7 +216,7 @@ def test_one_mass_falls_at_the_fold_of_its_branch(bent, found):
 
 def test_the_range_is_an_error(found):
     """All answers and the 1 % to which motions settle."""
-    assert set(found.answers) == {"256 steps", "at the jump", "512 steps", "1024 steps"}
+    assert set(found.answers) == {"256 steps", "at the jump", "1024 steps"}
     low, high = min(found.answers.values()), max(found.answers.values())
     assert found.answers["256 steps"] == found.mean
     assert found.lowest <= found.balance <= found.highest, (
@@ -282,7 +282,13 @@ def search_that(monkeypatch, changes):
 
 def drifts(search):
     best = search.best
-    search.points[search.points.index(best)] = best._replace(change=-0.06)
+    for points in (search.points, search.parted):
+        points[points.index(best)] = best._replace(change=-0.06)
+
+
+def finds_none(search):
+    search.points.clear()
+    search.parted.clear()
 
 
 def ends(search):
@@ -296,7 +302,7 @@ def ends(search):
     (ends, "incomplete: the curve ends before the motion falls; widen the interval", 0.01),
     (lambda search: setattr(search, "below", float("nan")), "complete", 0.01),
     (lambda search: setattr(search, "failure", "some steps failed"), "incomplete: some steps failed", 0.01),
-    (lambda search: search.points.clear(), "not found: no motion stays near the peak", np.nan),
+    (finds_none, "not found: no motion stays near the peak", np.nan),
 ])  # fmt: skip
 def test_what_leaves_the_answer_open_is_its_status(bent, monkeypatch, changes, status, change):
     search_that(monkeypatch, changes)
@@ -411,7 +417,7 @@ def test_an_interruption_leaves_the_highest_motion_so_far(bent, monkeypatch):
     (2, "not found", "before a motion settled"),
     (4, "not found", "before a motion settled"),
     (52, "incomplete", "before the search for the highest motion ended"),
-    (109, "incomplete", "before all refinements ended"),
+    (108, "incomplete", "before all refinements ended"),
 ])  # fmt: skip
 def test_a_spent_processor_time_leaves_what_was_computed(bent, monkeypatch, call, status, missing):
     """It is spent with the equations or with one integration, and no integration follows, not even in the richer structure.
