@@ -7,7 +7,7 @@ body is rigid in time, unless its first elastic frequency is below :data:`RIGID_
 frequency of the highest harmonic (:func:`structure_in_time`).
 
 **Error.**  The search (``bdamper.time_domain.steady_amplitude``) uses n time steps per period.
-From its highest motion
+Where contacts chatter it takes twice the given number.  From its highest motion
 
 * 4n time steps are used, because contacts may chatter only with shorter steps;
 * the motion continues in a more detailed structure: all elastic modes of the free bodies, and

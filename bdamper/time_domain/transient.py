@@ -116,6 +116,10 @@ class SteadyCriteria:
         Relative width of the interval in which a motion falls.
     most_points : int
         Largest number of motions that settle in the search around one motion.
+    chatter : float
+        Evaluations of the contact forces in a time step above which a search takes twice the steps:
+        2 to 5 on the reference models, 7 to 10 on imported sectors without chatter, 25 to 71 with
+        chatter.
     steps : int
         Time steps per period of a verdict.  The time steps damp chatter in slip: a motion that
         decreases to 0.855 of a solution stays at the solution with 256 steps; it decreases to 0.89
@@ -144,6 +148,7 @@ class SteadyCriteria:
     low_places: int = 3
     fine: float = 1e-3
     most_points: int = 16
+    chatter: float = 15.0
     steps: int = 1024
 
 

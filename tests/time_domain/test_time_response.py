@@ -10,7 +10,7 @@ import pytest
 import bdamper as bd
 from bdamper.contact.residual_flexibility import RESIDUAL
 from bdamper.response.events import ContinuationOptions
-from bdamper.time_domain import time_response
+from bdamper.time_domain import steady_amplitude, time_response
 from bdamper.time_domain.integration import (
     AllSectors,
     TimeLimit,
@@ -26,7 +26,7 @@ from bdamper.time_domain.time_response import (
     richer_structure,
     structure_in_time,
 )
-from bdamper.time_domain.transient import SteadyPoint
+from bdamper.time_domain.transient import CRITERIA, SteadyPoint
 from bdamper.util.formatting import amount
 from tests.each import each
 from tests.integrations import fails_after, interrupted_at, spent_at
@@ -274,6 +274,15 @@ def test_a_number_of_steps_is_needed(bent, steps):
         study.time_response(curve, steps_per_period=steps)
 
 
+def test_steps_that_need_many_evaluations_are_halved(bent, found, monkeypatch):
+    """The search is that with twice the steps, but for the two periods that decide it."""
+    study, curve = bent
+    monkeypatch.setattr(steady_amplitude, "CRITERIA", replace(CRITERIA, chatter=1.0))
+    halved = study.time_response(curve, steps_per_period=128)
+    assert list(halved.answers)[:2] == ["256 steps", "1024 steps"]
+    assert halved.answers == found.answers and halved.periods == found.periods
+
+
 def search_that(monkeypatch, changes):
     """Let every search end with changes to what it has found."""
     own = SteadySearch.run
@@ -417,7 +426,7 @@ def test_an_interruption_leaves_the_highest_motion_so_far(bent, monkeypatch):
     (2, "not found", "before a motion settled"),
     (4, "not found", "before a motion settled"),
     (52, "incomplete", "before the search for the highest motion ended"),
-    (108, "incomplete", "before all refinements ended"),
+    (110, "incomplete", "before all refinements ended"),
 ])  # fmt: skip
 def test_a_spent_processor_time_leaves_what_was_computed(bent, monkeypatch, call, status, missing):
     """It is spent with the equations or with one integration, and no integration follows, not even in the richer structure.
