@@ -35,6 +35,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from itertools import pairwise
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -400,7 +401,11 @@ def energy_and_amplitudes(motions: list[Transient]) -> dict[str, Any]:
     """Return the largest error of the energy balance over the last periods of a motion, ten of them
     or a part of a sweep, and the range (m) of the last motion.
     """
-    balanced = [motion for motion in motions if begins_undisturbed(motion)]
+    balanced = [
+        motion
+        for before, motion in pairwise([None, *motions])
+        if begins_undisturbed(motion, before)
+    ]
     if not balanced:
         return {}
     amplitudes = second_half(balanced[-1].amplitude)
@@ -408,14 +413,20 @@ def energy_and_amplitudes(motions: list[Transient]) -> dict[str, Any]:
     return {"energy": max(map(energy_error, balanced)), "motions": len(balanced), "latest": latest}
 
 
-def begins_undisturbed(motion: Transient) -> bool:
+def begins_undisturbed(motion: Transient, before: Transient | None) -> bool:
     """Return whether the last periods of a motion do not follow a solution or a disturbance.
 
     The energy of their first periods goes to rest in the contacts, and is no error of the steps.
+    The first part of a sweep begins with such periods.
     """
-    is_part_of_sweep = len(motion.harmonics) == CRITERIA.stride
+    is_part_of_sweep = is_part(motion) and before is not None and is_part(before)
     later_periods = len(motion.stored) > 2
     return is_part_of_sweep or later_periods
+
+
+def is_part(motion: Transient) -> bool:
+    """Return whether a motion has the length of a part of a sweep."""
+    return len(motion.harmonics) == CRITERIA.stride
 
 
 def in_time_table(known: Known) -> str:
