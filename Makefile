@@ -1,13 +1,14 @@
 # Everything a user or developer runs.  Prerequisites: Python 3.11+, a C compiler, make.
 #   make demo      main job on the shipped reference model, figures in figures/
-#   make test      quick tests (make test-slow: those that take longer, make test-all: both in one run)
+#   make test      quick tests (make test-slow: those that take longer, make test-ci: both in one run,
+#                  make test-all: those of make nightly too)
 #   make examples  all figures of the paper, with times, in figures/
 #   make docs      documentation with the gallery, in docs/_build/html (the first time some four minutes)
 #   make docs-check  the same pages without running notebooks and examples, half a minute
 #   make manual    the built manual as one archive, dist/bdamper-manual.tar.gz
 #   make links     whether pages that the documentation names still exist (needs a network)
 # For developers: accuracy, hard, fuzz, lint, sanitize, clean, and:
-#   make nightly   required before a release besides .ci/run: portability, nastran, others, browser, links, newest
+#   make nightly   required before a release besides .ci/run: tests of more than 15 s, portability, nastran, others, browser, links, newest
 #   make bench     times, counts and memory of typical works, into docs/evidence/times.md (some ten minutes)
 #   make validate  public problems and closed forms computed again, into docs/evidence/validated.md (needs CalculiX)
 #   make kernels   tests of the core under each kernel of the core
@@ -54,7 +55,7 @@ define step
   echo "== $(1): $$(($$(date +%s) - begin)) s"
 endef
 
-.PHONY: demo test test-slow test-all nightly portability bench examples docs docs-check manual links accuracy validate hard fuzz lint sanitize kernels nastran others oldest newest wheel readme browser cross peers clean prerequisites
+.PHONY: demo test test-slow test-ci test-nightly test-all nightly portability bench examples docs docs-check manual links accuracy validate hard fuzz lint sanitize kernels nastran others oldest newest wheel readme browser cross peers clean prerequisites
 
 demo: $(VENV)/demo.stamp
 	$(call step,demonstration,$(PY) examples/demo.py)
@@ -63,14 +64,20 @@ test: $(VENV)/test.stamp
 	$(call step,test suite,$(PY) -m pytest -n auto --dist worksteal -m "not slow" $(APART) $(SLOWEST) $(PYTEST_ARGS))
 
 test-slow: $(VENV)/test.stamp
-	$(call step,slow tests,$(PY) -m pytest -n auto --dist worksteal -m slow $(APART) $(SLOWEST) $(PYTEST_ARGS))
+	$(call step,slow tests,$(PY) -m pytest -n auto --dist worksteal -m "slow and not nightly" $(APART) $(SLOWEST) $(PYTEST_ARGS))
+
+test-ci: $(VENV)/test.stamp
+	$(call step,tests without those of every night,$(PY) -m pytest -n auto --dist worksteal -m "not nightly" $(APART) $(SLOWEST) $(PYTEST_ARGS))
+
+test-nightly: $(VENV)/test.stamp
+	$(call step,tests of every night,$(PY) -m pytest -n auto --dist worksteal -m nightly $(APART) $(SLOWEST) $(PYTEST_ARGS))
 
 test-all: $(VENV)/test.stamp
 	$(call step,all tests,$(PY) -m pytest -n auto --dist worksteal -m "" $(APART) $(SLOWEST) $(PYTEST_ARGS))
 
 # one after the other, whatever -j says: each uses all processors
 nightly:
-	@for target in portability nastran others browser links newest; do $(MAKE) $$target || exit 1; done
+	@for target in test-nightly portability nastran others browser links newest; do $(MAKE) $$target || exit 1; done
 
 bench: $(VENV)/test.stamp
 	$(call step,times of typical works into docs/evidence/times.md,$(PY) -m benchmarks.bench_works)

@@ -575,6 +575,7 @@ def test_a_source_without_a_peak_leaves_the_error_unknown():
     assert "no answer with more harmonics" in found.summary()
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_uncertainty_of_the_turbine_blade():
     """Truth: the complete curve with 12 harmonics, 20 blade modes and 24 residual modes (90 s)."""

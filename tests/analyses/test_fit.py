@@ -803,6 +803,7 @@ class TestMistakes:
         assert objective.log_probability([0.95, 1.3]) == -np.inf
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_rich_truth_fitted_with_a_coarse_model():
     """24 contact points, ten modes and five harmonics, fitted with nine points, four modes and one harmonic.

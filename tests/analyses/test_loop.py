@@ -152,6 +152,7 @@ def test_a_band_damper():
     )
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_deviations_of_drawn_loops():
     """The error over 12 draws of the noise, bias included, is at most twice the stated deviation (seeds 0 to 3)."""

@@ -255,6 +255,7 @@ class TestInterrupted:
         )
         assert "2 of 4 parts were not run: A process" in result.summary()
 
+    @pytest.mark.nightly
     @pytest.mark.slow
     def test_dask_replaces_a_killed_worker(self, study, tmp_path):
         """The points of its tasks run again; those that it had finished and not yet sent, too."""
@@ -265,6 +266,7 @@ class TestInterrupted:
         assert result.complete and len((tmp_path / "r.jsonl").read_text().splitlines()) == 501
         assert answers(result) == answers(bd.sweep(study, over, residual_norm))
 
+    @pytest.mark.nightly
     @pytest.mark.slow
     def test_a_killed_client_of_dask_continues(self, study, tmp_path):
         """Finished points are neither lost nor computed again, except for those of the few tasks on the workers."""
@@ -654,6 +656,7 @@ class TestUncertainty:
         assert curve.percentile(0.0) == pytest.approx(curve.amplitude.min(axis=0))
         assert curve.percentile(100.0) == pytest.approx(curve.amplitude.max(axis=0))
 
+    @pytest.mark.nightly
     @pytest.mark.slow
     def test_robust_optimum_bounds_a_spread_of_friction(self, study):
         """Friction and preload act nearly as a product, so the robust preload lies between the two extremes' optima."""

@@ -64,6 +64,7 @@ def test_acyclic_structures(structure, tmp_path):
     np.testing.assert_allclose(theirs, ours, rtol=1e-5)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 @pytest.mark.skipif(
     not SHIPPED.exists(), reason=f"the shipped model {SHIPPED.name} has not been made"

@@ -156,6 +156,7 @@ def calculix(g, patches, meshes, force, folder):
     return done.stdout, data.read_text() if data.exists() else ""
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_normal_force_and_contact_area(tmp_path):
     """Both programs close the whole face.

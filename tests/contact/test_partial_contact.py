@@ -167,6 +167,7 @@ def test_as_many_vectors_as_asked_for():
     assert forty < sixteen
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_peaks_of_the_difficult_disk_agree_with_those_of_all_vectors():
     """At the optimum six vectors are 6.8 % too low; 61.0 um with 72 vectors of a harmonic."""

@@ -15,6 +15,7 @@ def flat(value):
     return [x for item in value for x in flat(item)] if isinstance(value, list) else [value]
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_pictures_are_those_of_the_demonstration(tmp_path, capsys):
     """By the numbers that they show, which stand beside them; time integration and more harmonics are left out."""

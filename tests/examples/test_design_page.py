@@ -127,6 +127,7 @@ def test_calculix_at_speed():
     ]
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_preload_speed_and_mass_belong_together(page):
     """P = f m r Omega^2 and Omega = 2 pi f / EO, for a preload and each crossing."""
@@ -167,6 +168,7 @@ def test_the_margin_is_that_of_goodman(page):
     assert 1e-6 * micrometres == pytest.approx(page[0]["peak"].amplitude, rel=0.01)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_harmonics_agree_where_the_page_says_so(page):
     """Rows of the table, except for the values of the lowest preload with more harmonics."""

@@ -78,6 +78,7 @@ def test_frequencies_and_curve_on_the_coarse_mesh(tmp_path, capsys, monkeypatch)
     assert "nodal diameter 5 pass frequencies agree" in text
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_shipped_reference_model(tmp_path, monkeypatch):
     """On the mesh of the shipped model: its frequencies to 0.1 %, its response curve to 0.5 %."""

@@ -11,6 +11,7 @@ from bdamper.plot.report import lights
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "fit.md"
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_from_files_to_a_report(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -95,6 +95,7 @@ def test_decks_give_the_model_of_the_arrays(strips):
     assert found == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.nightly
 def test_shroud_and_two_strips_have_an_optimum_over_the_load_of_the_strips(strips):
     study = study_of(strips.model, "middle")
     assert study.static(0.0).normal_force["shroud"] == pytest.approx(5.0, rel=1e-7), "as assembled"

@@ -219,6 +219,7 @@ def test_peaks_over_the_preload(built, split):
         assert high.frequency == pytest.approx(stuck.frequency, rel=1e-3)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_from_deck_to_an_optimum_with_its_checks(bodies):
     """Time integration and more harmonics confirm an optimum inside of the range."""

@@ -98,6 +98,7 @@ def test_a_band_without_peaks_is_widened_upward():
     assert wheel.peak(300.0, (168.9, 282.2), options=FEW).status == "not found"
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_wheel_lower_than_the_tuned_one_is_a_lower_bound():
     """Blades apart from their dampers reach a hundred millimetres; the search has what dampers held by springs have."""

@@ -40,6 +40,7 @@ def test_what_the_model_knows(study):
     assert study.model.meshes["blade"].modes[5].shape[-1] == 10
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_limits_and_peaks_at_the_optimum(study, height):
     free, stuck = (curve.peak for curve in (study.free(BAND), study.stuck(BAND)))
@@ -69,6 +70,7 @@ def test_the_optimum(study):
     assert curve.optimum.amplitude == pytest.approx(75.3e-6, rel=1e-3)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_three_harmonics_suffice_from_the_optimum_on(height):
     """3, 5 and 7 agree to 3 % up to five times the optimum; one does not, and below the optimum three do not."""

@@ -243,6 +243,7 @@ def look(handle):
     )
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 @each("name", PICTURES)
 def test_no_text_lies_on_another_one_or_is_cut(name):

@@ -221,6 +221,7 @@ def test_a_margin_needs_a_material_and_stress(study):
         bare.optimal_curve((40.0, 400.0), 6, quantity="margin", material=AISI_1050)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_over_speed_the_lighter_damper_has_the_larger_margin():
     """The lowest preloads have no steady response, and a detached branch 30 times higher reaches to 533 N.

@@ -225,6 +225,7 @@ def test_doubts_of_the_curve_at_the_optimum(curve, change, said):
     assert ("Doubt at " in line) == bool(said) and said in line
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_the_difficult_disk_loses_a_branch_at_90_newtons():
     """The search finds 40 µm at 90 and 91.9 N. The closed branch through the followed peak has the same higher maximum."""

@@ -288,6 +288,7 @@ def test_where_rounding_keeps_newton_from_the_tolerance_the_peak_is_that_of_the_
     assert peak.frequency == pytest.approx(curve.peak.frequency, rel=1e-6)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_among_folds_a_search_does_not_leave_the_curve():
     """Uphill from a lower maximum Newton's method meets a branch 4 % higher that breaks off on both sides."""

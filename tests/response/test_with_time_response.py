@@ -133,6 +133,7 @@ def test_the_band_without_a_steady_response_is_drawn(found):
     plt.close(left.figure)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_no_steady_amplitude_where_the_shipped_disk_shows_the_sign():
     """At 42 N the reason says so and the amplitude in time never rests; at 59 N it says nothing and the motion settles."""

@@ -106,6 +106,7 @@ def test_six_blades_with_disturbances():
     assert expected == pytest.approx(found, rel=5e-3) and np.ptp(found) > 0.02 * found.mean()
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_all_blades_of_real_scenes(name):

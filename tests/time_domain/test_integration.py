@@ -285,6 +285,7 @@ def test_no_harmonics_or_too_many_are_refused(columns):
         )
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_integrations_of_the_shipped_blade_come_to_an_end():
     """Every residual pattern, 20 modes of the blade and four of the damper at 256 steps, whose forces were not found in
@@ -721,6 +722,7 @@ STARTS = {
 """Engine order, preload (N), interval (Hz) and a usual amplitude (m)."""
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [20, pytest.param(500, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", STARTS)

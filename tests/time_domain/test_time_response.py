@@ -543,6 +543,7 @@ def test_long_transients_take_more_periods():
 # ---- reference models ----
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_one_harmonic_may_be_wrong_where_contacts_stay_closed():
     """Without folds and separation it has a fourth more than the motion in time, with the modes of the curve or all."""
@@ -564,6 +565,7 @@ def test_one_harmonic_may_be_wrong_where_contacts_stay_closed():
     assert found.mean == pytest.approx(long.mean, rel=0.02)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_the_reference_disk_beside_an_independent_integration():
     """Unit tractions at 125 N with the modes of the curve: 97 \u00b5m, and falls between 308 and 312 Hz.
