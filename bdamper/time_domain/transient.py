@@ -573,11 +573,17 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
     same_verdict_later = not stays or within == still_within
     drift, fades = _drift(off, memory)
     spread = f"{_in_percent(recent.min())} to {_in_percent(recent.max())} %"
+    # a motion that begins to beat has the right mean for some time
+    agrees = stays and within
+    beats_more = agrees and np.ptp(recent) > tolerance and _range_grows(recent)
+    if beats_more:
+        growing = f"{spread} within {span} periods, which still grows"
+        return Verdict(UNDECIDED, growing, look)
     if abs(drift) < CRITERIA.drift and fades and same_verdict_later:
         text = f"mean of {span} periods {_in_percent(mean)} %"
         if np.ptp(recent) > CRITERIA.drift:
             text = f"{text}, {spread}"
-        return Verdict(AGREES if stays and within else DIFFERS, text, span)
+        return Verdict(AGREES if agrees else DIFFERS, text, span)
 
     # wanders
     if n >= 2 * span and not stays and _wanders(recent, off[-2 * span : -span], memory):
@@ -592,6 +598,14 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
 def _in_percent(share: float) -> str:
     """Return a share as a number in per cent, with its sign."""
     return f"{100.0 * share:+.2g}"
+
+
+def _range_grows(off: NDArray) -> bool:
+    """Return whether most of the second half of the periods have a larger range than most of the
+    first.
+    """
+    first, second = (np.quantile(half, (0.2, 0.8)) for half in np.split(off, 2))
+    return bool(np.ptp(second) > (1.0 + CRITERIA.tolerance) * np.ptp(first))
 
 
 def _drift(off: NDArray, memory: float) -> tuple[float, bool]:

@@ -156,6 +156,15 @@ class TestSettled:
         off[-40 : -40 + number] = sign * 0.12 * (-1.0) ** np.arange(number)
         assert verdict(off) == expected
 
+    @pytest.mark.parametrize(
+        ("growth", "expected"), [(40.0, UNDECIDED), (1e9, AGREES), (-40.0, AGREES)]
+    )
+    def test_a_beat_that_grows_is_not_settled(self, sign, growth, expected):
+        """Its mean is that of the solution, and single periods are within 8 % so far."""
+        period = np.arange(96.0)
+        beat = np.cos(period * np.pi / 4.0) * np.exp((period - 95.0) / growth)
+        assert verdict(sign * 0.08 * beat / np.abs(beat).max()) == expected
+
     @pytest.mark.parametrize(("other", "expected"), [(0.08, UNDECIDED), (0.06, AGREES)])
     def test_the_means_of_eighty_and_of_the_last_periods_must_say_the_same(
         self, sign, other, expected
