@@ -33,6 +33,7 @@ def test_microslip():
     np.testing.assert_allclose(fewer, whole, rtol=3e-3)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_contact_points():
     """On the coarse mesh: frequencies of the reduced model and of the full one agree, whatever the number of points."""

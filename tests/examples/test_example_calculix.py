@@ -63,6 +63,7 @@ def compare_curves(curve, model):
     assert curve.amplitude[curve.folds] == pytest.approx(own.amplitude[own.folds], rel=5e-3)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_frequencies_and_curve_on_the_coarse_mesh(tmp_path, capsys, monkeypatch):
     built, curve = example(monkeypatch).main(tmp_path)

@@ -68,6 +68,7 @@ def write_files(fe):
                 np.savetxt(f"{file}.csv", body.node_sets[key], fmt="%d")
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_page(tmp_path, monkeypatch, capsys):
     """Every block as pasted; the same sector as instances of Abaqus has the same optimum."""
@@ -122,6 +123,7 @@ PLAIN = {
 """Files of both bodies, and of their sets."""
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_plain_files_give_the_reference_model(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -35,6 +35,10 @@ PAGES = [
 ]
 
 
+LONG = {"in-time", "how-to", "accuracy", "speed", "wheel", "joints"}
+"""Pages whose blocks take more than 15 s of the processor; the first page is tested each time."""
+
+
 def pasted(page, folder, monkeypatch):
     """Run the blocks of a page; return the names after each block, and print the seconds of those above five."""
     monkeypatch.chdir(folder)
@@ -192,6 +196,7 @@ def test_recipe_from_preload_to_mass():
     assert preload == pytest.approx(load, rel=1e-3)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_optimal_preloads_of_the_first_page():
     """At the speed of the fitting damper; per newton they are the numbers below the table."""
@@ -228,7 +233,13 @@ CHECKS = {"how-to": how_to, "joints": joints, "accuracy": accuracy, "index": ind
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(page, marks=pytest.mark.nightly if page.stem in LONG else (), id=page.stem)
+        for page in PAGES
+    ],
+)
 def test_blocks_run_as_pasted(page, tmp_path, monkeypatch):
     seen = pasted(page, tmp_path, monkeypatch)
     if check := CHECKS.get(page.stem):

@@ -217,6 +217,7 @@ def test_tables_of_the_approximations_have_what_was_stored():
         assert three[key] == pytest.approx(one[key], rel=0.06)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_motion_in_time_has_what_three_harmonics_say():
     """A slow sweep in time reaches 46 to 49 um at 300 N, by the processor, as a blade beats: near three harmonics (52) and
@@ -230,6 +231,7 @@ def test_motion_in_time_has_what_three_harmonics_say():
     assert one["amplitude"] > 1.7 * swept["amplitude"]
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_higher_modes(tmp_path):
     """Figs 10, 11: the same shapes for the third and the seventh mode."""
@@ -391,6 +393,7 @@ def test_blade_to_ground(tmp_path):
     assert_pictures(tmp_path, "fig17_blade_to_ground.png", "fig18_blade_to_ground.png")
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_test_rig(tmp_path):
     """Figs 19 to 22: an optimum, microslip at high load, little change with more blade modes."""

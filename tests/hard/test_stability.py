@@ -51,6 +51,7 @@ def prepared(system, y, n_steps=96):
     )
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_multipliers_against_time_integration(path):
     """Points with slip or separation, stable and not; disturbed motions meet events of their own, located exactly."""
@@ -69,6 +70,7 @@ def test_multipliers_against_time_integration(path):
     assert verdicts == {True, False}
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_multipliers_of_a_stiff_rig_with_a_free_damper():
     """Modes of the damper on its contacts at 27 to 40 times the frequency: fifty events in a period.

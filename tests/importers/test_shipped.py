@@ -98,6 +98,7 @@ def test_folder_of_the_environment_variable(installed, tmp_path, monkeypatch):
     assert read().hash == bd.load_model(SMALL).hash
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "path", ["tests/models/paper_disk_24.h5", "bdamper/data/shrouded_blade_4.h5"]

@@ -54,6 +54,7 @@ def solved(wheel, frequency):
     return X, system
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_directions_of_a_wheel_of_finite_elements():
     """A pattern turned by a blade turns the answer; blades that are twisted have no mirror plane."""
@@ -75,6 +76,7 @@ def test_directions_of_a_wheel_of_finite_elements():
         assert np.abs(ratio - 1.0).max() > 1e-3
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_disk_of_six_blades_whose_dampers_differ():
     """What is built passes the checks of a model, and the state of its dampers is proportional to the load."""

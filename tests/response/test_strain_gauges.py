@@ -93,6 +93,7 @@ class TestBar:
         assert "m/m" in curve.plot().axes[0].get_ylabel()
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 @each(("point", "allowed"), [(1, 0.02), (4, 0.005)])
 def test_the_response_is_the_strain_of_all_stress_rows(point, allowed):
