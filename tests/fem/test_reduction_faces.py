@@ -104,7 +104,7 @@ def test_elements_that_are_none():
         boundary_facets([np.arange(7)[None]], HEX)
     nodes = second_order(HEX, np.random.default_rng(0))
     nodes[12] += 5.0
-    with pytest.raises(ValueError, match="no node between corners"):
+    with pytest.raises(ValueError, match="no midside node between two corners of the face"):
         boundary_facets([np.arange(20)[None]], nodes)
 
 
