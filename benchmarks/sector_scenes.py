@@ -420,7 +420,7 @@ def begins_undisturbed(motion: Transient, before: Transient | None) -> bool:
     The first part of a sweep begins with such periods.
     """
     is_part_of_sweep = is_part(motion) and before is not None and is_part(before)
-    later_periods = len(motion.stored) > 2
+    later_periods = len(motion.stored) > 2 and len(motion.harmonics) > CRITERIA.balanced
     return is_part_of_sweep or later_periods
 
 
