@@ -665,8 +665,9 @@ class Study(Comparable):
             Response curve of this study, from one flank of the resonance to the other.  For a peak
             the response curve is computed in its interval.
         steps_per_period : int, optional
-            256 by default; the highest motion is integrated again with 2 and 4 times this number.
-            If the energy does not balance to 2 %, the search begins again with shorter steps.
+            256 by default, twice the number where contacts chatter.  The highest motion is
+            integrated again with four times as many.  If the energy does not balance to 2 %, the
+            search begins again with four times the given number.
         blades : int, optional
             Number of blades of the ring; by default the smallest after which the excitation
             repeats.  More allow more patterns.

@@ -1,6 +1,6 @@
 """Pictures of the manual that need a browser or a long computation.
 
-``python tools/manual_pictures.py`` draws all of them into docs/images; names as arguments select some:
+``python -m tools.manual_pictures`` draws all of them into docs/images; names as arguments select some:
 
 * ``left-out``: a response curve at very low preload, with the ranges that have no solution
   (docs/messages.md).
@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import argparse
 import base64
-import shutil
 import sys
 import tempfile
 import time
@@ -27,6 +26,7 @@ from typing import Any
 
 import bdamper as bd
 from bdamper.plot import new_axes, plot_curve, save_figure
+from tests.chromium import MISSING, headless, is_installed
 
 IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 SCALE = 2
@@ -67,22 +67,9 @@ def left_out() -> None:
 @contextmanager
 def browser(size: tuple[int, int]) -> Iterator[Any]:
     """Provide a browser without a window on the screen, of a size in pixels."""
-    from selenium import webdriver
-
-    chromium, driver = shutil.which("chromium"), shutil.which("chromedriver")
-    if not (chromium and driver):
-        sys.exit("a browser is missing (Debian: chromium, chromium-driver)")
-    options = webdriver.ChromeOptions()
-    options.binary_location = chromium
-    for argument in (
-        "headless=new",
-        "no-sandbox",
-        "disable-gpu",
-        "disable-dev-shm-usage",
-        "hide-scrollbars",
-    ):
-        options.add_argument(f"--{argument}")
-    with webdriver.Chrome(options=options, service=webdriver.ChromeService(driver)) as found:
+    if not is_installed():
+        sys.exit(MISSING)
+    with headless("hide-scrollbars") as found:
         width, height = size
         metrics = {"width": width, "height": height, "deviceScaleFactor": SCALE, "mobile": False}
         found.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)

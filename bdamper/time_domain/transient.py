@@ -573,12 +573,14 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
     same_verdict_later = not stays or within == still_within
     drift, fades = _drift(off, memory)
     spread = f"{_in_percent(recent.min())} to {_in_percent(recent.max())} %"
-    # a motion that begins to beat has the right mean for some time
+    # a motion that begins to beat, or an irregular one, has the right mean for some time
     agrees = stays and within
-    beats_more = agrees and np.ptp(recent) > tolerance and _range_grows(recent)
-    if beats_more:
-        growing = f"{spread} within {span} periods, which still grows"
-        return Verdict(UNDECIDED, growing, look)
+    varies = float(np.ptp(recent))
+    is_short = varies > 2.0 * tolerance and n < 2 * span
+    begins_to_beat = varies > tolerance and _range_grows(recent)
+    if agrees and (is_short or begins_to_beat):
+        varying = f"{spread} within {span} periods, which may grow"
+        return Verdict(UNDECIDED, varying, look)
     if abs(drift) < CRITERIA.drift and fades and same_verdict_later:
         text = f"mean of {span} periods {_in_percent(mean)} %"
         if np.ptp(recent) > CRITERIA.drift:

@@ -4,7 +4,6 @@ import base64
 import html
 import json
 import re
-import shutil
 import socket
 import threading
 import time
@@ -30,6 +29,7 @@ from bdamper.response.events import ContinuationOptions
 from bdamper.response.linear_limits import peak_interval
 from bdamper.util.formatting import peak_text
 from bdamper.util.progress import raise_if_stopped
+from tests.chromium import MISSING, headless, is_installed
 
 SHORT = 60.0  # longest wait for an answer, s
 SIZES = {"desktop": (1280, 800), "phone": (390, 844)}
@@ -501,22 +501,10 @@ def test_the_work_of_a_session_ends_with_it(served, monkeypatch):
 
 @pytest.fixture(scope="module")
 def browser():
-    webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
-    chromium, driver = shutil.which("chromium"), shutil.which("chromedriver")
-    if not (chromium and driver):
-        pytest.skip("no browser: Debian's chromium and chromium-driver are not installed")
-    options = webdriver.ChromeOptions()
-    options.binary_location = chromium
-    for argument in (
-        "headless=new",
-        "no-sandbox",
-        "disable-gpu",
-        "disable-dev-shm-usage",
-        "window-size=1400,1000",
-    ):
-        options.add_argument(f"--{argument}")
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    with webdriver.Chrome(options=options, service=webdriver.ChromeService(driver)) as found:
+    pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
+    if not is_installed():
+        pytest.skip(MISSING)
+    with headless("window-size=1400,1000") as found:
         yield found
 
 

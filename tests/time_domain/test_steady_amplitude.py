@@ -516,6 +516,29 @@ def test_the_highest_motion_is_one_whose_blades_have_had_time_to_part(search_of,
     assert search.best.frequency == 102.0 and search.best.mean == 2.75
 
 
+@pytest.mark.parametrize(
+    ("after", "expected"), [(2.98, [100.0]), (2.965, [100.0]), (2.95, [100.0, 101.0])]
+)
+def test_means_that_are_equal_to_one_per_cent_need_no_second_motion(
+    search_of, monkeypatch, after, expected
+):
+    """The motion of 2.99 m at 101 Hz lies 0.3, 0.8, or 1.4 % above the one that blades had time to leave."""
+    search = search_of(Branches(flank=lambda f: 1.0))
+    search.points = [point(100.0, 3.0), point(101.0, 2.99)]
+    asked = []
+
+    def parted(frequency, motion, mean, parting):
+        asked.append(frequency)
+        found = point(frequency, {100.0: after}.get(frequency, mean))
+        search.points.append(found)
+        return found
+
+    monkeypatch.setattr(search, "settle", parted)
+    monkeypatch.setattr(search, "sweep", lambda *_: [Place(110.0, 1.0, "flank")])
+    search.run()
+    assert asked == expected and search.best.frequency == expected[-1]
+
+
 def test_the_end_of_the_curve_is_no_fall():
     search = SteadySearch(None, None, Balance(), 64)
     for frequency, ends in ((90.5, True), (92.5, False), (119.0, True)):

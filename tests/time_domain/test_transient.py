@@ -152,18 +152,29 @@ class TestSettled:
     @pytest.mark.parametrize(("number", "expected"), [(6, AGREES), (10, DIFFERS)])
     def test_single_periods_far_away(self, sign, number, expected):
         """One of ten may be farther away than twice the tolerance; the mean is that of the solution."""
-        off = constant(0.0, 96)
+        off = constant(0.0, 160)
         off[-40 : -40 + number] = sign * 0.12 * (-1.0) ** np.arange(number)
         assert verdict(off) == expected
 
     @pytest.mark.parametrize(
-        ("growth", "expected"), [(40.0, UNDECIDED), (1e9, AGREES), (-40.0, AGREES)]
+        ("range_", "growth", "n", "expected"),
+        [
+            (0.08, 40.0, 96, UNDECIDED),
+            (0.08, 1e9, 96, AGREES),
+            (0.08, -40.0, 96, AGREES),
+            (0.04, 40.0, 96, AGREES),
+            (0.12, 1e9, 96, UNDECIDED),
+            (0.12, 1e9, 159, UNDECIDED),
+            (0.12, 1e9, 160, AGREES),
+            (0.12, 40.0, 160, UNDECIDED),
+        ],
     )
-    def test_a_beat_that_grows_is_not_settled(self, sign, growth, expected):
-        """Its mean is that of the solution, and single periods are within 8 % so far."""
-        period = np.arange(96.0)
-        beat = np.cos(period * np.pi / 4.0) * np.exp((period - 95.0) / growth)
-        assert verdict(sign * 0.08 * beat / np.abs(beat).max()) == expected
+    def test_a_beat_is_observed_for_longer(self, sign, range_, growth, n, expected):
+        """The mean is that of the solution: a range above 5 % must not grow, and above 10 % is observed for 160 periods."""
+        period = np.arange(float(n))
+        # four periods with a mean of zero, so that the drift decides nothing
+        beat = np.cos((period + 0.5) * np.pi / 2.0) * np.exp((period - n + 1.0) / growth)
+        assert verdict(sign * range_ * beat / np.ptp(beat[-80:])) == expected
 
     @pytest.mark.parametrize(("other", "expected"), [(0.08, UNDECIDED), (0.06, AGREES)])
     def test_the_means_of_eighty_and_of_the_last_periods_must_say_the_same(
