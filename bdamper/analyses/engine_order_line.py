@@ -351,7 +351,9 @@ def at_fixed_speed(
     top: Peak,
     tolerance: float,
 ) -> Peak | str:
-    """Find the peak at fixed speed that lies on the line; return the reason as text if there is none.
+    """Find the peak at fixed speed that lies on the line.
+
+    If there is no such peak, return the reason as text.
 
     The search takes secant steps from a point on the line. Steps are halved if no peak is found.
     From a shoulder of the response to the peak they amount to some per cent.
@@ -427,7 +429,9 @@ def interpolated_at_fixed_speed(
 def exact_at_fixed_speed(
     family: SpeedFamily, speeds: tuple[float, float], mode: int, top: Peak, meter: CostMeter
 ) -> Peak | str:
-    """Find the peak at fixed speed that lies on the line; return the reason as text if there is none.
+    """Find the peak at fixed speed that lies on the line.
+
+    If there is no such peak, return the reason as text.
 
     At each speed the highest peak is sought. The search goes beyond the line, up to the next mode,
     because vibration may raise the resonance above the stuck one.
@@ -458,7 +462,9 @@ def peak_at_fixed_speed(
     top: Peak,
     meter: CostMeter,
 ) -> Peak | str:
-    """Find the peak at fixed speed that lies on the line; return the reason as text if there is none.
+    """Find the peak at fixed speed that lies on the line.
+
+    If there is no such peak, return the reason as text.
 
     If Newton's method on the interpolated equations fails, as at a corner of the curve, the
     complete search of the exact equations follows.

@@ -569,10 +569,9 @@ def with_other_friction(
     """Compute the peaks at the recommended preload with lower and higher friction coefficients.
 
     The result is the optimal curve with these peaks.  The friction coefficients are multiplied by
-    the factors :data:`OTHER_FRICTION`. ``friction_range``
-    contains the factors on the friction coefficients at which the amplitude doubles. If it doubles
-    within a factor of 1.5, ``friction_range.remedy`` is the nearest preload of the curve at which
-    it does not.
+    the factors :data:`OTHER_FRICTION`.  ``friction_range`` contains the factors on the friction
+    coefficients at which the amplitude doubles.  If it doubles within a factor of 1.5,
+    ``friction_range.remedy`` is the nearest preload of the curve at which it does not.
 
     Without an optimum or without friction the curve does not change.  After Ctrl-C the missing
     peaks have the status "interrupted".

@@ -50,8 +50,8 @@ class AtPoints:
     counted : (n,) bool
         Points away from contact faces; margins ignore the others.
     spread : (n,) float
-        Difference in stress between adjacent elements, divided by its mean, an indicator of the mesh
-        error; NaN if not available.
+        Difference in stress between adjacent elements, divided by its mean, an indicator of the
+        mesh error; NaN if not available.
     frequency, preload, speed : float, Hz, N, rad/s
     notes : tuple of str
     """

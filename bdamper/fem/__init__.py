@@ -2,10 +2,10 @@
 
 A contact point represents a patch of a contact face by the mean motion of the patch.
 `CyclicSector` and `FreeBody` reduce the matrices of one body to modes, and to receptances between
-contact points.  `reduced_bodies` converts them
-to bodies of a model (:class:`bdamper.model.structure.Body`), and `local_basis` computes the basis
-of blade and disk for mistuned bladed disks. `bladed_disk` and `blade_to_ground` generate complete
-models from dimensions; they need scikit-fem (extra ``bdamper[fe]``).
+contact points.  `reduced_bodies` converts them to bodies of a model
+(:class:`bdamper.model.structure.Body`), and `local_basis` computes the basis of blade and disk for
+mistuned bladed disks.  `bladed_disk` and `blade_to_ground` generate complete models from
+dimensions; they need scikit-fem (extra ``bdamper[fe]``).
 """
 
 from importlib import import_module

@@ -287,8 +287,8 @@ def oriented_facet(corner: NDArray, element: NDArray, nodes: NDArray) -> NDArray
     shared = len(np.unique(nearest)) < len(nearest)
     if too_far or shared:
         raise ValueError(
-            f"second-order element: no midside node between two corners of the face at {x.mean(axis=0)} "
-            "m; the corners are in the wrong order, or the node is missing"
+            "second-order element: no midside node between two corners of the face at "
+            f"{x.mean(axis=0)} m; the corners are in the wrong order, or the node is missing"
         )
     return np.concatenate([unique, between[nearest]])
 

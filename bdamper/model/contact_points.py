@@ -57,7 +57,9 @@ def rows_of_points(face: Interface) -> tuple[int, int]:
 
 
 def group_patches(face: Interface, n_groups: int) -> NDArray:
-    """Divide the patches of a face into at most ``n_groups`` groups; return the group of each patch.
+    """Divide the patches of a face into at most ``n_groups`` groups.
+
+    The result (n_points,) is the group of each patch.
 
     The face is divided into strips of about equal area along t1, and each strip into groups of
     about equal area along t2.  Both directions have at least three groups if ``n_groups`` is large

@@ -562,8 +562,8 @@ def peak_of_sign(
 
     The first attempt keeps the phase of the guess constant, and the second its frequency.
 
-    The phase of a resonance that shifts hardly changes, whereas its old frequency may be on its flank or on
-    another branch.
+    The phase of a resonance that shifts hardly changes, whereas its old frequency may be on its
+    flank or on another branch.
 
     Parameters
     ----------

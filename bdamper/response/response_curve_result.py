@@ -179,7 +179,10 @@ class ResponseCurve(
 
     @property
     def peak_to_peak(self) -> Metres:
-        """Difference (n,) in m between the highest and lowest response in a period, with all harmonics."""
+        """Difference (n,) in m between the highest and lowest response in a period.
+
+        It contains all harmonics.
+        """
         return 2.0 * half_range(self.harmonics)
 
     @property
