@@ -665,9 +665,9 @@ class Study(Comparable):
             Response curve of this study, from one flank of the resonance to the other.  For a peak
             the response curve is computed in its interval.
         steps_per_period : int, optional
-            256 by default, twice the number where contacts chatter.  The highest motion is
-            integrated again with four times as many.  If the energy does not balance to 2 %, the
-            search begins again with four times the given number.
+            256 by default.  The search takes twice this number where contacts chatter, and
+            integrates the highest motion again with steps of a quarter of the length.  If the
+            energy does not balance to 2 %, it begins again with four times this number.
         blades : int, optional
             Number of blades of the ring; by default the smallest after which the excitation
             repeats.  More allow more patterns.
