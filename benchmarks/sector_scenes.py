@@ -10,6 +10,8 @@ model ``m_def_def_def.h5``.  Names of seeds may follow each command.
 (``results/sectors_in_time.jsonl``), with the default vectors.  The peak is the first complete one
 at 1.2, 1.7, and 2.5 times the preload of the optimum.  A sector that reaches the limit keeps its
 error of the energy and the range of its last motion; a larger limit computes it again.
+``... optima --sectors FOLDER`` computes the default optimal curve of sectors, and the peak at the
+recommended preload with its references (``results/sector_optima.jsonl``).
 ``... show`` prints the tables of docs/evidence/measured.md.
 
 A peak belongs to a study with the vectors of partial contact at a multiple of the preload of its optimum.  The
@@ -59,11 +61,13 @@ from bdamper.util.errors import COMPLETE, BdamperWarning
 RESULTS = Path(__file__).parent / "results" / "peaks.jsonl"
 BONDED = Path(__file__).parent / "results" / "bonded_parts.jsonl"
 IN_TIME = Path(__file__).parent / "results" / "sectors_in_time.jsonl"
+OPTIMA = Path(__file__).parent / "results" / "sector_optima.jsonl"
 SEEDS = tuple(str(seed) for seed in range(62001, 62014))
 """Ten wedges and three shrouds."""
 STUBBY = tuple(str(seed) for seed in range(63001, 63011))
 SLENDER = tuple(f"630{n}" for n in (13, 22, 26, 29, 31, 32, 36, 37, 39, 41))
 """The first ten seeds from 63001 on of each family, stubby and slender necks."""
+WITH_OPTIMA = ("62006", "62008", "62010", "62013")
 SHIPPED = {"turbine_blade": 0.3, "bladed_disk": 0.4}
 """Friction coefficient by model."""
 FACTORS, SHIPPED_FACTORS = (1.2, 3.0, 0.5), (1.0, 1.2, 3.0, 0.5)
@@ -73,6 +77,8 @@ SETTLED = 0.02
 MOST_HARMONICS = 15
 WHOLE: dict[str, Any] = {"blade_modes": 20, "contact_stiffness": bd.ResidualModes("all")}
 VECTORS = bd.ResidualModes(partial_contact=True)
+OPTIMUM_PRELOADS = 20
+"""Preloads of a default optimal curve."""
 TIME_FACTORS = (1.2, 1.7, 2.5)
 """Preloads of time integrations over that of the optimum, in the order in which they are tried."""
 LARGEST_ERROR = 0.1
@@ -464,6 +470,67 @@ def amplitude_text(found: dict[str, Any]) -> str:
     return f"last motion {low:.4g} to {high:.4g}"
 
 
+# ---- optimal curves ----
+
+
+def optima(names: list[str], sectors: Path) -> None:
+    """Store default optimal curves of sectors, with references at the recommended preload."""
+    known = read(OPTIMA)
+    for name in names:
+        if name not in known:
+            keep(known, name, default_optimum(name, sectors), OPTIMA)
+
+
+def default_optimum(name: str, sectors: Path) -> dict[str, Any]:
+    """Return the answer of a default optimal curve, and references at its recommended preload."""
+    study, preloads = study_of(name, sectors)
+    study = study.replace(contact_stiffness="residual_modes")
+    start = time.process_time()
+    curve = study.optimal_curve(preloads, OPTIMUM_PRELOADS, progress=False)
+    seconds = time.process_time() - start
+    preload = curve.recommended_preload
+    out: dict[str, Any] = {
+        "optimum": curve.optimum.preload,
+        "preload": preload,
+        "design": 1e6 * curve.design_amplitude,
+        "status": curve.status_text,
+        "failures": list(curve.failures),
+        "printed": str(curve),
+        "seconds": round(seconds, 1),
+    }
+    response = curve.recommended_response
+    if response is not None:
+        amplitudes = (response.lowest, response.mean, response.highest)
+        out["in_time"] = [1e6 * amplitude for amplitude in amplitudes]
+        out["in_time_ok"] = response.ok
+    peak = study.peak(preload, progress=False)
+    out |= {"um": 1e6 * peak.amplitude, "peak": peak.status_text}
+    out["rungs"] = list(limited(partial(in_harmonics, study, peak)))
+    return out
+
+
+def optima_table(known: Known) -> str:
+    """Return the table of default optimal curves in Markdown."""
+    lines = [
+        "| sector | recommended preload, N | harmonic balance, µm | in time, µm "
+        "| amplitude for the stress, µm | all modes and more harmonics, µm | seconds | outcome |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for name, found in sorted(known.items()):
+        in_time = "none"
+        if "in_time" in found:
+            low, mean, high = found["in_time"]
+            in_time = f"{mean:.4g} ({low:.4g} to {high:.4g})"
+        against = settled_rung(found)
+        design = found["design"]
+        cells = [name, f"{found['preload']:.4g}", f"{found['um']:.4g}", in_time]
+        cells += ["none" if np.isnan(design) else f"{design:.4g}"]
+        cells += ["none" if against is None else f"{against:.4g}", f"{found['seconds']:.0f}"]
+        cells += ["not for design" if found["failures"] else "complete"]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
 # ---- linear test ----
 
 
@@ -516,7 +583,10 @@ def main() -> None:
     """Compute or show."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.sector_scenes", description=__doc__)
     parser.add_argument(
-        "what", choices=("peaks", "bonded", "in_time", "show"), nargs="?", default="show"
+        "what",
+        choices=("peaks", "bonded", "in_time", "optima", "show"),
+        nargs="?",
+        default="show",
     )
     parser.add_argument("names", nargs="*", help="models; all by default")
     parser.add_argument("--sectors", type=Path, default=Path("sectors"))
@@ -529,8 +599,11 @@ def main() -> None:
         bonded(given.names or [*STUBBY, *SLENDER], given.sectors)
     elif given.what == "in_time":
         integrate(given.names or [*SEEDS], given.sectors, given.seconds)
+    elif given.what == "optima":
+        optima(given.names or [*WITH_OPTIMA], given.sectors)
     else:
         print(table(read(RESULTS)))
+        print(optima_table(read(OPTIMA)))
         print(bonded_table(read(BONDED)))
         print(in_time_table(read(IN_TIME)))
 

@@ -179,8 +179,8 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
         }
         if callable(study):
             return study(**settings)
-        constants = f"study (the constants belong to {self._settings_text()})"
-        check_result(problem_of(study), self, constants)
+        fitted_with = f"study for constants that were fitted with {self._settings_text()}"
+        check_result(problem_of(study), self, fitted_with)
         return vary(study, settings)
 
     def widen(self, richer: Fitted) -> Fitted:

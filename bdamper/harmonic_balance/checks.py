@@ -302,7 +302,9 @@ def _effective(problem: Problem, name: str) -> Any:
     """Return the value of a setting that takes effect; None if it is checked apart."""
     settings = problem.settings
     if name == "friction_coefficient":
-        return settings.friction_values()
+        if not isinstance(settings.friction_coefficient, Mapping):
+            return settings.friction_values()
+        return settings.friction_values_by_interface()
     if name == "damping_ratio" and settings.damping_ratio is None:
         of_modes = [basis.damping_ratio.max(initial=0.0) for basis in problem.modal_bases]
         return max(of_modes, default=0.0)

@@ -469,7 +469,7 @@ class Settings(validation.Answering):
             loads = getattr(self, item)
             if loads is None:
                 continue
-            words = "bodies with a load and friction interfaces between constrained bodies"
+            words = "names of loaded bodies, or of friction interfaces between constrained bodies,"
             for name in validation.mapping(item, loads, self.loaded, words):
                 # constant loads of the points of an interface are checked with its points
                 single = np.ndim(loads[name]) == 0 or item == "load_per_preload" or name in bodies
@@ -650,13 +650,19 @@ class Settings(validation.Answering):
 
     def friction_values(self) -> list[float]:
         """Return the positive friction coefficients that a law uses, ascending."""
+        of_faces = self.friction_values_by_interface().values()
+        distinct = np.unique(np.concatenate([np.zeros(0), *of_faces]))
+        return [float(coefficient) for coefficient in distinct]
+
+    def friction_values_by_interface(self) -> dict[str, NDArray]:
+        """Return the positive friction coefficients (n,) that the law of each interface uses."""
         laws = self.law_by_interface()
-        values = [np.zeros(1)]
-        for face, value in self.friction_by_interface().items():
+        values = {}
+        for face, coefficient in self.friction_by_interface().items():
             if laws.get(face) in (LAW_SEPARABLE, LAW_COUPLED):
-                values.append(np.atleast_1d(value))
-        distinct = np.unique(np.concatenate(values))
-        return [mu for mu in distinct.tolist() if mu > 0.0]
+                of_points = np.atleast_1d(coefficient)
+                values[face] = of_points[of_points > 0.0]
+        return values
 
     @property
     def harmonic_numbers(self) -> tuple[int, ...]:

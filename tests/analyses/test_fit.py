@@ -705,9 +705,7 @@ class TestMistakes:
         settings = (
             "harmonic 1, 10 blade modes, all contact points and the contact stiffness of this fit"
         )
-        message = (
-            rf"study \(the constants belong to {settings}\): .* found harmonics = \[1\] instead"
-        )
+        message = rf"study for constants that were fitted with {settings}: .* found harmonics = \[1\] instead"
         with pytest.raises(bd.SettingError, match=message):
             again.apply(jenkins.replace(harmonics=3))
         assert f"Use these values only with {settings}" in said(found)

@@ -120,7 +120,7 @@ def test_derivatives_under_prescribed_loads_hold_the_loads(study):
     [
         (
             {"load_per_preload": {"platfrom": 1.0}},
-            r"expected bodies with a load and friction interfaces .* did you mean platform",
+            r"expected names of loaded bodies, or of friction interfaces .* did you mean platform",
         ),
         (
             {"load_per_preload": {"platform": 0.0}},
@@ -138,7 +138,10 @@ def test_derivatives_under_prescribed_loads_hold_the_loads(study):
             {"constant_loads": {"platform": [1.0, 2.0]}},
             "constant_loads of 'platform': expected one or 24 finite numbers",
         ),
-        ({"constant_loads": {"left": 1.0}}, "expected bodies with a load and friction interfaces"),
+        (
+            {"constant_loads": {"left": 1.0}},
+            "expected names of loaded bodies, or of friction interfaces",
+        ),
     ],
 )
 def test_loads_that_do_not_fit_are_named(study, settings, message):

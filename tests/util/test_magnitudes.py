@@ -68,7 +68,8 @@ OF_STUDIES = {
     ),
     "friction of a face in per cent": (
         lambda s: s.replace(friction_coefficient={"left": 40.0, "right": 0.4}),
-        "friction_coefficient: plausible 0.05 to 1.5, or 0, found 40; possibly given in per cent",
+        "friction_coefficient of 'left': plausible 0.05 to 1.5, or 0, found 40; possibly given in "
+        "per cent",
     ),
     "damping in per cent": (
         lambda s: s.replace(damping_ratio=0.2),

@@ -423,21 +423,21 @@ VALUES = {
             },
             "load_per_preload": {
                 (
-                    "load_per_preload: expected a mapping of bodies with a load and friction "
-                    "interfaces between constrained bodies out of ['damper'] to values"
+                    "load_per_preload: expected a mapping of names of loaded bodies, or of "
+                    "friction interfaces between constrained bodies, out of ['damper'] to values"
                 ): [2.0],
                 "load_per_preload of 'damper': expected a finite number >= 0": [
                     As({"damper": -1.0}, "-1.0")
                 ],
                 (
-                    "load_per_preload: expected bodies with a load and friction interfaces "
-                    "between constrained bodies out of ['damper']"
+                    "load_per_preload: expected names of loaded bodies, or of friction "
+                    "interfaces between constrained bodies, out of ['damper']"
                 ): [As({"dampr": 1.0}, "['dampr']; did you mean damper?")],
             },
             "constant_loads": {
                 (
-                    "constant_loads: expected bodies with a load and friction interfaces between "
-                    "constrained bodies out of ['damper']"
+                    "constant_loads: expected names of loaded bodies, or of friction interfaces "
+                    "between constrained bodies, out of ['damper']"
                 ): [As({"blade": 1.0}, "['blade']")],
             },
             "response": {
