@@ -211,6 +211,14 @@ class CyclicSector:
         sector."""
         force = self.transformation.conj().T @ load
         force = force.toarray() if sp.issparse(force) else np.asarray(force)
+        displacement = np.empty(force.shape, self.stiffness.dtype)
+        # in blocks, because the response without the modes has several arrays of this size
+        for columns in reported_blocks(force.shape[1], "static shapes", self._report):
+            displacement[:, columns] = self._static_response(force[:, columns])
+        return displacement
+
+    def _static_response(self, force: NDArray) -> NDArray:
+        """Return displacements (n_independent, n) under forces (n_independent, n)."""
         if self._modes is None or self._reduced_shapes is None:
             return self._solve(force)
         omega2, shapes = self._modes[0], self._reduced_shapes
@@ -223,12 +231,8 @@ class CyclicSector:
 
     def _solve(self, force: NDArray) -> NDArray:
         """Apply the inverse of the reduced stiffness to forces (n_independent, n)."""
-        solver = self.solver
-        displacement = np.empty(force.shape, self.stiffness.dtype)
-        for columns in reported_blocks(force.shape[1], "static shapes", self._report):
-            block = force[:, columns].astype(displacement.dtype)
-            displacement[:, columns] = solver.solve(np.ascontiguousarray(block))
-        return displacement
+        of_sector = force.astype(self.stiffness.dtype)
+        return self.solver.solve(np.ascontiguousarray(of_sector))
 
     def _without_modes(self, displacement: NDArray) -> NDArray:
         """Return displacements (n_independent, n) without their part in the modes."""
