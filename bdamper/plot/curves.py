@@ -397,7 +397,7 @@ def _draw_limits(ax: Axes, result: OptimalCurve) -> None:
     """Draw the amplitudes of both limits, as one line if they are nearly equal."""
     levels = {"free": result.free.amplitude, "stuck": result.stuck.amplitude}
     if min(levels.values()) > ALIKE * max(levels.values()):
-        levels = {"free or stuck": max(levels.values())}
+        levels = {"without contact, or stuck": max(levels.values())}
     for name, level in levels.items():
         # names at different ends of the range
         row = -2 if name == "free" else max(1, len(result) // 6)

@@ -55,7 +55,7 @@ BODY_EDGE = "#a3aeb4"
 WIDE: dict[str, Any] = {"sizing_mode": "stretch_width"}
 RELATIVE_RANGE = (20.0, 5000.0)
 """Range of the preload relative to the excitation, at the friction coefficient of the study."""
-FACTOR_TITLES = {INERTIA: "Damper inertia (factor)", MASS: "Damper mass (factor)"}
+FACTOR_TITLES = {INERTIA: "Damper inertia (×)", MASS: "Damper mass (×)"}
 """Titles of the factor at rest, where the preload is given, and with rotation, where it follows the
 mass.
 """
@@ -572,7 +572,7 @@ class Page:
             name: layout.column(self.numbers[name], slider, **dense)
             for name, slider in self.sliders.items()
         }
-        choices = layout.row(self.mode, self.order, **dense)
+        choices = layout.column(self.mode, self.order, **dense)
         buttons = layout.row(*self.buttons, spacing=0)
         first = layout.column(fields.pop("preload"), name="first", **dense)
         controls = layout.column(
