@@ -175,9 +175,10 @@ class CyclicSector:
         return CondensedSolver(self.inside, self.transformation)
 
     def forget_matrices(self) -> None:
-        """Free the memory of reduced matrices and solver, but keep the modes."""
+        """Free the memory of reduced matrices, solver and contact response, but keep the modes."""
         for name in ("solver", "stiffness", "mass"):
             vars(self).pop(name, None)
+        self._contact = None
 
     def modes(self, n_modes: int) -> tuple[NDArray, NDArray]:
         """Compute the lowest modes.
