@@ -120,10 +120,11 @@ def _run(job: Job | _Packed, points: Sequence[Mapping[str, Any]]) -> list[Record
     An error or an interruption at a later point ends the list. This point raises it again as the
     first of another task.
     """
-    try:
-        job = _unpacked(job) if isinstance(job, _Packed) else job
-    except OSError:
-        return None
+    if isinstance(job, _Packed):
+        try:
+            job = _unpacked(job)
+        except OSError:
+            return None
     end = time.monotonic() + SECONDS
     # the other workers of the executor compute on the other cores
     with set_workers(1):
@@ -137,10 +138,12 @@ def _run(job: Job | _Packed, points: Sequence[Mapping[str, Any]]) -> list[Record
 
 
 def _pack(job: Job, executor: Executor, stack: ExitStack) -> tuple[Job | _Packed, Job | _Packed]:
-    """Return the job in the form for tasks.
+    """Return the job in two forms: for tasks, and for workers that cannot read the file of the
+    first.
 
-    The second form is for workers that cannot read the file of the first.
+    Both are the job itself if it needs no file.
     """
+    # threads share the memory of this process
     if isinstance(executor, ThreadPoolExecutor):
         return job, job
     try:
@@ -216,6 +219,7 @@ def run_points(
                     task = running[future]
                     with executor_errors():
                         records = future.result()
+                    # a worker that cannot read the file of the job returns None
                     if records is None:
                         submit(task, with_content)
                     else:
@@ -234,6 +238,7 @@ def run_points(
 
 def _n_workers(executor: Executor) -> int:
     """Return the number of workers of an executor; 32 for others, such as the executor of Dask."""
+    # attributes of executors of the standard library and of MPI
     for name in ("_max_workers", "num_workers"):
         number = getattr(executor, name, None)
         if isinstance(number, int):
@@ -253,7 +258,9 @@ def _keep_finished(future: Future[list[Record] | None], task: list[int], keep: K
 def _fitting(records: Sequence[Record]) -> int:
     """Return the number of points that take :data:`SECONDS`, at most twice as many as these."""
     seconds = sum(record["seconds"] for record in records)
-    return max(1, int(len(records) * SECONDS / max(seconds, 0.5 * SECONDS)))
+    # points that took less than half the time double their number
+    at_least = 0.5 * SECONDS
+    return max(1, int(len(records) * SECONDS / max(seconds, at_least)))
 
 
 def check_executor(executor: Any) -> None:

@@ -27,6 +27,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -216,7 +217,7 @@ def fit_loop(
 
     loop = _Loop(x, y, sense, noise, normal, sliders, backlash)
     fitted = loop.fitted()
-    p = fitted.parameters
+    best = _Parameters(*fitted.parameters)
     misfit = _misfit(fitted.residual, x, y, noise)
     reason = ""
     if misfit > POOR:
@@ -224,17 +225,17 @@ def fit_loop(
             f"the model does not describe this loop (misfit {percent(misfit)} beyond the noise)"
         )
     return FittedLoop(
-        kt=float(np.exp(p[0])),
-        mu=float(np.exp(p[1])),
-        spread=float(p[2]) if sliders > 1 else 0.0,
-        backlash=float(p[6] * np.ptp(x)) if backlash else 0.0,
+        kt=float(np.exp(best.log_kt)),
+        mu=float(np.exp(best.log_mu)),
+        spread=float(best.spread) if sliders > 1 else 0.0,
+        backlash=float(best.backlash * np.ptp(x)) if backlash else 0.0,
         deviation=_deviation(fitted, x, sliders),
         misfit=misfit,
         noise=noise,
         sliders=sliders,
         displacement=x,
         force=y,
-        model=loop.force(p),
+        model=loop.force(fitted.parameters),
         energy=energy,
         friction=cycles["friction"],
         stiffness=cycles["stiffness"],
@@ -251,23 +252,32 @@ def _misfit(residual: NDArray, x: NDArray, y: NDArray, noise: NDArray) -> float:
     mean square.
     """
     relative = residual / [np.std(x), np.std(y)] * noise
+    # noise alone gives a squared residual of 1, which is taken from each square
     squared_residual = np.maximum((residual**2).sum(axis=1), 1e-12)
-    beyond_noise = (relative**2).sum(axis=1) * (1.0 - 1.0 / squared_residual)
+    fraction_beyond_noise = 1.0 - 1.0 / squared_residual
+    beyond_noise = (relative**2).sum(axis=1) * fraction_beyond_noise
     return float(np.sqrt(max(beyond_noise.mean(), 0.0)))
 
 
 def _deviation(fitted: _FittedSliders, x: NDArray, sliders: int) -> NDArray:
-    """Return the standard deviations (4,) of stiffness, friction, spread and backlash."""
-    p = fitted.parameters
+    """Return the standard deviations (4,) of stiffness, friction, spread and backlash.
+
+    They have the units of the results (N/m, -, -, m); without a fit of the backlash its deviation
+    is 0.
+    """
+    best = _Parameters(*fitted.parameters)
     # blocks of successive points, because their errors are correlated
     n_blocks = max(int(np.sqrt(len(x))), 3)
     blocks = np.array_split(np.arange(fitted.residual.size), n_blocks)
-    deviation = left_out(fitted.residual.ravel(), fitted.derivatives, blocks)
-    # units of the parameters; a single slider has no spread
-    units = [np.exp(p[0]), np.exp(p[1]), float(sliders > 1), 1.0, 1.0, 1.0, np.ptp(x), 1.0]
-    # without backlash its deviation is the appended zero
-    with_backlash = np.append(deviation * units[: len(p)], 0.0)
-    return with_backlash[[0, 1, 2, 6]]
+    deviations = left_out(fitted.residual.ravel(), fitted.derivatives, blocks)
+    deviation = _Parameters(*deviations)
+    # the deviation of a logarithm is relative
+    kt = deviation.log_kt * np.exp(best.log_kt)
+    mu = deviation.log_mu * np.exp(best.log_mu)
+    # a single slider has no spread
+    spread = deviation.spread if sliders > 1 else 0.0
+    backlash = deviation.backlash * np.ptp(x)
+    return np.array([kt, mu, spread, backlash])
 
 
 def _noise(values: NDArray) -> float:
@@ -305,18 +315,22 @@ def _without_drift(
 
     The drift is determined from the means over the periods of nearly full amplitude.
     """
+    # a period begins at each turning point and ends at the next but one
     rise = np.abs(np.diff(x[turns]))
-    travel = rise[1:] + rise[:-1]  # in each period
+    travel = rise[1:] + rise[:-1]
     full = np.flatnonzero(travel > FULL_WAY * travel.max(initial=0.0))
     if len(full) < 3:
         return x, y, ()
+    begins = turns[full]
+    ends = turns[full + 2]
+    # time in sampling intervals from the middle of the record
     time = np.arange(len(x)) - (len(x) - 1) / 2.0
-    middle = [(time[turns[i]] + time[turns[i + 2] - 1]) / 2.0 for i in full]
+    middle = (time[begins] + time[ends - 1]) / 2.0
     notes: tuple[str, ...] = ()
     corrected = []
     for name, values in (("displacement", x), ("force", y)):
-        means = [values[turns[i] : turns[i + 2]].mean() for i in full]
-        slope = float(np.polyfit(middle, means, 1)[0])
+        means = [values[begin:end].mean() for begin, end in zip(begins, ends)]
+        slope, _ = np.polyfit(middle, means, 1).tolist()
         share = abs(slope * len(x) / np.ptp(values))
         if share > DRIFT:
             values = values - slope * time
@@ -328,7 +342,14 @@ def _without_drift(
 
 
 def _senses(x: NDArray, y: NDArray, turns: NDArray, reversal: float) -> NDArray:
-    """Return the sign of the velocity at each point, and 0 outside of periods."""
+    """Return the sign (n,) of the velocity at each point, and 0 outside of periods.
+
+    Raises
+    ------
+    SettingError
+        If the record has no full period, or its only period is not closed.
+    """
+    # branches lie between successive turning points, and before the first and after the last
     ends = np.array([0, *turns, len(x)])
     rise = np.diff(x[np.minimum(ends, len(x) - 1)])
     sense = np.sign(rise)
@@ -365,22 +386,24 @@ def _cycles(x: NDArray, y: NDArray, sense: NDArray, noise: NDArray) -> dict[str,
 
     The columns of friction and stiffness are left and right.
     """
+    # indices of the points of each branch, on which the displacement rises or falls
     starts = np.flatnonzero(np.diff(sense)) + 1
     parts = np.split(np.arange(len(x)), starts)
     branches = [part for part in parts if sense[part[0]] != 0.0]
     energy: list[float] = []
     friction: list[list[float]] = []
     stiffness: list[list[float]] = []
-    end = 0
+    end_of_last_cycle = 0
     for first, second in itertools.pairwise(branches):
-        shares_branch = first[0] < end
+        belongs_to_last_cycle = first[0] < end_of_last_cycle
         has_gap = second[0] > first[-1] + 1
-        if shares_branch or has_gap:
+        if belongs_to_last_cycle or has_gap:
             continue
-        end = second[-1] + 1
+        end_of_last_cycle = second[-1] + 1
         cycle = np.concatenate([first, second])
         energy.append(_area(x[cycle], y[cycle]))
-        fall, rise = sorted((first, second), key=lambda part: sense[part[0]])
+        first_rises = sense[first[0]] > 0.0
+        rise, fall = (first, second) if first_rises else (second, first)
         friction.append([-_late_force(x[fall], y[fall]), _late_force(x[rise], y[rise])])
         stiffness.append([_slope(x[rise], y[rise], noise), _slope(x[fall], y[fall], noise)])
     return {
@@ -403,15 +426,18 @@ def _late_force(x: NDArray, y: NDArray) -> float:
 
 
 def _slope(x: NDArray, y: NDArray, noise: NDArray) -> float:
-    """Return the slope of a branch over the first quarter of the change of its force.
+    """Return the slope (N/m) of a branch over the first quarter of the change of its force.
 
-    The regression is orthogonal in units of the noise.
+    The regression is orthogonal in units of the noise.  The slope is NaN if fewer than three points
+    lie in this part.
     """
-    n = int(np.argmax(np.abs(y - y[0]) > 0.25 * np.ptp(y)))
+    change = np.abs(y - y[0])
+    n = int(np.argmax(change > 0.25 * np.ptp(y)))
     if n < 3:
         return float("nan")
+    # the first right singular vector is the direction of the largest scatter of the points
     points = np.column_stack([x[:n], y[:n]]) / noise
-    directions = np.linalg.svd(points - points.mean(axis=0))[2]
+    directions = np.linalg.svd(points - points.mean(axis=0)).Vh
     dx, dy = directions[0] * noise
     return float(dy / dx)
 
@@ -451,13 +477,41 @@ class _FittedSliders:
     derivatives: NDArray
 
 
+class _Parameters(NamedTuple):
+    """Parameters of the slider model, in the order of the vectors of the fit.
+
+    Parameters
+    ----------
+    log_kt, log_mu : float
+        Logarithms of stiffness (N/m) and friction coefficient.
+    spread : float
+    mean_force : float
+        Middle of the force; like ``zero_force`` it is 0 at the smallest measured force and 1 at the
+        largest.
+    low, high : float
+        Turning points; 0 at the smallest measured displacement and 1 at the largest.
+    backlash : float
+        Clearance relative to the range of the displacement.
+    zero_force : float
+        Reading of the load cell without force.  A vector without backlash ends before the last two.
+    """
+
+    log_kt: float
+    log_mu: float
+    spread: float
+    mean_force: float
+    low: float
+    high: float
+    backlash: float = 0.0
+    zero_force: float = 0.0
+
+
 @dataclass(eq=False)
 class _Loop:
     """Branches of the slider model and their distances from measured points.
 
-    The parameters p are the logarithms of kt and mu, the spread, and the mean force and both
-    turning points of the displacement, relative to the measured ranges.  A fit of the backlash also
-    has the backlash and the zero of the force.
+    The vectors p contain the values of :class:`_Parameters`: eight if the backlash is fitted, the
+    first six otherwise.
     """
 
     x: NDArray
@@ -469,34 +523,47 @@ class _Loop:
     backlash: bool
 
     def branches(self, p: NDArray) -> dict[float, NDArray]:
-        """Return the corners (sliders + 4, 2) of both branches by the sign of the velocity."""
+        """Return the corners (sliders + 4, 2) of both branches by the sign of the velocity.
+
+        The columns are displacement (m) and force (N); a branch begins at its turning point.
+        """
+        model = _Parameters(*p)
         x_range = np.ptp(self.x)
         y_range = np.ptp(self.y)
-        low, high = p[4:6] * x_range + self.x.min()
-        clearance = p[6] * x_range if self.backlash else 0.0
-        # travel from stick to full slip of each slider
+        low = model.low * x_range + self.x.min()
+        high = model.high * x_range + self.x.min()
+        middle = self.y.min() + model.mean_force * y_range
+        if self.backlash:
+            clearance = model.backlash * x_range
+            zero = self.y.min() + model.zero_force * y_range
+        else:
+            clearance = 0.0
+            zero = middle
+
+        # travel (sliders,) of each slider from its turning point to slip
         places = (2.0 * np.arange(self.sliders) + 1.0) / self.sliders - 1.0
-        slip = 2.0 * np.exp(p[1] - p[0]) * self.normal * (1.0 + p[2] * places)
+        mean_slip = 2.0 * np.exp(model.log_mu - model.log_kt) * self.normal
+        slip = mean_slip * (1.0 + model.spread * places)
+        # travel (sliders + 2,) of the corners: turning point, a slider begins to slip, end
         whole_travel = max(high - low - clearance, 0.0)
         travel = np.minimum(np.concatenate([[0.0], slip, [np.inf]]), whole_travel)
-        # change of force since the turning point
-        change = np.exp(p[0]) / self.sliders * np.minimum(travel[:, None], slip).sum(axis=1)
+        # change of force (sliders + 2,) since the turning point
+        stretch = np.minimum(travel[:, None], slip)  # (corner, slider)
+        change = np.exp(model.log_kt) / self.sliders * stretch.sum(axis=1)
         half_height = change[-1] / 2.0
-        middle, zero = self.y.min() + np.array([p[3], p[7] if self.backlash else p[3]]) * y_range
+
         branches = {}
         for sense, turn in ((-1.0, high), (1.0, low)):
-            # the clearance is crossed at zero force
+            # the clearance is crossed at zero force, between two more corners
             change_to_zero = float(np.clip(half_height + sense * (zero - middle), 0.0, change[-1]))
-            i = int(np.searchsorted(change, change_to_zero))
             travel_to_zero = np.interp(change_to_zero, change, travel)
-            after_clearance = np.arange(len(travel)) >= i
-            travels = np.insert(
-                travel + clearance * after_clearance, i, travel_to_zero + [0.0, clearance]
-            )
-            changes = np.insert(change, i, [change_to_zero, change_to_zero])
-            branches[sense] = np.column_stack(
-                [turn + sense * travels, middle + sense * (changes - half_height)]
-            )
+            crossing = [travel_to_zero, travel_to_zero + clearance]
+            i = int(np.searchsorted(change, change_to_zero))
+            travels = np.concatenate([travel[:i], crossing, travel[i:] + clearance])
+            changes = np.concatenate([change[:i], [change_to_zero, change_to_zero], change[i:]])
+            x = turn + sense * travels
+            y = middle + sense * (changes - half_height)
+            branches[sense] = np.column_stack([x, y])
         return branches
 
     def force(self, p: NDArray) -> NDArray:
@@ -510,7 +577,10 @@ class _Loop:
         return np.where(self.sense > 0.0, force_up, force_down)
 
     def residual(self, p: NDArray) -> NDArray:
-        """Return the vectors (2 n,) from the points to their branch, in units of the noise."""
+        """Return the vectors (2 n,) from the points to their branch, in units of the noise.
+
+        Displacement and force of each point are successive.
+        """
         points = self.x / self.noise[0] + 1j * self.y / self.noise[1]
         vectors = np.empty(len(self.x), complex)
         for sense, corners in self.branches(p).items():
@@ -521,9 +591,27 @@ class _Loop:
 
     def fitted(self) -> _FittedSliders:
         """Return the best fit of searches from several spreads and backlashes."""
+        lower = _Parameters(
+            log_kt=-np.inf,
+            log_mu=-np.inf,
+            spread=0.0,
+            mean_force=-1.0,
+            low=-1.0,
+            high=0.5,
+            backlash=0.0,
+            zero_force=-1.0,
+        )
+        upper = _Parameters(
+            log_kt=np.inf,
+            log_mu=np.inf,
+            spread=1.0,
+            mean_force=2.0,
+            low=0.5,
+            high=2.0,
+            backlash=1.0,
+            zero_force=2.0,
+        )
         n_parameters = 8 if self.backlash else 6
-        lower = [-np.inf, -np.inf, 0.0, -1.0, -1.0, 0.5, 0.0, -1.0]
-        upper = [np.inf, np.inf, 1.0, 2.0, 0.5, 2.0, 1.0, 2.0]
         bounds = np.array([lower, upper])[:, :n_parameters]
         spreads = (0.1, 0.5, 0.9) if self.sliders > 1 else (0.0,)
         backlashes = (0.03, 0.1, 0.3) if self.backlash else (0.0,)
@@ -553,25 +641,37 @@ class _Loop:
         n_parameters = 8 if self.backlash else 6
         # the force at slip is nearly half the height, without outliers
         slip_force = 0.5 * np.ptp(np.quantile(self.y, [0.02, 0.98]))
-        friction = np.log(slip_force / self.normal)
-        secant_stiffness = np.log(np.ptp(self.y) / np.ptp(self.x))
-        zero = np.clip(-self.y.min() / np.ptp(self.y), 0.0, 1.0)
+        log_mu = np.log(slip_force / self.normal)
+        # the secant from turning point to turning point, a lower bound of the stiffness
+        log_secant = np.log(np.ptp(self.y) / np.ptp(self.x))
+        zero_force = np.clip(-self.y.min() / np.ptp(self.y), 0.0, 1.0)
         starts = []
-        for stiffness, limit in itertools.product(
-            secant_stiffness + np.linspace(0.0, 4.0, 9), friction + np.array([0.0, 0.3, 0.7])
-        ):
-            start = np.array([stiffness, limit, spread, 0.5, 0.0, 1.0, backlash, zero])
-            starts.append(start[:n_parameters])
+        for log_factor_kt in np.linspace(0.0, 4.0, 9):
+            for log_factor_mu in (0.0, 0.3, 0.7):
+                start = _Parameters(
+                    log_kt=log_secant + log_factor_kt,
+                    log_mu=log_mu + log_factor_mu,
+                    spread=spread,
+                    mean_force=0.5,
+                    low=0.0,
+                    high=1.0,
+                    backlash=backlash,
+                    zero_force=zero_force,
+                )
+                starts.append(np.array(start)[:n_parameters])
         return starts
 
 
 def _nearest(points: NDArray, corners: NDArray) -> NDArray:
     """Return the vectors (n,) from points to a polygonal line; all are complex numbers."""
+    # arrays are (n_points, n_edges); an edge is the vector between two corners
     edges = np.diff(corners)
     from_corner = points[:, None] - corners[:-1]
+    # the foot of the perpendicular, as a fraction of the edge, or the nearer end of the edge
+    along_edge = (from_corner * edges.conj()).real
     squared_length = np.maximum(np.abs(edges) ** 2, 1e-300)
-    share = np.clip((from_corner * edges.conj()).real / squared_length, 0.0, 1.0)
-    to_edge = share * edges - from_corner
+    fraction = np.clip(along_edge / squared_length, 0.0, 1.0)
+    to_edge = fraction * edges - from_corner
     nearest = np.abs(to_edge).argmin(axis=1)
     return to_edge[np.arange(len(points)), nearest]
 

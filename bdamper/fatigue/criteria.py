@@ -95,7 +95,8 @@ def _derivatives(coefficients: NDArray, theta: NDArray) -> tuple[NDArray, NDArra
     Return values, first and second derivatives, (n, m).
     """
     l = np.arange(coefficients.shape[-1])
-    wave = coefficients * np.exp(1j * l * theta[:, None])[:, None]
+    phase = np.exp(1j * l * theta[:, None])  # (n, H + 1)
+    wave = coefficients * phase[:, None]
     value = wave.sum(-1).real
     first = (1j * l * wave).sum(-1).real
     second = (-(l**2) * wave).sum(-1).real
@@ -127,23 +128,33 @@ def amplitude_and_mean(coefficients: NDArray) -> Cycle:
 
 
 def _by_von_mises(c: NDArray) -> Cycle:
+    """Return von Mises amplitude and mean of cycles (n, 6, H + 1).
+
+    The amplitude is half the largest distance between two instants of the path of the deviator.
+    """
+    # coefficients of the deviator, (n, 5, H + 1); the mean has no effect on distances
     y = np.einsum("ij,njl->nil", _DEVIATOR, c)
-    y[..., 0] = 0.0  # the mean has no effect on differences
+    y[..., 0] = 0.0
     theta = angles(c.shape[-1] - 1)
     path = over_cycle(y, theta)
-    # |y_1 - y_2|^2 = |y_1|^2 + |y_2|^2 - 2 y_1 y_2 for all pairs of instants
+    # squared distances (n, n_theta, n_theta): |y_1 - y_2|^2 = |y_1|^2 + |y_2|^2 - 2 y_1 y_2
     square = (path**2).sum(axis=1)
-    difference = square[:, :, None] + square[:, None] - 2.0 * path.transpose(0, 2, 1) @ path
-    best = difference.reshape(len(c), -1).argmax(axis=1)
-    pair = theta[np.stack(np.unravel_index(best, difference.shape[1:]), axis=1)]
+    product = path.transpose(0, 2, 1) @ path
+    distance = square[:, :, None] + square[:, None] - 2.0 * product
+    # the best pair of sampled instants of each cycle, refined between the samples
+    best = distance.reshape(len(c), -1).argmax(axis=1)
+    first, second = np.unravel_index(best, distance.shape[1:])
+    pair = np.stack([theta[first], theta[second]], axis=1)
     largest = _refine_pair(y, pair)
+    # trace of the mean stress
     mean = c[:, :3, 0].real.sum(axis=1)
-    return Cycle(0.5 * np.sqrt(largest), mean)
+    return Cycle(amplitude=0.5 * np.sqrt(largest), mean=mean)
 
 
 def largest_von_mises(coefficients: NDArray) -> NDArray:
     """Return the largest von Mises value (n,) of the total stress over cycles (n, 6, H + 1)."""
     c = np.asarray(coefficients, complex)
+    # coefficients of the deviator, (n, 5, H + 1), whose norm is the von Mises value
     y = np.einsum("ij,njl->nil", _DEVIATOR, c)
     sampled = angles(c.shape[-1] - 1)
     square = (over_cycle(y, sampled) ** 2).sum(axis=1)
@@ -154,8 +165,10 @@ def largest_von_mises(coefficients: NDArray) -> NDArray:
         value, first, second = _derivatives(y, theta)
         return (value * first).sum(1), (first**2 + value * second).sum(1)
 
-    refined = _climbed(rates, best, sampled[1])
-    return np.linalg.norm(_derivatives(y, refined)[0], axis=1)
+    spacing = sampled[1] - sampled[0]
+    refined = _climbed(rates, best, most=spacing)
+    deviator, _, _ = _derivatives(y, refined)
+    return np.linalg.norm(deviator, axis=1)
 
 
 def _climbed(
@@ -174,7 +187,7 @@ def _climbed(
     """
     for _ in range(4):
         slope, curvature = rates(theta)
-        # without a maximum nearby the angle stays
+        # a Newton step where the function is concave; elsewhere the angle stays
         concave = curvature < 0.0
         step = np.clip(-slope / np.where(concave, curvature, 1.0), -most, most)
         theta = theta + np.where(concave, step, 0.0)
@@ -209,12 +222,14 @@ def _refine_pair(y: NDArray, pair: NDArray) -> NDArray:
     """
     value, gradient, hessian = _pair_difference(y, pair)
     for _ in range(8):
-        # an ascent also where the function is not concave: steps along the axes of the curvature
-        curvature, axes = np.linalg.eigh(hessian)
-        most_negative = np.maximum(np.abs(curvature[:, :1]), 1e-300)
-        size = np.maximum(np.abs(curvature), 1e-9 * most_negative)
+        # Newton step gradient/|curvature| along the principal axes: the absolute value makes it
+        # an ascent also where the function is not concave
+        curvature, axes = np.linalg.eigh(hessian)  # (n, 2) in ascending order, (n, 2, 2)
+        size_of_first = np.maximum(np.abs(curvature[:, :1]), 1e-300)
+        size = np.maximum(np.abs(curvature), 1e-9 * size_of_first)
         along_axes = np.einsum("nji,nj->ni", axes, gradient) / size
         step = np.einsum("nij,nj->ni", axes, along_axes)
+        # at most 0.1 rad in either angle
         longest = np.maximum(np.abs(step).max(axis=1), 1e-300)
         step *= np.minimum(1.0, 0.1 / longest)[:, None]
 
@@ -253,10 +268,10 @@ def findley(coefficients: NDArray, k: float, limit: float | None = None) -> NDAr
     planes = _half_sphere()
     largest = np.zeros(len(c))
     for i, cycle in enumerate(c):
-        # from the three best planes of a coarse search
-        order = np.argsort(_plane_values(cycle, planes, k, limit, 64))
-        start = planes[order[-3:]]
-        largest[i] = max(_refine_plane(cycle, normal, k, limit) for normal in start)
+        # a coarse search over all planes, then a fine one from the three best
+        coarse = _plane_values(cycle, planes, k, limit, samples=64)
+        best_three = planes[np.argsort(coarse)[-3:]]
+        largest[i] = max(_refine_plane(cycle, normal, k, limit) for normal in best_three)
     return largest
 
 
@@ -266,7 +281,9 @@ def _half_sphere(n_rings: int = 12) -> NDArray:
     12 rings have some 220 normals.
     """
     rings = []
-    for polar in (np.arange(n_rings) + 0.5) * 0.5 * np.pi / n_rings:
+    polar_angles = (np.arange(n_rings) + 0.5) * 0.5 * np.pi / n_rings
+    for polar in polar_angles:
+        # the circumference of the ring determines its number of normals
         n = max(round(4 * n_rings * np.sin(polar) * 0.6), 3)
         azimuth = 2.0 * np.pi * np.arange(n) / n
         x = np.sin(polar) * np.cos(azimuth)
@@ -277,8 +294,8 @@ def _half_sphere(n_rings: int = 12) -> NDArray:
 
 
 def _frames(normals: NDArray) -> tuple[NDArray, NDArray]:
-    """Return two orthogonal unit vectors (n, 3) in each plane."""
-    # any direction that is not close to the normal
+    """Return two orthogonal unit vectors (n, 3) in each of the planes with normals (n, 3)."""
+    # z, or x for normals close to z: a direction that is not parallel to the normal
     far_from_z = np.abs(normals[:, 2:]) < 0.9
     helper = np.where(far_from_z, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
     a = np.cross(normals, helper)
@@ -289,8 +306,12 @@ def _frames(normals: NDArray) -> tuple[NDArray, NDArray]:
 def _plane_values(
     c: NDArray, normals: NDArray, k: float, limit: float | None, samples: int
 ) -> NDArray:
-    """Return the criterion (n,) of one cycle (6, H + 1) on planes with the given normals (n, 3)."""
+    """Return the criterion (n,) of one cycle (6, H + 1) on planes with the given normals (n, 3).
+
+    It is a stress in Pa, or with a limit the reciprocal safety factor (:func:`findley`).
+    """
     theta = 2.0 * np.pi * np.arange(samples) / samples
+    # coefficients of the stress vector on each plane, (n, 3, H + 1)
     traction = np.einsum("ijl,nj->nil", c[_INDEX], normals)
 
     # path of the shear stress in the plane
@@ -299,6 +320,7 @@ def _plane_values(
     along_b = over_cycle(np.einsum("ni,nil->nl", b, traction), theta)
     shear_amplitude = smallest_circle(np.stack([along_a, along_b], axis=-1))
 
+    # mean of the normal stress, and its largest excess over the mean
     normal = np.einsum("ni,nil->nl", normals, traction)
     mean = normal[:, 0].real.copy()
     normal[:, 0] = 0.0
@@ -306,6 +328,7 @@ def _plane_values(
 
     if limit is None:
         return np.asarray(shear_amplitude + k * (mean + excess))
+    # what the mean stress leaves of the limit to the vibration
     left = limit - k * mean
     endurable = left > 0.0
     ratio = (shear_amplitude + k * excess) / np.where(endurable, left, 1.0)
@@ -320,33 +343,38 @@ def _parabola(values: NDArray) -> NDArray:
     n_samples = values.shape[1]
     rows = np.arange(len(values))
     i = values.argmax(axis=1)
+    # the samples are periodic: index -1 is the last one
     before = values[rows, i - 1]
     top = values[rows, i]
     after = values[rows, (i + 1) % n_samples]
     bend = 2.0 * top - before - after
+    # equal samples have no parabola; the sample is the maximum
     concave = bend > 0.0
     rise = (after - before) ** 2 / (8.0 * np.where(concave, bend, 1.0))
     return np.asarray(top + np.where(concave, rise, 0.0))
 
 
 def _refine_plane(c: NDArray, normal: NDArray, k: float, limit: float | None) -> float:
-    """Maximise the criterion over planes by a pattern search on the sphere.
+    """Maximise the criterion over planes by a pattern search on the sphere; return the maximum.
 
-    The step decreases from 0.1 to 1e-4 rad.
+    The search begins at a unit normal (3,).  It compares each normal with eight around it, and
+    halves their distance, from 0.1 to 1e-4 rad, when none of them is better.
     """
-    azimuth = np.arange(8) * np.pi / 4.0
-    value = float(_plane_values(c, normal[None], k, limit, 1024)[0])
-    step = 0.1
-    while step > 1e-4 and np.isfinite(value):
+    samples = 1024
+    azimuth = (np.arange(8) * np.pi / 4.0)[:, None]
+    value = float(_plane_values(c, normal[None], k, limit, samples)[0])
+    distance = 0.1
+    while distance > 1e-4 and np.isfinite(value):
         a, b = _frames(normal[None])
-        around = normal + step * (np.cos(azimuth)[:, None] * a + np.sin(azimuth)[:, None] * b)
+        # normals (8, 3) on a circle around the present one
+        around = normal + distance * (np.cos(azimuth) * a + np.sin(azimuth) * b)
         around /= np.linalg.norm(around, axis=1)[:, None]
-        candidates = _plane_values(c, around, k, limit, 1024)
+        candidates = _plane_values(c, around, k, limit, samples)
         if candidates.max() > value * (1.0 + 1e-12):
             value = float(candidates.max())
             normal = around[candidates.argmax()]
         else:
-            step *= 0.5
+            distance *= 0.5
     return value
 
 
@@ -383,33 +411,41 @@ def _circle_of_four(points: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     points complete the support.
     """
     last = points[:, 3]
-    # equal indices: one support point besides the last
+    # six possible supports besides the last point; with equal indices it is one point
     others = list(combinations_with_replacement(range(3), 2))
-    centres = []
-    radii = []
+    centres_of_supports = []
+    radii_of_supports = []
     for i, j in others:
         if i == j:
             centre = 0.5 * (points[:, i] + last)
         else:
             centre = _circumcentre(points[:, i], points[:, j], last)
-        centres.append(centre)
-        radii.append(np.linalg.norm(centre - last, axis=1))
-    centre = np.stack(centres, 1)
-    radius = np.stack(radii, 1)
+        centres_of_supports.append(centre)
+        radii_of_supports.append(np.linalg.norm(centre - last, axis=1))
+    centres = np.stack(centres_of_supports, axis=1)  # (n, 6, 2)
+    radii = np.stack(radii_of_supports, axis=1)  # (n, 6)
 
     # the smallest of the circles that contain all four points
     with np.errstate(invalid="ignore"):
-        farthest = np.linalg.norm(points[:, None] - centre[:, :, None], axis=-1).max(axis=2)
-    contains_all = farthest <= radius * (1.0 + 1e-9) + 1e-300
-    good = np.isfinite(radius) & contains_all
-    best = np.where(good, radius, np.inf).argmin(axis=1)
+        # from each centre to each point, (n, 6, 4)
+        distance = np.linalg.norm(points[:, None] - centres[:, :, None], axis=-1)
+        farthest = distance.max(axis=2)
+    contains_all = farthest <= radii * (1.0 + 1e-9) + 1e-300
+    good = np.isfinite(radii) & contains_all
+    best = np.where(good, radii, np.inf).argmin(axis=1)
+
+    # two of the first three points, and the last one (index 3)
     rows = np.arange(len(points))
     support = np.column_stack([np.array(others)[best], np.full(len(rows), 3)])
-    return points[rows[:, None], support], centre[rows, best], radius[rows, best]
+    return points[rows[:, None], support], centres[rows, best], radii[rows, best]
 
 
 def _circumcentre(a: NDArray, b: NDArray, c: NDArray) -> NDArray:
-    """Return the centre (n, 2) of the circle through three points (n, 2), not finite on a line."""
+    """Return the centre (n, 2) of the circle through three points (n, 2).
+
+    It is not finite if the points lie on a line.
+    """
+    # with c as origin, the centre satisfies 2 u x = |u|^2 and 2 v x = |v|^2
     u = a - c
     v = b - c
     uu = (u**2).sum(1)
@@ -500,11 +536,13 @@ class Material(validation.Checked):
             if self.haigh is None:
                 raise validation.invalid("line", "a material with a HaighTable (haigh=)", line)
             return self.haigh.allowed(mean, self.ultimate_strength, temperature)
-        share = np.maximum(np.asarray(mean, float), 0.0) / self.limit(line)
+        # a compressive mean stress has no effect
+        tension = np.maximum(np.asarray(mean, float), 0.0)
+        used = tension / self.limit(line)
         if line == "gerber":
-            share = share**2
-        left = 1.0 - share
-        return np.asarray(self.endurance_limit * np.maximum(left, 0.0))
+            used = used**2
+        left = np.maximum(1.0 - used, 0.0)
+        return np.asarray(self.endurance_limit * left)
 
     def factor(
         self,
@@ -534,21 +572,24 @@ class Material(validation.Checked):
         validation.choice("line", line, LINES)
         validation.choice("on", on, ON)
         amplitude, mean = np.broadcast_arrays(np.asarray(amplitude, float), np.asarray(mean, float))
+        vibrates = amplitude > 0.0
+        # a factor is infinite without the stress that it multiplies
         with np.errstate(divide="ignore", invalid="ignore"):
             if on == "amplitude":
                 allowed = self.allowed(mean, line, temperature)
                 # without vibration the mean stress alone decides
                 at_rest = np.where(allowed > 0.0, np.inf, 0.0)
-                return np.where(amplitude > 0.0, allowed / amplitude, at_rest)
+                return np.where(vibrates, allowed / amplitude, at_rest)
             if line == "table":
-                vibrates = amplitude > 0.0
+                # amplitude and mean grow together on a ray of constant ratio
                 rays = np.where(vibrates, mean / amplitude, 0.0)
                 endurable = self._on_ray(rays, line, temperature)
                 at_rest = self.ultimate_strength / np.maximum(mean, 0.0)
                 return np.where(vibrates, endurable / amplitude, at_rest)
             of_amplitude = amplitude / self.endurance_limit
             of_mean = np.maximum(mean, 0.0) / self.limit(line)
-            if line == "gerber":  # positive root, in the form without cancellation
+            if line == "gerber":
+                # positive root of n of_amplitude + (n of_mean)^2 = 1, without cancellation
                 root = np.sqrt(of_amplitude**2 + 4.0 * of_mean**2)
                 return np.asarray(2.0 / (of_amplitude + root))
             return np.asarray(1.0 / (of_amplitude + of_mean))

@@ -6,7 +6,7 @@ curve over frequency, preload or speed has a margin at every point.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Annotated, Any, Protocol, runtime_checkable
@@ -98,12 +98,20 @@ class Rule(validation.Checked):
         return amplitude, mean, factor, material.yield_strength / largest
 
     def _findley_factor(self, coefficients: NDArray, material: Material) -> NDArray:
+        """Return the safety factors (n,) of stress cycles (n, 6, H + 1) by Findley's criterion.
+
+        They apply to mean and vibration if ``on`` is "both", and to the vibration alone if it is
+        "amplitude".
+        """
+        k = material.findley_k
         limit = material.findley_limit
+        smallest = 1e-300  # avoids a division by zero without stress
         if self.on == "both":
-            value = criteria.findley(coefficients, material.findley_k)
-            return limit / np.maximum(value, 1e-300)
-        inverse = criteria.findley(coefficients, material.findley_k, limit)
-        return 1.0 / np.maximum(inverse, 1e-300)
+            largest_stress = criteria.findley(coefficients, k)  # Pa
+            return limit / np.maximum(largest_stress, smallest)
+        # with a limit the criterion returns the reciprocal factor instead of a stress
+        reciprocal_factor = criteria.findley(coefficients, k, limit=limit)
+        return 1.0 / np.maximum(reciprocal_factor, smallest)
 
 
 @runtime_checkable
@@ -170,6 +178,7 @@ class Margins(
         return int(np.where(self.counted, self.factor, np.inf).argmin())
 
     def _order(self) -> NDArray:
+        """Return the indices of the points by increasing factor, those that do not count last."""
         return np.lexsort((self.factor, ~self.counted))
 
     @property
@@ -180,7 +189,7 @@ class Margins(
     @property
     def yields(self) -> bool:
         """Whether any of the counted points yields in the first cycle."""
-        return bool((self.yield_factor < 1.0)[self.counted].any())
+        return bool((self.yield_factor[self.counted] < 1.0).any())
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -336,17 +345,19 @@ class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-
         BdamperError
             If there is no margin at any value.
         """
-        return self._place(np.nanargmin)
+        self._check_margin()
+        return int(np.nanargmin(self.margin))
 
     @property
     def greatest(self) -> int:
         """Index of the largest margin; raises BdamperError as ``least`` does."""
-        return self._place(np.nanargmax)
+        self._check_margin()
+        return int(np.nanargmax(self.margin))
 
-    def _place(self, of: Callable[[NDArray], Any]) -> int:
+    def _check_margin(self) -> None:
+        """Raise BdamperError if there is no margin at any value."""
         if np.isnan(self.margin).all():
             raise BdamperError(f"no margin found at any of {len(self)} values of {self.over}")
-        return int(of(self.margin))
 
     @property
     def critical_name(self) -> Annotated[list[str], Quantity(name="critical")]:
@@ -465,9 +476,14 @@ LARGE_SPREAD = 0.2
 
 
 def _caveats(cycle: StressCycle, factor: NDArray) -> tuple[str, ...]:
-    """Return notes about a mesh that is coarse at the critical point, and points left out."""
+    """Return notes about a mesh that is coarse at the critical point, and points left out.
+
+    ``factor`` (n,) are the safety factors of all points of the cycle.
+    """
     notes = []
+    # the counted point with the smallest factor
     critical = int(np.where(cycle.counted, factor, np.inf).argmin())
+    # relative difference between the elements that meet at this point
     spread = cycle.spread[critical]
     if spread > LARGE_SPREAD:
         notes.append(
@@ -478,7 +494,7 @@ def _caveats(cycle: StressCycle, factor: NDArray) -> tuple[str, ...]:
     if left_out.any():
         points = counted(int(left_out.sum()), "point")
         note = f"left out: {points} on or next to contact faces"
-        n_smaller = int((factor < factor[critical])[left_out].sum())
+        n_smaller = int((factor[left_out] < factor[critical]).sum())
         if n_smaller:
             note += f", {n_smaller}{over_cycle.SMALLER}"
         notes.append(note)
@@ -547,9 +563,12 @@ class LeastMargin(Rule):
         time_response : TimeResponse, optional
             Time integration to whose largest amplitude the vibration is scaled.
         """
+        unknowns = y[:-1]
+        omega = y[-1:]
+        # a curve of one point
         solution = Solutions(
-            unknowns=y[None, :-1],
-            frequency=y[-1:] / (2.0 * np.pi),
+            unknowns=unknowns[None],
+            frequency=omega / (2.0 * np.pi),
             preload=np.array([preload]),
             kind=np.array(["response"]),
         )
@@ -584,7 +603,13 @@ class LeastMargin(Rule):
         )
 
     def along(self, problem: Problem, curve: Any) -> MarginCurve:
-        """Return the margin at every point of a curve."""
+        """Return the margin at every point of a curve; NaN at points without a solution.
+
+        Raises
+        ------
+        SettingError
+            If no point has a solution, or no point of the stress sets counts.
+        """
         chosen = over_cycle.chosen_sets(problem, self.sets)
         solutions = solutions_of(problem, curve)
         has_solution = np.isfinite(solutions.unknowns).all(axis=1)
@@ -598,20 +623,24 @@ class LeastMargin(Rule):
 
         # the cycles of all points of all solutions together
         coefficients = over_cycle.coefficients_of(problem, solved, chosen, self.speed)
-        m, n = coefficients.shape[:2]
-        cycles = coefficients.reshape(m * n, 6, -1)
+        n_solved, n_points = coefficients.shape[:2]
+        cycles = coefficients.reshape(n_solved * n_points, 6, -1)
         temperature = at_points(self.temperature, first.names)
-        of_cycles = None if temperature is None else np.tile(temperature, m)
-        amplitudes, means, factors, _ = self.judge(cycles, self.material, of_cycles)
-        amplitude = np.full((len(has_solution), n), np.nan)
+        temperature_of_cycles = None
+        if temperature is not None:
+            temperature_of_cycles = np.tile(temperature, n_solved)
+        of_cycles = self.judge(cycles, self.material, temperature_of_cycles)
+        # back on the points of the curve (n, n_points), NaN without a solution
+        amplitude = np.full((len(has_solution), n_points), np.nan)
         mean = np.full_like(amplitude, np.nan)
         factor = np.full_like(amplitude, np.nan)
-        amplitude[has_solution] = amplitudes.reshape(m, n)
-        mean[has_solution] = means.reshape(m, n)
-        factor[has_solution] = factors.reshape(m, n)
+        for values, computed in zip((amplitude, mean, factor), of_cycles):
+            values[has_solution] = computed.reshape(n_solved, n_points)
 
-        of_counted = np.where(first.counted & has_solution[:, None], factor, np.inf)
-        least = of_counted.min(axis=1)
+        # points that do not count, and solutions that are missing, never have the least factor
+        counts = first.counted & has_solution[:, None]
+        factor_of_counted = np.where(counts, factor, np.inf)
+        least = factor_of_counted.min(axis=1)
         caveats = _caveats(first, factor[least.argmin()])
         over = "preload" if np.ndim(curve.preload) else "frequency"
         return MarginCurve(
@@ -621,7 +650,7 @@ class LeastMargin(Rule):
             margin=np.where(has_solution, least, np.nan),
             response=np.asarray(curve.amplitude, float),
             names=first.names,
-            critical=np.where(has_solution, of_counted.argmin(axis=1), -1),
+            critical=np.where(has_solution, factor_of_counted.argmin(axis=1), -1),
             amplitude=amplitude,
             mean=mean,
             factor=factor,

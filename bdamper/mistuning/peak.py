@@ -249,13 +249,14 @@ class _Equations:
         whole = disk.system(preload)
         state = disk.state(preload)
         mean = state.mean[:, : full.n]
+        without_reduction = cls(whole=whole, system=whole, shapes=None, mean=mean)
         # a reduction saves work only if there are more coordinates than shapes
         if full.n <= SHAPES + 1 or not full.tuned.settings.bias:
-            return cls(whole, whole, None, mean)
+            return without_reduction
         omega = tau * disk.tuned_peak(preload).frequency
         shapes = family_shapes(full, omega)
         if not close(full, shapes, omega):
-            return cls(whole, whole, None, mean)
+            return without_reduction
         on_blades = disk.excitation[:, : full.n] @ shapes
         on_dampers = disk.excitation[:, full.n :]
         system = disk_system(
@@ -264,7 +265,7 @@ class _Equations:
             np.hstack([on_blades, on_dampers]),
             disk.response_row @ shapes,
         )
-        return cls(whole, system, shapes, mean)
+        return cls(whole=whole, system=system, shapes=shapes, mean=mean)
 
     @property
     def is_reduced(self) -> bool:
@@ -272,16 +273,22 @@ class _Equations:
         return self.shapes is not None
 
     def expanded(self, y: NDArray) -> NDArray:
-        """Return the point of the full disk that corresponds to a point of the search."""
+        """Return the point of the full disk that corresponds to a point of the search.
+
+        A point contains the unknowns, and the angular frequency (rad/s) as its last entry.
+        """
         if self.shapes is None:
             return y
-        X = self.system.structure.array(y[:-1])
+        omega = y[-1]
+        # coefficients (n_blades, n_coefficients, n_shapes + n_damper)
+        reduced = self.system.structure.array(y[:-1])
         n_shapes = self.shapes.shape[1]
-        blades = X[..., :n_shapes] @ self.shapes.T
+        blades = reduced[..., :n_shapes] @ self.shapes.T
+        # the first coefficient is the mean position
         blades[:, 0] += self.mean
-        dampers = X[..., n_shapes:]
+        dampers = reduced[..., n_shapes:]
         unknowns = self.whole.structure.flat(np.concatenate([blades, dampers], axis=2))
-        return np.append(unknowns, y[-1])
+        return np.append(unknowns, omega)
 
 
 @dataclass(frozen=True)
@@ -386,7 +393,7 @@ def peak(
     if frequency is not None:
         bands = [frequency]
 
-    # without a peak the sweep is repeated with weaker springs, then in the extended band
+    # the first search with a peak ends the loop: in each band with weaker and weaker springs
     for (low, high), springs in product(bands, WEAKER):
         spacing = options.spacing * width
         n_points = int(np.clip(np.ceil((high - low) / spacing) + 1, options.least, options.most))
@@ -407,11 +414,17 @@ def peak(
     gap = _gap(points, swept.solutions)
     tuned_higher = _tuned_higher(top, tuned, low, high)
     counts = f"{len(peaks)} peaks from {len(solutions)} of {n_points} points"
-    climbs = [(c.blade, c.at.y[-1] / tau, c.heights[0], c.springs[-1], c.height) for c in peaks]
+    # the columns of DiskPeak.climbs
+    climbs = [
+        (peak.blade, peak.omega / tau, peak.heights[0], peak.springs[-1], peak.height)
+        for peak in peaks
+    ]
+    # the angular frequency is the last unknown
+    swept_omega = np.array([y[-1] for y in solutions])
     not_found = replace(
         not_found,
         climbs=np.array(climbs).reshape(-1, 5),
-        sweep_frequency=np.array([y[-1] for y in solutions]) / tau,
+        sweep_frequency=swept_omega / tau,
         reason=_reason(top, gap, changed, equations, counts) + tuned_higher,
         interval=(low, high),
         cost=meter.read(),
@@ -422,33 +435,36 @@ def peak(
     solved = search if reduced_only else whole
     system = solved.held(top.springs[-1])
     structure = system.structure
-    u = top.at.y[:-1]
+    unknowns = top.at.y[:-1]
     is_lower_bound = bool(tuned_higher or gap)
     harmonics_error = _harmonics_error(disk, preload, search, top, peaks)
-    search_error = _error(top, peaks, changed, equations, all_climbed)
+    error = _error(top, peaks, changed, equations, all_climbed)
     reason = not_found.reason
     if np.isnan(harmonics_error):
         reason += "; the error does not contain that of harmonics: no solution with more of them"
+    else:
+        error += harmonics_error
     found = replace(
         not_found,
-        frequency=float(top.at.y[-1]) / tau,
+        frequency=top.omega / tau,
         amplitude=top.height,
         blade=top.blade,
-        response=structure.responses(u),
+        response=structure.responses(unknowns),
         status=_status(top, is_lower_bound, reduced_only),
         reason=reason,
         residual=top.at.residual,
         springs=top.springs[-1],
-        error=search_error if np.isnan(harmonics_error) else search_error + harmonics_error,
+        error=error,
         harmonics_error=harmonics_error,
-        unknowns=structure.array(u),
+        unknowns=structure.array(unknowns),
         cost=meter.read(),
     )
     of_highest = of_blade(system, top.blade)
     why = why_unresolved(of_highest, top.at.y, structure.structure.damping_ratio)
     if why:
-        at_peak = LeftOut(found.frequency, found.frequency, why).at_middle
-        return _without_amplitude(found, at_peak)
+        # a range of no width, whose text names the frequency of the peak
+        text = LeftOut(found.frequency, found.frequency, why).at_middle
+        return _without_amplitude(found, text)
     return found
 
 
@@ -473,25 +489,34 @@ def _harmonics_error(
 ) -> float:
     """Return the larger relative change by more harmonics, of the highest and of the tuned peak.
 
-    It is NaN if both are unknown.
+    A change is NaN if there is no solution with more harmonics.  An unknown change is left out; the
+    result is NaN if both are unknown.
     """
-    # the peak of the search from which the highest one was corrected
-    of_search = min(
-        peaks, key=lambda peak: (peak.blade != top.blade, abs(peak.at.y[-1] - top.at.y[-1]))
-    )
-    changes = np.array([search.change_by_harmonics(of_search), disk.tuned_change(preload)])
-    known = np.abs(changes[np.isfinite(changes)])
-    return float(known.max()) if len(known) else np.nan
+    # the highest peak was corrected from one of the search: that of its blade, if there is one,
+    # and of these the nearest in frequency
+    of_blade = [peak for peak in peaks if peak.blade == top.blade] or peaks
+    of_search = min(of_blade, key=lambda peak: abs(peak.omega - top.omega))
+    changes = (search.change_by_harmonics(of_search), disk.tuned_change(preload))
+    known = [abs(change) for change in changes if np.isfinite(change)]
+    return max(known, default=np.nan)
 
 
 def _corrected(
     equations: _Equations, search: Search, whole: Search, peaks: list[Climbed]
 ) -> tuple[Climbed | None, float | None]:
-    """Solve the highest peak to the tolerance; return it with its relative change by the reduction.
+    """Solve the highest peak to the tolerance, on the full disk.
 
     Peaks of the reduced disk are corrected on the full one, from the highest on.  The loop stops
-    when the next peak cannot be higher, given the changes so far.  If no correction converges, the
-    peak of the reduced disk is returned, without a change.
+    when the next peak cannot be higher, given the changes so far.
+
+    Returns
+    -------
+    peak : Climbed or None
+        Highest peak of the full disk.  If no correction converges, it is the highest peak of the
+        reduced disk; None if that does not converge either.
+    changed : float or None
+        Largest relative change of an amplitude by the correction; None without a peak of the full
+        disk.
     """
     highest_first = sorted(peaks, key=lambda peak: -peak.height)
     # smallest relative change by the reduction that is assumed for the next peak
@@ -552,19 +577,25 @@ def _error(
 
 
 def _status(top: Climbed, is_lower_bound: bool, reduced_only: bool) -> str:
+    """Return the status of the highest peak; ``reduced_only``: it is not of the full disk."""
+    has_springs = top.springs[-1] > 0.0
     if is_lower_bound:
         return INCOMPLETE
-    if top.springs[-1] or reduced_only:
+    if has_springs or reduced_only:
         return HELD
     return COMPLETE
 
 
 def _tuned_higher(top: Climbed | None, tuned: Peak, low: float, high: float) -> str:
     """Return a note if the tuned disk has a higher peak than all peaks found, or if none was found;
-    otherwise ""."""
+    otherwise "".
+
+    ``low`` and ``high`` (Hz) are the band of the search.
+    """
     # an incomplete peak of the tuned disk has no amplitude, but a lower bound
     highest_tuned = tuned.amplitude if np.isfinite(tuned.amplitude) else tuned.lower_bound
     if top is not None:
+        # a tuned peak outside the band was not searched for
         in_band = low <= tuned.frequency <= high
         tuned_is_higher = in_band and top.height * (1.0 + MISSED) < highest_tuned
         if not tuned_is_higher:
@@ -574,19 +605,20 @@ def _tuned_higher(top: Climbed | None, tuned: Peak, low: float, high: float) -> 
 
 
 def _gap(omega: NDArray, swept: list[NDArray | None]) -> tuple[float, float] | None:
-    """Return the ends of the longest gap of two or more adjacent frequencies without a solution."""
-    # a gap begins after a frequency with a solution and ends before the next one
+    """Return the ends (rad/s) of the longest gap of the sweep, None without a gap.
+
+    A gap consists of two or more adjacent frequencies without a solution.
+    """
+    # runs of failed frequencies; both ends of the sweep are padded with a success
     failed = np.array([y is None for y in swept], bool)
     padded = np.pad(failed, 1)
-    before = padded[:-1]
-    after = padded[1:]
-    begin = np.flatnonzero(after & ~before)
-    end = np.flatnonzero(~after & before)
+    begin = np.flatnonzero(padded[1:] & ~padded[:-1])
+    end = np.flatnonzero(padded[:-1] & ~padded[1:])  # one after the last failed frequency
     length = end - begin
     if len(length) == 0 or length.max() < 2:
         return None
-    k = int(np.argmax(length))
-    return float(omega[begin[k]]), float(omega[end[k] - 1])
+    longest = int(np.argmax(length))
+    return float(omega[begin[longest]]), float(omega[end[longest] - 1])
 
 
 def _reason(
@@ -596,6 +628,11 @@ def _reason(
     equations: _Equations,
     counts: str,
 ) -> str:
+    """Return the reason for the status of the highest peak.
+
+    ``counts`` says how many peaks were found, ``gap`` (rad/s) is a part of the sweep without a
+    solution, and ``changed`` is None if the peak was not corrected on the full disk.
+    """
     parts = [counts]
     if equations.is_reduced and top is not None and changed is None:
         parts.append("found only on the reduced disk")

@@ -107,7 +107,13 @@ class Climbed:
     last: bool = False
 
     @property
+    def omega(self) -> float:
+        """Angular frequency, rad/s: the last entry of the solution."""
+        return float(self.at.y[-1])
+
+    @property
     def height(self) -> float:
+        """Amplitude with the weakest springs, m."""
         return self.heights[-1]
 
     @property

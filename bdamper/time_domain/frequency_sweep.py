@@ -134,31 +134,33 @@ class TimeSweep(
         as a jump.
         """
         amplitude = self.amplitude
-        memory = self._turns(1.0)
+        log_amplitude = np.log(np.maximum(amplitude, 1e-300))
         threshold = np.log1p(JUMP)
-        log = np.log(np.maximum(amplitude, 1e-300))
-        change_in_memory = np.abs(log[memory:] - log[:-memory])
-        fast = np.flatnonzero(change_in_memory > threshold)
-        if not len(fast):
+        # a window has the periods of one decay time; its index is that of its first period
+        window = self._turns(1.0)
+        change_in_window = np.abs(log_amplitude[window:] - log_amplitude[:-window])
+        fast_windows = np.flatnonzero(change_in_window > threshold)
+        if not len(fast_windows):
             return ()
 
-        # fast changes that are further apart than the decay time belong to different jumps
-        separations = np.flatnonzero(np.diff(fast) > memory) + 1
+        # windows with a gap between them belong to different jumps
+        gaps = np.flatnonzero(np.diff(fast_windows) > window) + 1
         jumps = []
-        for fast_turns in np.split(fast, separations):
-            first = int(fast_turns[0])
-            last = int(fast_turns[-1])
-            # the jump begins where half of the least change is reached
-            change = np.abs(log[first:] - log[first])
-            begin = first + int((change > 0.5 * threshold).argmax())
+        for windows_of_jump in np.split(fast_windows, gaps):
+            start = int(windows_of_jump[0])
+            end = int(windows_of_jump[-1]) + window
+            # the jump is where the amplitude has changed by half the threshold since the start
+            change_since_start = np.abs(log_amplitude[start:] - log_amplitude[start])
+            begin = start + int((change_since_start > 0.5 * threshold).argmax())
 
-            before_from = max(0, first - memory + 1)
-            decayed = last + memory + self._turns(AFTER_JUMP)
-            after_from = min(decayed, len(amplitude) - memory)
-            before = float(amplitude[before_from : before_from + memory].mean())
-            after = float(amplitude[after_from : after_from + memory].mean())
+            # means over a decay time: up to the start, and after the transient has decayed
+            before_from = max(0, start - window + 1)
+            after_from = min(end + self._turns(AFTER_JUMP), len(amplitude) - window)
+            before = float(amplitude[before_from : before_from + window].mean())
+            after = float(amplitude[after_from : after_from + window].mean())
             if abs(np.log(after / before)) > threshold:
-                jumps.append(Jump(float(self.frequency[begin]), before, after))
+                frequency = float(self.frequency[begin])
+                jumps.append(Jump(frequency=frequency, before=before, after=after))
         return tuple(jumps)
 
     def _turns(self, memories: float) -> int:
@@ -168,7 +170,8 @@ class TimeSweep(
 
     def _statement(self) -> Statement:
         frequency, amplitude = self.highest
-        first, last = (amount(float(self.frequency[end]), "Hz") for end in (0, -1))
+        first = amount(float(self.frequency[0]), "Hz")
+        last = amount(float(self.frequency[-1]), "Hz")
         verdict = f"Highest amplitude {peak_text(amplitude, frequency)}: sweep by time integration"
         rows = [Row("Sweep", f"{first} to {last}", f"at {amount(abs(self.rate), 'Hz/s')}")]
         rows += [
@@ -214,7 +217,7 @@ def frequency_sweep(
     sectors = all_sectors(problem, preload, limit=limit)
     transient = Transient(sectors, TWO_PI * solution_frequency, solution, steps_per_period)
 
-    # twice the decay rate, 1/s, of the least damped mode
+    # twice the decay rate, 1/s, of the least damped mode: 4 pi b with the half bandwidth b (Hz)
     damping = sectors.least_damping
     if not 0.0 < damping < np.inf:
         raise SettingError(
@@ -222,19 +225,24 @@ def frequency_sweep(
         )
     memory = 2.0 / damping
     if rate is None:
+        # RATE b 2 pi b
         rate = RATE * damping**2 / (8.0 * np.pi)
     mean_frequency = 0.5 * (low + high)
     turns = max(1, round(mean_frequency * (high - low) / rate))
     settling = max(1, round(SETTLING * memory * first))
     sweep, spent = _integrated(transient, (first, last), settling, turns, progress)
     done = len(sweep.harmonics)
-    if spent and not done:
-        raise TimeSpent(f"{spent} before the sweep began; {limit.remedy}")
-    # without a single period there is no result to keep
     if not done:
+        # without a single period there is no result to keep
+        if spent:
+            raise TimeSpent(f"{spent} before the sweep began; {limit.remedy}")
         raise KeyboardInterrupt
 
-    highest_blade = [x[np.abs(x[:, 1]).argmax()] for x in sweep.harmonics]
+    # of each period the blade with the largest first harmonic
+    of_highest_blade = []
+    for harmonics in sweep.harmonics:  # (n_blades, n_harmonics + 1)
+        highest_blade = np.abs(harmonics[:, 1]).argmax()
+        of_highest_blade.append(harmonics[highest_blade])
     missing = f"{spent} after {done} of {turns} turns; {limit.remedy}" if spent else ""
     status, reason = _status(sweep, turns, missing)
     # the square of the frequency is linear in the number of periods; in the middle of each period
@@ -242,7 +250,7 @@ def frequency_sweep(
     squared_frequency = first**2 + (last**2 - first**2) * along
     return TimeSweep(
         frequency=np.sqrt(squared_frequency),
-        harmonics=np.array(highest_blade),
+        harmonics=np.array(of_highest_blade),
         preload=preload,
         rate=rate if up else -rate,
         memory=memory,
@@ -275,7 +283,8 @@ def _status(sweep: Transient, turns: int, missing: str) -> tuple[str, str]:
 
 def _start(problem: Problem, preload: float, first: float) -> tuple[NDArray, float]:
     """Return the initial solution and its frequency (Hz)."""
-    start = frequency_response(problem, preload, (first * (1.0 - NEAR), first * (1.0 + NEAR)))
+    around_first = (first * (1.0 - NEAR), first * (1.0 + NEAR))
+    start = frequency_response(problem, preload, around_first)
     if not len(start):
         raise BdamperError(
             f"frequency sweep: no initial solution at {first:g} Hz ({start.status}: {start.reason})"
