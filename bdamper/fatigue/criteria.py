@@ -328,7 +328,7 @@ def _plane_values(
 
     if limit is None:
         return np.asarray(shear_amplitude + k * (mean + excess))
-    # what the mean stress leaves of the limit to the vibration
+    # rest of the limit for the vibration after the mean stress
     left = limit - k * mean
     endurable = left > 0.0
     ratio = (shear_amplitude + k * excess) / np.where(endurable, left, 1.0)
@@ -411,7 +411,7 @@ def _circle_of_four(points: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     points complete the support.
     """
     last = points[:, 3]
-    # six possible supports besides the last point; with equal indices it is one point
+    # six supports with the last point: one more point (equal indices) or two
     others = list(combinations_with_replacement(range(3), 2))
     centres_of_supports = []
     radii_of_supports = []

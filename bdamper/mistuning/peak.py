@@ -414,7 +414,7 @@ def peak(
     gap = _gap(points, swept.solutions)
     tuned_higher = _tuned_higher(top, tuned, low, high)
     counts = f"{len(peaks)} peaks from {len(solutions)} of {n_points} points"
-    # the columns of DiskPeak.climbs
+    # columns: blade, frequency and amplitude at first, weakest springs, amplitude with them
     climbs = [
         (peak.blade, peak.omega / tau, peak.heights[0], peak.springs[-1], peak.height)
         for peak in peaks

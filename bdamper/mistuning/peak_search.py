@@ -118,7 +118,8 @@ class Climbed:
 
     @property
     def final(self) -> bool:
-        return self.last or not self.springs[-1]
+        """Whether the springs cannot be weakened further: none are left, or no peak was found."""
+        return self.last or self.springs[-1] == 0.0
 
     @property
     def error(self) -> float:
@@ -134,9 +135,11 @@ class Climbed:
 
     @property
     def below(self) -> float:
-        """Margin below the highest peak within which this one may still become the highest
-        (see ``BELOW``)."""
-        return next(below for least, below in BELOW if self.springs[-1] > least)
+        """Margin below the highest peak within which this one may still become the highest.
+
+        The first pair of ``BELOW`` with weaker springs contains it; free dampers have none.
+        """
+        return next(margin for springs, margin in BELOW if self.springs[-1] > springs)
 
     @property
     def highest(self) -> float:
@@ -177,7 +180,9 @@ class Search:
         return self._held[springs]
 
     def sweep(self, omega: Iterable[float]) -> list[NDArray | None]:
-        """Solve approximately, with holding springs, at ascending frequencies (rad/s); None if
+        """Solve approximately, with holding springs, at ascending frequencies (rad/s).
+
+        Return one solution with its frequency, (n_unknowns + 1,), for each frequency; None if
         Newton iteration fails.
 
         Each solution starts from the previous solution.  The first Newton step is then the response
@@ -185,21 +190,31 @@ class Search:
         between two frequencies.  Extrapolation would pass over them.
         """
         system = self.held(self.springs)
-        at_rest = last = system.structure.at_rest
+        at_rest = system.structure.at_rest
+        last = at_rest
         accepted_step = 0.05  # Newton step relative to the vibration
         swept: list[NDArray | None] = []
-        for w in omega:
+        for omega_now in omega:
             solution = None
+            # a second attempt from rest if the previous solution is too far away
             for start in (last, at_rest):
                 raise_if_stopped()
-                y = np.append(start, w)
-                scale = self.system.structure.units_about(y, self.width)
+                guess = np.append(start, omega_now)
+                scale = self.system.structure.units_about(guess, self.width)
                 # starting from rest requires an accurate solution
                 loose = 0.0 if start is at_rest else accepted_step
-                c = system.solve(y, Fixed(), scale, 1e-6, 25, 2, loose=loose)
-                if c.status == OK:
-                    solution = c.y
-                    last = c.y[:-1]
+                correction = system.solve(
+                    guess,
+                    Fixed(),
+                    scale,
+                    tolerance=1e-6,
+                    max_iterations=25,
+                    line_search=2,
+                    loose=loose,
+                )
+                if correction.status == OK:
+                    solution = correction.y
+                    last = solution[:-1]
                     break
             swept.append(solution)
         return swept
@@ -210,29 +225,33 @@ class Search:
         Two maxima differ in blade or in frequency.  A solution next to a frequency without solution
         may count as a maximum.
         """
-        height = np.full((len(swept), self.system.structure.shape[0]), -np.inf)
+        structure = self.system.structure
+        n_blades = structure.shape[0]
+        # amplitude of the first harmonic (n_frequencies, n_blades), -infinity without a solution
+        height = np.full((len(swept), n_blades), -np.inf)
         for i, y in enumerate(swept):
             if y is not None:
-                height[i] = np.abs(self.system.structure.responses(y[:-1])[:, 1])
+                height[i] = np.abs(structure.responses(y[:-1])[:, 1])
 
         # a local maximum is not lower than at the frequencies before and after it
         padded = np.pad(height, ((1, 1), (0, 0)), constant_values=-np.inf)
         before = padded[:-2]
         after = padded[2:]
-        maxima = np.argwhere((height >= before) & (height >= after) & np.isfinite(height))
-        highest_first = maxima[np.argsort(-height[tuple(maxima.T)])]
+        is_maximum = (height >= before) & (height >= after) & np.isfinite(height)
+        places, blades = np.nonzero(is_maximum)
+        highest_first = np.argsort(-height[places, blades])
 
         chosen: list[tuple[NDArray, int]] = []
-        taken: list[tuple[int, int]] = []
-        for i, blade in highest_first:
-            y = swept[i]
+        taken: list[tuple[int, int]] = []  # place and blade
+        for place, blade in zip(places[highest_first].tolist(), blades[highest_first].tolist()):
+            y = swept[place]
             if y is None:
                 continue
             # equal heights at adjacent frequencies are one maximum
-            if any(abs(i - j) <= 1 and blade == other for j, other in taken):
+            if any(abs(place - other) <= 1 and blade == of for other, of in taken):
                 continue
-            taken.append((int(i), int(blade)))
-            chosen.append((y, int(blade)))
+            taken.append((place, blade))
+            chosen.append((y, blade))
             if len(chosen) == most:
                 break
         return chosen
@@ -246,7 +265,8 @@ class Search:
         Return None if no peak is found.
         """
         system = self.held(springs)
-        for _ in range(system.structure.shape[0]):
+        n_blades = system.structure.shape[0]
+        for _ in range(n_blades):
             scale = system.structure.units_about(y, self.width)
             top = uphill(of_blade(system, blade), y, tangent, scale)
             if top is None:
@@ -256,8 +276,11 @@ class Search:
                 return None
             heights = np.abs(system.structure.responses(top.y[:-1])[:, 1])
             highest = int(np.argmax(heights))
+            # equal blades differ by rounding
             if heights[highest] <= heights[blade] * (1.0 + 1e-9):
-                return Climbed(top, blade, (springs,), (float(heights[blade]),))
+                return Climbed(
+                    at=top, blade=blade, springs=(springs,), heights=(float(heights[blade]),)
+                )
             y = top.y
             tangent = top.tangent
             blade = highest
@@ -267,7 +290,8 @@ class Search:
         """Locate a peak to the full tolerance, or search for it again from a point ``y`` near it.
 
         A peak from ``y`` has the tolerance of :func:`uphill`.  On 65 blades with three harmonics
-        the exact search took 76 s and failed.
+        the exact search took 76 s and failed.  The new amplitude replaces the last height of the
+        peak.  Return None if there is no solution.
         """
         if y is not None:
             climbed = self.climb(y, peak.blade, peak.springs[-1])
@@ -277,25 +301,34 @@ class Search:
             peak = replace(climbed, springs=peak.springs, heights=heights)
         system = self.held(peak.springs[-1])
         scale = system.structure.units_about(peak.at.y, self.width)
-        c = system.solve(peak.at.y, Plane(peak.at.tangent), scale, TOLERANCE, 25, 2)
-        if c.status != OK:
+        # onto the curve, in the plane normal to it
+        solution = system.solve(
+            peak.at.y,
+            Plane(peak.at.tangent),
+            scale,
+            tolerance=TOLERANCE,
+            max_iterations=25,
+            line_search=2,
+        )
+        if solution.status != OK:
             return None
         if y is None:
             # largest distance from the end of a local search to its peak, relative to the vibration
             reach = 0.05
             top = find_peak(
                 of_blade(system, peak.blade),
-                c.y,
-                tangent=c.tangent,
+                solution.y,
+                tangent=solution.tangent,
                 scale=scale,
                 options=EXACT,
                 reach=reach,
             )
+            # otherwise the end of the local search, an accurate solution, counts as the peak
             if top.ok:
-                c = replace(c, y=top.y, tangent=top.tangent, residual=top.residual)
-        response = system.structure.responses(c.y[:-1])
+                solution = replace(solution, y=top.y, tangent=top.tangent, residual=top.residual)
+        response = system.structure.responses(solution.y[:-1])
         height = float(np.abs(response[peak.blade, 1]))
-        return replace(peak, at=c, heights=(*peak.heights[:-1], height))
+        return replace(peak, at=solution, heights=(*peak.heights[:-1], height))
 
     def change_by_harmonics(self, peak: Climbed) -> float:
         """Return the relative change of a peak by more harmonics (:data:`MORE_HARMONICS`), or by
@@ -306,7 +339,9 @@ class Search:
         full one; it takes 1.5 s, the search 4.8 s.
         """
         scene = self.held(peak.springs[-1]).structure
+        # coefficients (n_blades, n_coefficients, n_sector) of the peak
         of_peak = scene.array(peak.at.y[:-1])
+        n_coefficients = of_peak.shape[1]
         highest = max(scene.harmonics)
         for n_more in range(MORE_HARMONICS, 0, -1):
             harmonics = {*scene.harmonics, *range(1, highest + n_more + 1)}
@@ -318,11 +353,19 @@ class Search:
             except SettingError:
                 continue
             self.meter.watch(system)
+            # the new harmonics begin with zero
             coefficients = np.zeros(richer.shape)
-            coefficients[:, : of_peak.shape[1]] = of_peak
-            start = np.append(richer.flat(coefficients), peak.at.y[-1])
+            coefficients[:, :n_coefficients] = of_peak
+            start = np.append(richer.flat(coefficients), peak.omega)
             row, scale = phase_row(system, start)
-            solution = system.solve(start, Plane(row), scale, CLOSE_TO_PEAK, 25, 2)
+            solution = system.solve(
+                start,
+                Plane(row),
+                scale,
+                tolerance=CLOSE_TO_PEAK,
+                max_iterations=25,
+                line_search=2,
+            )
             if solution.status == OK:
                 amplitudes = np.abs(richer.responses(solution.y[:-1])[:, 1])
                 return float(amplitudes.max()) / peak.height - 1.0
@@ -340,7 +383,7 @@ class Search:
     def _are_same(self, a: Climbed, b: Climbed) -> bool:
         if a.blade != b.blade or a.springs[-1] != b.springs[-1]:
             return False
-        return bool(abs(a.at.y[-1] - b.at.y[-1]) < SAME * self.width)
+        return abs(a.omega - b.omega) < SAME * self.width
 
     def freed(self, peaks: list[Climbed]) -> list[Climbed]:
         """Follow peaks to weaker springs until no peak that may become the highest has springs left
@@ -352,22 +395,28 @@ class Search:
         """
         remaining = list(peaks)
         while remaining:
-            top = max(peak.height for peak in remaining)
-            candidates = [
-                i
-                for i, peak in enumerate(remaining)
-                if not peak.final and peak.height >= (1.0 - peak.below) * top
-            ]
+            highest = max(peak.height for peak in remaining)
+            # peaks that may become the highest and have springs left to weaken
+            candidates = []
+            for i, peak in enumerate(remaining):
+                if peak.final:
+                    continue
+                if peak.height >= (1.0 - peak.below) * highest:
+                    candidates.append(i)
             if not candidates:
                 break
-            i = max(candidates, key=lambda i: (remaining[i].springs[-1], remaining[i].height))
-            remaining[i] = self.weakened(remaining[i])
+            # the strongest springs; of equal springs the highest peak
+            chosen = max(candidates, key=lambda i: (remaining[i].springs[-1], remaining[i].height))
+            remaining[chosen] = self.weakened(remaining[chosen])
             remaining = self.different(remaining)
         return remaining
 
     def weakened(self, peak: Climbed) -> Climbed:
         """Return the peak with the next weaker springs or, if none is found, with intermediate
-        springs."""
+        springs.
+
+        Without a peak with either, return the same peak, marked as the last.
+        """
         present = peak.springs[-1]
         target = next(springs for springs in WEAKER if springs < 0.99 * present)
         intermediate = 0.3 * present
@@ -421,7 +470,16 @@ def uphill(
         condition = Plane(tangent)
         reach = REACH
     start = y
-    point = system.solve(y, condition, scale, 1e-6, 25, 2, loose=NEAR, rough=ROUGH)
+    point = system.solve(
+        y,
+        condition,
+        scale,
+        tolerance=1e-6,
+        max_iterations=25,
+        line_search=2,
+        loose=NEAR,
+        rough=ROUGH,
+    )
     last_step = 0.0
     last_slope = 0.0
     curvature = 1.0
@@ -431,8 +489,9 @@ def uphill(
     for _ in range(PLACES):
         if point.status != OK:
             return None
-        distance = norm2(((point.y - start) / scale)[system.n_mean : -1])
-        if distance > reach:
+        # of the vibration: without mean position and frequency
+        moved = (point.y - start) / scale
+        if norm2(moved[system.n_mean : -1]) > reach:
             return None
 
         slope = slope_along(system, point.y, point.tangent, scale)
@@ -627,7 +686,7 @@ def band(disk: DiskProblem, preload: float) -> tuple[float, float, float]:
     s = disk.structure
     tuned = s.tuned
     peak = disk.tuned_peak(preload)
-    omega = float(peak.y[-1])
+    omega = float(peak.y[-1])  # the last entry; unknowns before it
     springs, loss = _equivalent_contacts(tuned, preload, peak.y[:-1])
 
     # mode of the tuned disk at its peak, and the half-power width from all its losses
@@ -635,21 +694,24 @@ def band(disk: DiskProblem, preload: float) -> tuple[float, float, float]:
     N = s.n_blades
     engine_order = int(tuned.engine_order) % N
     nodal_diameter = min(engine_order, N - engine_order)
+    # squared frequencies, modes, and their motion (3 n_points, n_modes) at the contacts
     squares, phi, motion = nominal.wave(nodal_diameter, springs)
-    k = int(np.argmin(np.abs(squares - omega**2)))
-    blade_mode = phi[: s.n, k]
-    friction = float((loss.ravel() * np.abs(motion[:, k]) ** 2).sum())
+    nearest = int(np.argmin(np.abs(squares - omega**2)))
+    blade_mode = phi[: s.n, nearest]
+    friction = float((loss.ravel() * np.abs(motion[:, nearest]) ** 2).sum())
     viscous = float((blade_mode.conj() @ s.damping[nodal_diameter] @ blade_mode).real) * omega
     width = (friction + viscous) / omega
 
     # resonance of each wave: the mode whose cantilever part is most like that of the peak
-    cantilever_mode = phi[: s.local.n_cantilever, k]
+    cantilever_mode = phi[: s.local.n_cantilever, nearest]
     resonances = []
     for d in range(N // 2 + 1):
         squares, phi, _ = nominal.wave(d, springs)
-        near = np.flatnonzero((squares > (omega / FAR) ** 2) & (squares < (omega * FAR) ** 2))
+        of_family = (squares > (omega / FAR) ** 2) & (squares < (omega * FAR) ** 2)
+        near = np.flatnonzero(of_family)
         if len(near) == 0:
             continue
+        # correlation (n_near,) of each mode with the mode of the peak
         cantilever = phi[: s.local.n_cantilever, near]
         projection = np.abs(cantilever_mode.conj() @ cantilever)
         correlation = projection / np.linalg.norm(cantilever, axis=0)
@@ -664,12 +726,17 @@ def band(disk: DiskProblem, preload: float) -> tuple[float, float, float]:
 
 
 def _equivalent_contacts(tuned: Problem, preload: float, u: NDArray) -> tuple[NDArray, NDArray]:
-    """Return springs and losses of the contacts in the first harmonic, (n_points, 3) each, N/m."""
+    """Return springs and losses of the contacts in the first harmonic, (n_points, 3) each, N/m.
+
+    They are real and imaginary part of force over motion, and 0 in a direction without motion.
+    """
     motion, force, _ = tuned.system(preload).contact(u)
-    x = motion[..., 1] - 1j * motion[..., 2]
-    f = force[..., 1] - 1j * force[..., 2]
-    moves = np.abs(x) > 0.0
-    complex_stiffness = np.where(moves, f / np.where(moves, x, 1.0), 0.0)
+    # coefficient 0 is the mean, 1 and 2 are cosine and sine of the first harmonic
+    complex_motion = motion[..., 1] - 1j * motion[..., 2]
+    complex_force = force[..., 1] - 1j * force[..., 2]
+    moves = np.abs(complex_motion) > 0.0
+    divisor = np.where(moves, complex_motion, 1.0)
+    complex_stiffness = np.where(moves, complex_force / divisor, 0.0)
     springs = np.maximum(complex_stiffness.real, 0.0)
     loss = np.maximum(complex_stiffness.imag, 0.0)
     return springs, loss

@@ -85,7 +85,10 @@ determinant without sign.
 def real_basis(system: Equations[SectorData]) -> HarmonicBasis | None:
     """Return the real set of modes with mass that all harmonics share, so that they describe one
     motion from time integration.
+
+    None if harmonics have different modes, complex modes, or coordinates without mass.
     """
+    # harmonics without modes do not count
     first, *others = [basis for basis in system.structure.bases if len(basis.omega2)]
     if (system.structure.arrays["mass"] <= 0.0).any():
         return None
@@ -256,20 +259,29 @@ def _slider_events(
 
 
 def _closing_factor(x: NDArray, axis: int, angle: float) -> float:
-    """Return -u'/v' of a point at the angle of a closing; 0 if the surfaces do not approach."""
-    harmonic = np.arange(1, x.shape[-1] // 2 + 1)
-    cosine_rate = x[:, 2::2] @ (harmonic * np.cos(harmonic * angle))
-    sine_rate = x[:, 1::2] @ (harmonic * np.sin(harmonic * angle))
-    velocity = cosine_rate - sine_rate
-    if velocity[2] == 0.0:
+    """Return -u'/v' of a point at the angle of a closing; 0 if the surfaces do not approach.
+
+    ``x`` (3, 2 H + 1) are the Fourier coefficients of the motion in two tangential directions and
+    the normal one: mean, cosine 1, sine 1, cosine 2, sine 2, ...
+    """
+    cosine = x[:, 1::2]
+    sine = x[:, 2::2]
+    harmonic = np.arange(1, sine.shape[1] + 1)
+    # derivatives of sine and cosine with respect to the angle
+    from_sine = sine @ (harmonic * np.cos(harmonic * angle))
+    from_cosine = cosine @ (harmonic * np.sin(harmonic * angle))
+    velocity = from_sine - from_cosine
+    normal_velocity = velocity[2]
+    if normal_velocity == 0.0:
         return 0.0
-    return float(-velocity[axis] / velocity[2])
+    return float(-velocity[axis] / normal_velocity)
 
 
 def _columns(rows: Sequence[_Piece | _SliderEvent]) -> tuple[NDArray, ...]:
-    """Return the columns of the segments, the first two as integers."""
-    table = np.array(rows, float).reshape(-1, 5).T
-    return (table[0].astype(int), table[1].astype(int), *table[2:])
+    """Return the five columns of the segments, the first two as integers."""
+    # without rows the columns are empty
+    first, second, *others = np.array(rows, float).reshape(-1, 5).T
+    return (first.astype(int), second.astype(int), *others)
 
 
 def rests(system: Equations[SectorData], u: NDArray) -> bool:
@@ -282,12 +294,15 @@ def rests(system: Equations[SectorData], u: NDArray) -> bool:
     for name in ("kt", "kn", "damping"):
         if (arrays[name] < 0.0).any():
             return False
-    _, _, shares = system.contact(np.asarray(u))
-    has_friction = (arrays["kt"] > 0.0) & (arrays["mu"] > 0.0)[:, None]
-    # shares of the cycle: in slip of each direction, and separated
-    slips = has_friction & (shares[:, [1, 3]] > 0.0)
-    changes = (shares[:, 4] > 0.0) & (shares[:, 4] < 1.0)
-    return not (slips.any() or changes.any())
+    # fractions (n_points, 5) of the cycle: stick and slip in the first tangential direction, the
+    # same in the second, and open
+    _, _, fractions = system.contact(np.asarray(u))
+    slip = fractions[:, [1, 3]]
+    is_open = fractions[:, 4]
+    has_friction = (arrays["kt"] > 0.0) & (arrays["mu"] > 0.0)[:, None]  # (n_points, 2)
+    slips = has_friction & (slip > 0.0)
+    opens_and_closes = (is_open > 0.0) & (is_open < 1.0)
+    return not (slips.any() or opens_and_closes.any())
 
 
 def monodromy(system: Equations[SectorData], u: NDArray, omega: float) -> NDArray:
@@ -314,7 +329,8 @@ def monodromy(system: Equations[SectorData], u: NDArray, omega: float) -> NDArra
     point, kind, piece_begin, piece_end, weight = pieces
     stick_point, axis, stick_begin, stick_length, factor = events
 
-    # direction of the force of each kind of segment, and of the motion that causes it (2 is normal)
+    # direction of the force of each kind of segment, and of the motion that causes it (2 is
+    # normal); kinds: normal spring, stick in both tangential directions, slip in both
     force_direction = np.array([2, 0, 1, 0, 1])[kind]
     motion_direction = np.array([2, 0, 1, 2, 2])[kind]
     force = G[point, force_direction]
@@ -332,6 +348,7 @@ def monodromy(system: Equations[SectorData], u: NDArray, omega: float) -> NDArra
     ends = np.append(angles[1:], TWO_PI)
     interval_of_event = np.abs(angles[:, None] - stick_begin % TWO_PI).argmin(axis=0)
 
+    # derivatives of the state (q, q', sliders) with respect to the state at angle 0
     M = np.eye(2 * n + len(stick_point))
     for i, (theta, end) in enumerate(zip(angles, ends)):
         # a slip-to-stick event or a closing sets the slider from the motion at its instant

@@ -136,7 +136,7 @@ class TimeSweep(
         amplitude = self.amplitude
         log_amplitude = np.log(np.maximum(amplitude, 1e-300))
         threshold = np.log1p(JUMP)
-        # a window has the periods of one decay time; its index is that of its first period
+        # a window contains the periods of one decay time; the index of its first period names it
         window = self._turns(1.0)
         change_in_window = np.abs(log_amplitude[window:] - log_amplitude[:-window])
         fast_windows = np.flatnonzero(change_in_window > threshold)

@@ -25,7 +25,7 @@ harmonics, or all that the model contains (:func:`every_diameter`).
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from math import gcd
@@ -267,15 +267,16 @@ class AllSectors:
         self.effort = np.zeros(2, int)
 
         order_of_wide = engine_order if wide_order is None else wide_order
-        # number of sectors after which the motion repeats
+        # number of sectors after which the motion repeats; one for engine order 0
         self.n = n_blades // gcd(n_blades, order_of_wide) if order_of_wide else 1
         # ratio of nodal diameters of the disk to nodal diameters of self.n sectors
         self.step = n_blades // self.n
-        # nodal diameter of the excited wave on self.n sectors
-        self.wave = engine_order // self.step if engine_order else 0
+        # nodal diameters of the excited wave and of the first harmonic of wide on self.n sectors
+        self.wave = engine_order // self.step
+        wave_of_wide = order_of_wide // self.step
 
         # signed nodal diameter on self.n sectors -> harmonic that describes it
-        self.families = self._find_families(order_of_wide // self.step if order_of_wide else 0)
+        self.families = self._find_families(wave_of_wide)
         excited = self.wide if order_of_wide == engine_order else system
         # harmonic -> matrix from its coordinates to the coordinates of its family
         self._turns = self._find_turns(excited)
@@ -283,9 +284,8 @@ class AllSectors:
 
         self.blocks = self._find_blocks()
         self.n_coordinates = self.blocks[-1].part.stop
-        self.real = np.concatenate(
-            [np.full(part.stop - part.start, factor == 1.0) for _, part, _, factor in self.blocks]
-        )
+        # (n_coordinates,) bool
+        self.real = self._on_coordinates([block.factor == 1.0 for block in self.blocks])
 
         bases = self._bases
         self.stiffness = np.concatenate([np.asarray(basis.omega2) for basis in bases])
@@ -320,7 +320,13 @@ class AllSectors:
                 families[d] = harmonic
         return families
 
+    def _on_coordinates(self, values: Sequence[float]) -> NDArray:
+        """Return a value of each block at each of its coordinates, (n_coordinates,)."""
+        sizes = [block.part.stop - block.part.start for block in self.blocks]
+        return np.repeat(np.array(values), sizes)
+
     def _find_turns(self, excited: Equations[SectorData]) -> dict[int, NDArray]:
+        """Return the matrix of each harmonic from its coordinates to its family's coordinates."""
         turns = {}
         for harmonic, basis in enumerate(excited.structure.bases):
             if len(basis.omega2):
@@ -336,8 +342,11 @@ class AllSectors:
         described = {bases[harmonic].nodal_diameter for harmonic in active}
         if self.n == 1 or self.system.n_harmonics == 0 or len(described) != 1:
             return
-        orders = [harmonic * engine_order for harmonic in active]
-        excited = {min(order % n_blades, -order % n_blades) for order in orders}
+        # nodal diameters of waves in either direction
+        excited = set()
+        for harmonic in active:
+            order = harmonic * engine_order
+            excited.add(min(order % n_blades, -order % n_blades))
         if len(excited) > 1:
             raise SettingError(
                 "time integration: expected fundamental_modes_only=False, "
@@ -422,11 +431,13 @@ class AllSectors:
         for harmonic, amplitudes in self._harmonics(self.system.structure.force):
             # a exp(i l t) = a cos(l t) + i a sin(l t), with the opposite sine backward
             sine = -1j * amplitudes if harmonic < 0 else 1j * amplitudes
-            pair = np.array([amplitudes, sine])
-            pair[:, self.real] = pair[:, self.real].real
-            if pair.any():
+            cosine_and_sine = np.array([amplitudes, sine])  # (2, n_coordinates)
+            real_part = cosine_and_sine[:, self.real].real
+            cosine_and_sine[:, self.real] = real_part
+            if cosine_and_sine.any():
                 orders.append(abs(harmonic))
-                factors.append(np.concatenate([pair.real, pair.imag], axis=1))
+                parts = [cosine_and_sine.real, cosine_and_sine.imag]
+                factors.append(np.concatenate(parts, axis=1))
         shape = len(orders), 2, 2 * self.n_coordinates
         return np.array(orders, np.intc), np.array(factors).reshape(shape)
 
@@ -435,7 +446,8 @@ class AllSectors:
         d = (harmonic * self.wave) % self.n
         if d in self.families:
             return self.families[d], False
-        return self.families[(self.n - d) % self.n], True
+        opposite = (self.n - d) % self.n
+        return self.families[opposite], True
 
     def state(self, u: NDArray, omega: float, t: float) -> tuple[NDArray, NDArray]:
         """Return coordinates and velocities of a harmonic-balance solution at one instant.
@@ -466,10 +478,12 @@ class AllSectors:
         initial = points.slider
         if points.memory is not None:
             initial = np.hstack([points.slider, points.memory])
+        # in all sectors, (n_sectors, n_points, 2 + number of state variables)
         w = np.tile(initial, (self.n, 1, 1)).astype(float)
 
-        x, _, _ = self.system.contact(np.asarray(u))
-        amplitude = float(np.abs(x[:, :2, 1:]).sum(axis=2).max(initial=0.0))
+        # a bound of the largest tangential motion: the sum over all harmonics
+        motion, _, _ = self.system.contact(np.asarray(u))  # (n_points, 3, 2 H + 1)
+        amplitude = float(np.abs(motion[:, :2, 1:]).sum(axis=2).max(initial=0.0))
         peak_to_peak = max(2.0 * amplitude, 1e-300)
         instants = [step * TWO_PI / omega / n_steps for step in range(n_steps)]
         q = np.array([self.state(u, omega, t)[0] for t in instants])
@@ -598,12 +612,7 @@ class AllSectors:
 
         Times mass and squared velocity it is the kinetic energy of all sectors.
         """
-        return np.concatenate(
-            [
-                np.full(part.stop - part.start, 0.5 * self.n / factor)
-                for _, part, _, factor in self.blocks
-            ]
-        )
+        return self._on_coordinates([0.5 * self.n / block.factor for block in self.blocks])
 
     def energy(self, motion: Motion) -> float:
         """Return kinetic and strain energy of a motion (J), and the energy in its contact springs.
@@ -627,25 +636,31 @@ class AllSectors:
         kn = arrays["kn"]
         law = arrays["law"]
         z = _as_complex(motion.q)
+        # displacements (n_sectors, n_points, 3) of all points
         x = np.tile(np.asarray(arrays["shift"]), (self.n, 1, 1))
         for basis, block in zip(self._bases, self.blocks):
-            x += np.tensordot(block.phases, np.asarray(basis.G) @ z[block.part], 0).real
+            of_first_sector = np.asarray(basis.G) @ z[block.part]
+            x += np.tensordot(block.phases, of_first_sector, axes=0).real
+        tangential = x[..., :2]
+        normal = x[..., 2]
 
         # an open point of a law with separation carries no force and stores nothing; the other laws
         # have a spring that carries tension as well
-        force = arrays["n0"] + kn * x[..., 2]
+        force = arrays["n0"] + kn * normal
         separates = np.isin(law, (LAW_SEPARABLE, LAW_NORMAL, LAW_COUPLED))
         normal_force = np.where(separates, np.maximum(force, 0.0), force)
+        # twice the energy of each normal spring; 0 without stiffness
         pressed = normal_force**2 / np.where(kn > 0.0, kn, np.inf)
 
         # friction limits the stretch of the tangential springs, but not at bonded points
         limit = arrays["mu"] * np.maximum(np.abs(normal_force), arrays["load"])
         stretch_at_limit = limit[..., None] / np.where(kt > 0.0, kt, np.inf)
         longest = np.where(self.held, np.inf, stretch_at_limit)
-        stretched = np.minimum(np.abs(x[..., :2] - motion.w[..., :2]), longest)
-        # a cubic spring k u^3 stores k u^4/4
+        sliders = motion.w[..., :2]
+        stretched = np.minimum(np.abs(tangential - sliders), longest)
+        # a cubic spring k u^3 stores k u^4/4, as a linear one with the stretch u^2/sqrt(2)
         cubic = (law == LAW_CUBIC)[:, None]
-        stretched = np.where(cubic, x[..., :2] ** 2 / np.sqrt(2.0), stretched)
+        stretched = np.where(cubic, tangential**2 / np.sqrt(2.0), stretched)
         return float(0.5 * ((kt * stretched**2).sum() + pressed.sum()))
 
     def vibration_energy(self, motion: Motion, omega: float) -> float:
@@ -662,6 +677,7 @@ class AllSectors:
         """Return a bound (m) of the first harmonic of a steady response.
 
         The bound holds for its root mean square over the blades.
+
         Contacts take energy from a steady motion, so that damping takes at most the work of the
         excitation.  In coordinates p scaled with the square roots of the damping constants, force f
         and response row r, damping takes pi omega |p|^2 and the excitation gives at most pi |f|
@@ -677,17 +693,20 @@ class AllSectors:
         n = self.n_coordinates
         damping = self.damping * np.where(self.mass > 0.0, self.mass, 1.0)
         vibrates = (self.mass > 0.0) & (self.omega2 <= (QUASISTATIC * omega) ** 2)
-        cosine = factors[list(orders).index(1), 0]
+        # factors of the cosine of the first order
+        cosine, _ = factors[list(orders).index(1)]
         force = vibrates * np.abs(_as_complex(cosine))
         response = vibrates * np.abs(self.rows[:, :n] - 1j * self.rows[:, n:])
 
         # equal blades respond most to a force in one wave; the wave with the least damping bounds
         # all of them
-        scaled_response = _over_root(response, damping)
-        waves = [
-            np.linalg.norm(scaled_response[:, block.part], axis=1).max() for block in self.blocks
-        ]
-        return float(max(waves) * np.linalg.norm(_over_root(force, damping)) / omega)
+        scaled_force = _over_root(force, damping)
+        scaled_response = _over_root(response, damping)  # (n_blades, n_coordinates)
+        of_waves = []
+        for block in self.blocks:
+            of_blades = np.linalg.norm(scaled_response[:, block.part], axis=1)
+            of_waves.append(of_blades.max())
+        return float(max(of_waves) * np.linalg.norm(scaled_force) / omega)
 
     @property
     def nodal_diameters(self) -> tuple[int, ...]:
@@ -695,6 +714,7 @@ class AllSectors:
         return tuple(sorted({basis.nodal_diameter for basis in self._bases}))
 
     def _rows(self) -> NDArray:
+        """Return the rows of the responses of all blades, (n_sectors, 2 n_coordinates)."""
         n = self.n_coordinates
         rows = np.zeros((self.n, 2 * n))
         for harmonic, part, phases, _ in self.blocks:
@@ -753,7 +773,8 @@ class AllSectors:
         # the excited wave has a positive sign
         if 2 * (self.wave % self.n) > self.n:
             signed = -signed
-        return np.column_stack([signed, amplitude])[np.argsort(-amplitude)]
+        descending = np.argsort(-amplitude)
+        return np.column_stack([signed, amplitude])[descending]
 
     def seeded(self, motion: Motion, share: float, seed: int) -> Motion:
         """Return the motion with a disturbance of each nodal diameter.
@@ -771,17 +792,21 @@ class AllSectors:
         if self.n == 1:
             return motion
         rng = np.random.default_rng(seed)
-        turns = share * np.exp(2j * np.pi * rng.random((len(self.blocks), 2)))
+        # complex factors of the forward and the backward wave of each nodal diameter
+        factors = share * np.exp(2j * np.pi * rng.random((len(self.blocks), 2)))
         family, _ = self._family(1)
         excited = next(block.part for block in self.blocks if block.harmonic == family)
 
         def disturbed(x: NDArray) -> NDArray:
+            """Return coordinates with a copy of the excited wave in every nodal diameter."""
             z = _as_complex(x)
             wave = z[excited].copy()
-            for block, (forward, backward) in zip(self.blocks, turns):
-                start = block.part.start
-                m = min(len(wave), block.part.stop - start)
-                z[start : start + m] += (forward * wave + backward * wave.conj())[:m]
+            for block, (forward, backward) in zip(self.blocks, factors):
+                disturbance = forward * wave + backward * wave.conj()
+                # nodal diameters may have different numbers of modes
+                begin = block.part.start
+                n_common = min(len(wave), block.part.stop - begin)
+                z[begin : begin + n_common] += disturbance[:n_common]
             z[self.real] = z[self.real].real
             return _as_real(z)
 
@@ -820,13 +845,14 @@ def _turn(family: HarmonicBasis, basis: HarmonicBasis, conjugate: bool) -> NDArr
     if conjugate:
         modes = modes.conj()
 
+    # masks of the residual modes; all others are equal in both
     family_residual = _residual(family)
     residual = _residual(basis)
-    equal = (~family_residual).sum() == (~residual).sum() and np.allclose(
-        family_modes[:, ~family_residual],
-        modes[:, ~residual],
-        rtol=1e-12,
-        atol=1e-12 * np.abs(family_modes).max(initial=0.0),
+    family_others = family_modes[:, ~family_residual]
+    others = modes[:, ~residual]
+    rounding = 1e-12 * np.abs(family_modes).max(initial=0.0)
+    equal = family_others.shape == others.shape and np.allclose(
+        family_others, others, rtol=1e-12, atol=rounding
     )
     if not equal:
         raise SettingError(
@@ -835,9 +861,9 @@ def _turn(family: HarmonicBasis, basis: HarmonicBasis, conjugate: bool) -> NDArr
     turn = np.zeros((family_modes.shape[1], modes.shape[1]), complex)
     turn[np.flatnonzero(~family_residual), np.flatnonzero(~residual)] = 1.0
     if family_residual.any() and residual.any():
-        rotation = np.linalg.lstsq(
+        rotation, *_ = np.linalg.lstsq(
             family_modes[:, family_residual], modes[:, residual], rcond=None
-        )[0]
+        )
         turn[np.ix_(family_residual, residual)] = rotation
     return turn
 
@@ -855,23 +881,26 @@ def transfer(source: AllSectors, motion: Motion, target: AllSectors) -> Motion:
     Modes that the source does not have are at rest, and also the residual modes, which differ
     between structures.
     """
-    blocks = dict(zip(source.families, source.blocks))
-    # index of each mode of the target -> index of the same mode of the source
-    same: dict[int, int] = {}
+    source_block = dict(zip(source.families, source.blocks))  # by nodal diameter
+    # indices of the modes of the target, and of the same modes of the source
+    to: list[int] = []
+    of: list[int] = []
     for d, block in zip(target.families, target.blocks):
-        if d not in blocks:
+        if d not in source_block:
             continue
-        of_source = blocks[d]
-        source_modes = source.wide.structure.bases[of_source.harmonic].coordinates
-        column = {(mode.body, mode.index): i for i, mode in enumerate(source_modes)}
-        for i, mode in enumerate(target.wide.structure.bases[block.harmonic].coordinates):
-            if mode.body != RESIDUAL and (mode.body, mode.index) in column:
-                same_mode = column[mode.body, mode.index]
-                same[block.part.start + i] = of_source.part.start + same_mode
+        begin_in_source = source_block[d].part.start
+        source_modes = source.wide.structure.bases[source_block[d].harmonic].coordinates
+        target_modes = target.wide.structure.bases[block.harmonic].coordinates
+        place_in_source = {(mode.body, mode.index): i for i, mode in enumerate(source_modes)}
+        for i, mode in enumerate(target_modes):
+            name = (mode.body, mode.index)
+            if mode.body != RESIDUAL and name in place_in_source:
+                to.append(block.part.start + i)
+                of.append(begin_in_source + place_in_source[name])
 
     def transferred(x: NDArray) -> NDArray:
         z = np.zeros(target.n_coordinates, complex)
-        z[list(same)] = _as_complex(x)[list(same.values())]
+        z[to] = _as_complex(x)[of]
         return _as_real(z)
 
     return Motion(transferred(motion.q), transferred(motion.v), motion.w)
@@ -911,6 +940,7 @@ def every_diameter(problem: Problem) -> Problem:
     whole = with_harmonics(present | missing)
     if whole is not None:
         return whole
+    # only those nodal diameters that the model contains
     contained = {harmonic for harmonic in missing if with_harmonics(present | {harmonic})}
     partial = with_harmonics(present | contained)
     return problem if partial is None else partial
@@ -956,6 +986,7 @@ def all_sectors(
 
 
 def _without_time_limit(problem: Problem, preload: float, blades: int | None) -> AllSectors:
+    """See :func:`all_sectors`."""
     is_relative = not problem.settings.response_location.absolute
     expected = "a response relative to the base"
     found = "an absolute one; integrate study.replace(response=bd.Response(location, direction))"

@@ -26,6 +26,7 @@ highest motion continues until the amplitudes of the blades do not diverge furth
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from threading import Lock
 from typing import NamedTuple
@@ -74,16 +75,18 @@ class BalanceCurve:
         """Return the unknowns of the highest solution closest to a frequency, of any solution in a
         gap of the curve.
         """
+        # in a gap of the curve the level is 0, so that all points count
         highest = max(self.at(frequency), default=0.0)
-        high = np.flatnonzero(self.amplitude >= CRITERIA.low * highest)
-        nearest = np.abs(self.frequency[high] - frequency).argmin()
-        return np.asarray(self.unknowns[high[nearest]])
+        high_points = np.flatnonzero(self.amplitude >= CRITERIA.low * highest)
+        distance = np.abs(self.frequency[high_points] - frequency)
+        return np.asarray(self.unknowns[high_points[distance.argmin()]])
 
     @property
     def half_width(self) -> float:
         """Half width of the resonance, Hz: the smaller one of the two sides."""
-        widths = [width for width, _ in self.sides.values()]
-        return float(np.nanmin(np.abs(widths)))
+        # a width is NaN if the branch ends on its side
+        signed_widths = [width for width, _ in self.sides.values()]
+        return float(np.nanmin(np.abs(signed_widths)))
 
     @property
     def flank(self) -> float:
@@ -105,7 +108,8 @@ class BalanceCurve:
         end = float(self.frequency.max() if sign > 0.0 else self.frequency.min())
         width = np.nan
         amplitude_before = height
-        for frequency in np.linspace(tip, end, 400)[1:-1]:
+        between = np.linspace(tip, end, 400)[1:-1]
+        for frequency in between:
             amplitude = float(max(self.at(frequency), default=0.0))
             # a fold: the branch of the tip has ended, and the solution is another one
             if amplitude < CRITERIA.jump * amplitude_before:
@@ -114,20 +118,28 @@ class BalanceCurve:
             if amplitude <= height / np.sqrt(2.0):
                 width = frequency - tip
                 break
-        apart = sign * APART * tip if np.isnan(width) else 0.5 * width
-        start = self._first_alone(tip + apart, end) if abs(end - tip) > abs(apart) else np.nan
-        if np.isnan(width):
-            width = 2.0 * (start - tip)
-        return width, start
+        has_half_power = not np.isnan(width)
+        apart = 0.5 * width if has_half_power else sign * APART * tip
+        if abs(end - tip) <= abs(apart):
+            # the curve ends before the frequency with one solution
+            return width, np.nan
+        alone = self._first_alone(tip + apart, end)
+        if not has_half_power:
+            width = 2.0 * (alone - tip)
+        return width, alone
 
     def _first_alone(self, nearest: float, end: float) -> float:
         """Return the first frequency (Hz) from ``nearest`` towards ``end`` with one solution, or
         NaN.
         """
         for frequency in np.linspace(nearest, end, 400)[:-1]:
-            amplitudes = self.at(frequency)
+            descending = self.at(frequency)
+            if not len(descending):
+                continue
             # solutions of nearly the same amplitude count as one
-            if len(amplitudes) and amplitudes[-1] >= CRITERIA.low * amplitudes[0]:
+            highest = descending[0]
+            lowest = descending[-1]
+            if lowest >= CRITERIA.low * highest:
                 return float(frequency)
         return float("nan")
 
@@ -206,8 +218,9 @@ class SteadySearch:
         self._counting = Lock()
         self.failure = ""
         self.on_frequency: Callable[[float], None] = lambda frequency: None
-        # Hz in a period
+        # change of the frequency in a sweep, Hz per period
         self.pace = balance.half_width / CRITERIA.pace
+        # lowest and highest frequency of the curve, Hz
         self.ends = float(balance.frequency.min()), float(balance.frequency.max())
 
     @property
@@ -244,9 +257,10 @@ class SteadySearch:
             return []
         enclosed = []
         for point in self.points:
-            before_fall = (point.frequency - fall) * (best.frequency - point.frequency) > 0.0
+            # both differences have the same sign if the point lies between fall and best
+            is_between = (point.frequency - fall) * (best.frequency - point.frequency) > 0.0
             apart = abs(point.frequency - fall) > CRITERIA.fine * fall
-            if before_fall and apart:
+            if is_between and apart:
                 enclosed.append(point)
         return enclosed
 
@@ -256,15 +270,16 @@ class SteadySearch:
         tip = self.balance.tip
         if self._contacts_chatter(tip):
             self.steps *= 2
-        way = float(np.sign(tip - flank))
-        from_flank = [self.sweep(self.start(flank), flank, way)]
-        # the motion is higher on the other side
-        if _top(from_flank[0]) <= 1:
-            from_flank.append(self.sweep(from_flank[0][0].motion, flank, -way))
+        way = float(np.sign(tip - flank))  # 1 upward, -1 downward
+        towards_tip = self.sweep(self.start(flank), flank, way)
+        from_flank = [towards_tip]
+        # highest at its start: the motion is higher on the other side of the flank
+        if _top(towards_tip) <= 1:
+            from_flank.append(self.sweep(towards_tip[0].motion, flank, -way))
         along = max(_highest(places) for places in from_flank)
 
         start = self._place_at_tip(tip)
-        swept = [place for places in from_flank for place in places]
+        swept = list(itertools.chain(*from_flank))
         nearest = min(swept, key=lambda place: abs(place.frequency - tip))
         higher = 1.0 + CRITERIA.tolerance
         from_tip = []
@@ -321,8 +336,8 @@ class SteadySearch:
         while True:
             others = [point for point in self.points if point not in self.parted]
             highest = max(others, key=lambda point: point.mean, default=None)
-            known_to = (1.0 + CRITERIA.drift) * max((p.mean for p in self.parted), default=0.0)
-            if highest is None or highest.mean <= known_to:
+            highest_parted = max((point.mean for point in self.parted), default=0.0)
+            if highest is None or highest.mean <= (1.0 + CRITERIA.drift) * highest_parted:
                 return
             self.points.remove(highest)
             motion = highest.transient.motion
@@ -355,6 +370,7 @@ class SteadySearch:
         self.failure = ""
         if point.mean > (1.0 + CRITERIA.drift) * along:
             self.below = along
+        # 0 if the flank is the tip: begin upward
         self.look_around(point, way or 1.0)
 
     def start(self, frequency: float) -> Motion:
@@ -397,7 +413,9 @@ class SteadySearch:
         # earlier falls belong to another motion
         if not self.points:
             self.fell.clear()
-        way = float(np.sign(places[-1].frequency - places[0].frequency)) or 1.0
+        swept = places[-1].frequency - places[0].frequency
+        # a sweep of one place has no direction: begin upward
+        way = float(np.sign(swept)) or 1.0
         index = _top(places)
         back = 1
         while index >= 0:
@@ -457,8 +475,8 @@ class SteadySearch:
     def at_end(self, point: SteadyPoint) -> bool:
         """Return whether a point is at an end of the curve, and the motion stays up to there."""
         to_end = min(abs(end - point.frequency) for end in self.ends)
-        stays = bool(np.isnan(self.fall))
-        return stays and to_end < 0.25 * self.balance.half_width
+        no_fall = bool(np.isnan(self.fall))
+        return no_fall and to_end < 0.25 * self.balance.half_width
 
     def follow(self, point: SteadyPoint, frequency: float) -> SteadyPoint:
         """Change the frequency of a steady motion slowly, and settle there."""
@@ -480,7 +498,11 @@ class SteadySearch:
             best = max(self.points, key=lambda point: point.mean)
 
     def _next(self, best: SteadyPoint, way: float) -> float | None:
-        """Return the next frequency (Hz) to settle at, or None if the highest motion is known."""
+        """Return the next frequency (Hz) to settle at, or None if the highest motion is known.
+
+        A side of the highest motion is finished if a lower steady motion, a close fall or an end of
+        the curve bounds it.  The side ``way`` (1 or -1) comes first.
+        """
         low, high = self.ends
         step = 0.25 * self.balance.half_width
         smallest = CRITERIA.fine * best.frequency
@@ -501,7 +523,8 @@ class SteadySearch:
         # a jump to a lower amplitude, or an end of the curve, on one side
         if len(neighbours) < 2:
             return None
-        return self._vertex(best, neighbours[0], neighbours[1], 0.5 * min(smallest, step))
+        first, second = neighbours
+        return self._vertex(best, first, second, smallest=0.5 * min(smallest, step))
 
     def _nearest_steady(self, frequency: float, sign: float) -> SteadyPoint | None:
         """Return the steady motion nearest to a frequency (Hz) on one side of it."""

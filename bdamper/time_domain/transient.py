@@ -229,9 +229,11 @@ class Transient:
 
         It has the phases of the first blade.
         """
-        turn = 2.0 * np.pi * self.blade * self.sectors.wave / self.sectors.n
         amplitudes = np.array(self.harmonics)[:, self.blade]
-        return np.asarray(amplitudes * np.exp(-1j * turn * np.arange(amplitudes.shape[1])))
+        # the excited wave reaches the blade with this phase, and harmonic l with l times it
+        phase = 2.0 * np.pi * self.blade * self.sectors.wave / self.sectors.n
+        harmonic = np.arange(amplitudes.shape[1])
+        return np.asarray(amplitudes * np.exp(-1j * phase * harmonic))
 
     @property
     def blade(self) -> int:
@@ -256,11 +258,7 @@ class Transient:
             If the energy exceeds its bound.
         """
         raise_if_stopped()
-        if ends is None:
-            begin = self.omega
-            end = None
-        else:
-            begin, end = ends
+        begin, end = (self.omega, None) if ends is None else ends
         path = self.sectors.integrate(self.motion, begin, self.steps, periods, omega_end=end)
         self.motion = path.motion
         self.harmonics.extend(path.harmonics)
@@ -269,7 +267,7 @@ class Transient:
         for work, damping, _, rise in path.energy:
             self._energy_now = self._energy_now + rise
             self._energy_supplied = self._energy_supplied + abs(work) + abs(damping)
-            # also if an energy is NaN
+            # "not <=" instead of ">": also if an energy is NaN
             if not self._energy_now <= CRITERIA.gain * self._energy_supplied:
                 raise EnergyGained(
                     f"the time integration gains energy near {begin / TWO_PI:.6g} Hz, "
@@ -397,11 +395,13 @@ def settle(transient: Transient, expected: float, parting: bool = False) -> Stea
         highest = last if at_end else max(before, last)
         fallen = highest < CRITERIA.jump * expected
         grown = min(before, last) > CRITERIA.gain * expected
-        if fallen or grown or at_end:
-            return SteadyPoint(transient, not (fallen or grown), change)
-        parts = parting and outside(transient, n // 4).growth > CRITERIA.rise
-        if n >= fewest and abs(change) <= CRITERIA.drift and not parts:
-            return SteadyPoint(transient, True, change)
+        if fallen or grown:
+            return SteadyPoint(transient, stays=False, change=change)
+        if at_end:
+            return SteadyPoint(transient, stays=True, change=change)
+        diverges = parting and outside(transient, n // 4).growth > CRITERIA.rise
+        if n >= fewest and abs(change) <= CRITERIA.drift and not diverges:
+            return SteadyPoint(transient, stays=True, change=change)
 
 
 class _Change(NamedTuple):
@@ -428,19 +428,23 @@ def _change(transient: Transient, at_end: bool) -> _Change:
     """
     amplitude = transient.amplitude
     quarter = len(transient.harmonics) // 4
-    means = amplitude[-3 * quarter :].reshape(3, quarter).mean(axis=1)
-    d1, d2 = np.diff(means) / max(means[2], 1e-300)
+    second, third, last = amplitude[-3 * quarter :].reshape(3, quarter).mean(axis=1)
+    change_before = (third - second) / max(last, 1e-300)
+    change_now = (last - third) / max(last, 1e-300)
+
+    # a transient falls by at least this factor from one quarter to the next
     slowest = np.exp(-quarter / transient.memory)
-    ratio = max(d2 / d1, 0.0) if d1 else 0.0
+    ratio = max(change_now / change_before, 0.0) if change_before else 0.0
     beats = at_end and ratio >= 1.0
-    p = 0.0 if beats else min(ratio, slowest)
-    # the rest of a geometric series
-    rest = p / (1.0 - p)
-    if at_end and p > 0.0:
+    factor = 0.0 if beats else min(ratio, slowest)
+    # rest of a geometric series, in units of the last change
+    rest = factor / (1.0 - factor)
+    if at_end and factor > 0.0:
         # from the mean of the last two quarters, half a change before the last one
         rest = rest + 0.5
-    ahead = d2 * rest
-    return _Change(float(max(d1, d2, ahead, key=abs)), means[1], means[2])
+    expected = change_now * rest
+    largest = float(max(change_before, change_now, expected, key=abs))
+    return _Change(largest=largest, before=third, last=last)
 
 
 class OtherWaves(NamedTuple):
@@ -461,13 +465,15 @@ class OtherWaves(NamedTuple):
 
 def outside(transient: Transient, periods: int) -> OtherWaves:
     """Return the motion in other waves than the excited wave, in the last periods."""
-    away = transient.sectors.departure(transient.blades[-2 * periods :])
-    first_half, second = np.array_split(away, 2)
-    before = float(np.sqrt((first_half**2).mean()))
-    last = float(np.sqrt((second**2).mean()))
-    if last > 0.1 * CRITERIA.seed and before > 0.0:
-        return OtherWaves(last / before, last)
-    return OtherWaves(0.0, last)
+    # fraction of the motion in other waves: in these periods, and in an equal number before them
+    fraction = transient.sectors.departure(transient.blades[-2 * periods :])
+    earlier, latest = np.array_split(fraction, 2)
+    size_before = float(np.sqrt((earlier**2).mean()))
+    size = float(np.sqrt((latest**2).mean()))
+    growth = 0.0
+    if size > 0.1 * CRITERIA.seed and size_before > 0.0:
+        growth = size / size_before
+    return OtherWaves(growth=growth, size=size)
 
 
 class Verdict(NamedTuple):
@@ -487,6 +493,7 @@ def energy_error(transient: Transient, periods: int = CRITERIA.balanced) -> floa
     The time steps lose or gain the rest of the work after damping, contacts and rise.  The contacts
     return what their springs have stored; anything beyond is an error too.
     """
+    # marks of the stored energy: number of periods, and energy after them
     end, stored_now = transient.stored[-1]
     earlier = [mark for mark in transient.stored if mark[0] <= end - periods]
     begin, stored_before = earlier[-1] if earlier else transient.stored[0]
@@ -494,17 +501,23 @@ def energy_error(transient: Transient, periods: int = CRITERIA.balanced) -> floa
         return 0.0
     work, damping, contacts, rise = np.sum(transient.energy[begin:end], axis=0)
     numerical = work - damping - contacts - rise
-    # the energy that user-defined laws store is unknown
-    stored = stored_now - stored_before if np.isfinite(stored_now) else min(contacts, 0.0)
+    if np.isfinite(stored_now):
+        stored = stored_now - stored_before
+    else:
+        # the energy that user-defined laws store is unknown; energy that they return was stored
+        stored = min(contacts, 0.0)
     dissipated = contacts - stored
-    given = np.array([work, -damping, -dissipated, -(rise + stored), -numerical])
-    supplied = float(given[given > 0.0].sum())
+    # each term may supply energy or take it
+    supplies = np.array([work, -damping, -dissipated, -(rise + stored), -numerical])
+    supplied = float(supplies[supplies > 0.0].sum())
     # far from a resonance little energy is supplied; a thousandth of the energy of the vibration is
     # the loss of a damping ratio of 1e-4
     vibration = (end - begin) * transient.sectors.vibration_energy(
         transient.motion, transient.omega
     )
-    return float(max(abs(numerical), -dissipated) / max(supplied + 1e-3 * vibration, 1e-300))
+    # contacts that dissipate less than nothing have returned more than they stored
+    error = max(abs(numerical), -dissipated)
+    return float(error / max(supplied + 1e-3 * vibration, 1e-300))
 
 
 def step_error(transient: Transient) -> str:
@@ -546,6 +559,7 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
     """
     look = CRITERIA.look
     span = 2 * CRITERIA.window
+    # relative distance (n_periods,) from the solution, and its mean over the last periods
     off = amplitude / max(expected, 1e-300) - 1.0
     n = len(off)
     last = float(off[-look:].mean())
@@ -606,8 +620,11 @@ def _range_grows(off: NDArray) -> bool:
     """Return whether most of the second half of the periods have a larger range than most of the
     first.
     """
-    first, second = (np.quantile(half, (0.2, 0.8)) for half in np.split(off, 2))
-    return bool(np.ptp(second) > (1.0 + CRITERIA.tolerance) * np.ptp(first))
+    first_half, other_half = np.split(off, 2)
+    # the range of the middle 60 % of the periods
+    range_before = np.ptp(np.quantile(first_half, (0.2, 0.8)))
+    range_now = np.ptp(np.quantile(other_half, (0.2, 0.8)))
+    return bool(range_now > (1.0 + CRITERIA.tolerance) * range_before)
 
 
 def _drift(off: NDArray, memory: float) -> tuple[float, bool]:
@@ -676,26 +693,31 @@ def to_come(amplitude: NDArray, memory: float) -> float:
     """
     before, last = np.array_split(second_half(amplitude), 2)
     change = float((last.mean() - before.mean()) / max(float(last.mean()), 1e-300))
-    left = np.exp(-len(last) / memory)
-    return change * left / (1.0 - left)
+    # the factor p
+    fall = np.exp(-len(last) / memory)
+    return change * fall / (1.0 - fall)
 
 
 def repeats_after(harmonics: NDArray) -> int | None:
-    """Return the smallest number of periods after which a motion repeats, or None.
+    """Return the smallest number of periods after which a motion repeats in its last quarter, or
+    None.
 
     Parameters
     ----------
     harmonics : (n_periods, n_harmonics + 1) complex, m
         Amplitudes of each period.
     """
+    # without the mean
     vibration = harmonics[:, 1:]
     n_periods = len(vibration)
-    last = np.arange(n_periods - max(1, n_periods // 4), n_periods)
-    amplitude = max(float(np.linalg.norm(vibration[last], axis=1).max()), 1e-300)
+    last_quarter = np.arange(n_periods - max(1, n_periods // 4), n_periods)
+    amplitude = max(float(np.linalg.norm(vibration[last_quarter], axis=1).max()), 1e-300)
     for n in range(1, CRITERIA.most_repeated + 1):
-        if last[0] < n:
+        # too few periods before the last quarter
+        if last_quarter[0] < n:
             return None
-        change = np.linalg.norm(vibration[last] - vibration[last - n], axis=1)
+        difference = vibration[last_quarter] - vibration[last_quarter - n]
+        change = np.linalg.norm(difference, axis=1)
         if change.max() <= CRITERIA.repeats * amplitude:
             return n
     return None
