@@ -179,7 +179,7 @@ def file_to_write(endings: Sequence[str], name: str) -> str:
     path = Path(name)
     if path.suffix.lower() not in endings or not path.absolute().parent.is_dir():
         raise argparse.ArgumentTypeError(
-            f"expected {' or '.join(endings)} in a folder that exists, found {name!r}"
+            f"expected {' or '.join(endings)} in an existing folder, found {name!r}"
         )
     return name
 

@@ -625,7 +625,7 @@ def _excitation(
 def _base_excitation(
     modes: _Modes, accelerations: Mapping[Any, complex]
 ) -> tuple[Excitation, dict[str, NDArray]]:
-    """Return the excitation by the base, and the inertia forces under its unit acceleration."""
+    """Return the base excitation, and the inertia forces under unit acceleration of the base."""
     largest = max(accelerations.values(), key=abs)
     validation.check(largest != 0.0, "base", "an acceleration other than 0", "0")
     # motion of all degrees of freedom with a unit motion of the ground

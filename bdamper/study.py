@@ -458,7 +458,7 @@ class Study(Comparable):
         options : ContinuationOptions, optional
             Step sizes and tolerances of the continuation.
         progress : bool, optional
-            Show progress: a bar, or without a terminal lines after ten seconds; on by default.
+            Show progress: a bar or, without a terminal, lines of text after ten seconds; on by default.
         stability : bool
             Determine the stability of each point (:meth:`with_stability`), even if the study's
             ``stability`` is off.
@@ -548,7 +548,7 @@ class Study(Comparable):
         seconds : float, s
             Largest processor time of the integration and its equations.
         progress : bool, optional
-            Show progress: a bar, or without a terminal lines after ten seconds; on by default.
+            Show progress: a bar or, without a terminal, lines of text after ten seconds; on by default.
 
         Returns
         -------
@@ -679,7 +679,7 @@ class Study(Comparable):
             Largest processor time of the integrations and their equations.  After it the result
             contains the motions that have settled, and its reason gives the missing part.
         progress : bool, optional
-            Show progress: a bar, or without a terminal lines after ten seconds; on by default.
+            Show progress: a bar or, without a terminal, lines of text after ten seconds; on by default.
 
         Returns
         -------
@@ -730,7 +730,7 @@ class Study(Comparable):
         options : PeakOptions, optional
             Tolerances of the peak.
         progress : bool, optional
-            Show progress: a bar, or without a terminal lines after ten seconds; on by default.
+            Show progress: a bar or, without a terminal, lines of text after ten seconds; on by default.
 
         Returns
         -------
@@ -1014,7 +1014,7 @@ class Study(Comparable):
         n : int
             Number of preloads between two limits.
         progress : bool, optional
-            Show progress: a bar, or without a terminal lines after ten seconds; on by default.
+            Show progress: a bar or, without a terminal, lines of text after ten seconds; on by default.
 
         Returns
         -------
@@ -1251,7 +1251,7 @@ class Study(Comparable):
         tolerance : float
             Allowed relative change of amplitude or frequency by all omitted effects together.
         progress : bool, optional
-            Show progress: a bar, or without a terminal lines after ten seconds; on by default.
+            Show progress: a bar or, without a terminal, lines of text after ten seconds; on by default.
 
         Returns
         -------
@@ -1398,7 +1398,7 @@ class Study(Comparable):
         damped : SweepResult or sequence of SweepResult, optional
             Damped crossings from :meth:`resonance_crossings`, to be drawn.
         progress : bool, optional
-            Show progress: a bar, or without a terminal lines after ten seconds; on by default.
+            Show progress: a bar or, without a terminal, lines of text after ten seconds; on by default.
         friction, temperature, excitation
             Conditions over speed, see :meth:`at_speed`.
 
@@ -1510,7 +1510,7 @@ class Study(Comparable):
         options : ContinuationOptions
             Coarse by default; the highest point is refined.
         progress : bool, optional
-            Show progress: a bar, or without a terminal lines after ten seconds; on by default.
+            Show progress: a bar or, without a terminal, lines of text after ten seconds; on by default.
         friction, temperature, excitation
             Conditions over speed, see :meth:`at_speed`.
 
@@ -1571,7 +1571,7 @@ class Study(Comparable):
         tolerance : float
             Relative change of the amplitude up to which the sequence counts as converged.
         progress : bool, optional
-            Show progress: a bar, or without a terminal lines after ten seconds; on by default.
+            Show progress: a bar or, without a terminal, lines of text after ten seconds; on by default.
 
         Returns
         -------

@@ -150,7 +150,7 @@ def test_no_answer_is_told_in_a_line(arguments, code, text, capsys, tmp_path, mo
         (["optimum", "--demo", "-n", "many"], "argument -n: invalid int value: 'many'"),
         (
             ["response", "--demo", "--png", "out.xyz"],
-            "--png: expected .png or .pdf or .svg in a folder that exists, found 'out.xyz'",
+            "--png: expected .png or .pdf or .svg in an existing folder, found 'out.xyz'",
         ),
         (["response", "--demo", "--csv", "nowhere/out.csv"], "found 'nowhere/out.csv'"),
         (["explore", "--demo", "--png=out.png"], "unrecognized arguments: --png"),

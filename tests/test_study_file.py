@@ -135,7 +135,7 @@ def test_a_damaged_model_in_a_study_is_refused(model, tmp_path):
         file["model/bodies/blade/nd000/omega2"][0] = -1.0
     with pytest.raises(bd.ModelError, match=r"study\.h5: /model: .*omega2"):
         bd.load_study(path)
-    with pytest.raises(bd.BdamperError, match="expected a folder that exists"):
+    with pytest.raises(bd.BdamperError, match="expected an existing folder"):
         bd.Study(model, TIP, 2).save(tmp_path / "nowhere" / "study.h5")
 
 

@@ -493,8 +493,8 @@ class ReferenceError:
     source : str
         Member of ``SOURCES`` in ``bdamper/analyses/error_estimates.py``.
     size : float
-        Difference from the peak with settings that are still more detailed, with the part that they
-        leave (:data:`LEFT`); NaN if unknown.
+        Difference from the peak with still more detailed settings, plus the error that these are
+        estimated to have (:data:`LEFT`); NaN if unknown.
     seconds : float
         Processor time with these settings; NaN if they were not computed.
     against : str
@@ -614,7 +614,7 @@ class AccuracyCost(Result, Plottable, Tabular, Storable, kind="bdamper-accuracy"
 
     @property
     def last_steps(self) -> dict[str, float]:
-        """Difference of the second most detailed value of each setting; NaN if unknown."""
+        """For each setting, the change of the peak due to its last refinement; NaN if unknown."""
         return last_steps(self.varied, self.runs)
 
     @property
@@ -703,9 +703,9 @@ def _source_text(source: ReferenceError) -> str:
 
 
 def last_steps(varied: Iterable[str], runs: Sequence[Run]) -> dict[str, float]:
-    """Return the difference of the second most detailed value of each setting from the reference.
+    """For each setting, return the relative change of the peak due to its last refinement.
 
-    It is NaN if unknown.
+    The change is from the second most detailed to the most detailed value; NaN if unknown.
     """
     # of the runs of a setting, the first has its second most detailed value
     first_difference: dict[str, float] = {}
@@ -1023,7 +1023,7 @@ def _run_reference(runs: _Runs, most_detailed: Mapping[str, int]) -> None:
 
 
 def _one_step_cheaper(runs: _Runs, most_detailed: Mapping[str, int], name: str) -> Run | None:
-    """Return the run with the second most detailed value of one setting; None without one."""
+    """Return the run with the second most detailed value of one setting, or None."""
     if most_detailed.get(name, 0) == 0:
         return None
     return runs.at(name, {**most_detailed, name: most_detailed[name] - 1})

@@ -164,7 +164,7 @@ class Campbell(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-cam
             if np.isfinite([free, stuck]).any():
                 table.append((f"{order:g}, mode {mode:g}", _place(free), _place(stuck)))
         low, high = self.speed[0], self.speed[-1]
-        interval = f"from {low * RPM:.0f} to {high * RPM:.0f} rpm"
+        interval = f"between {low * RPM:.0f} and {high * RPM:.0f} rpm"
         orders = ", ".join(str(order) for order in self.engine_order)
         n_crossings = len(table) - 1
         plural = "s" if len(self.engine_order) > 1 else ""

@@ -181,7 +181,7 @@ class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-eff
                 "Frequency",
                 "Uncertainty",
                 "Method",
-                "Effort",
+                "Relative effort",
                 "In the study",
             )
         )

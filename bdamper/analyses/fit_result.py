@@ -232,9 +232,9 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
 
     @property
     def wrong(self) -> str:
-        """Statement that the model does not describe the test of largest misfit; or empty.
+        """Statement that the model does not describe the test of largest misfit.
 
-        It has a hint if the units may be wrong.
+        It includes a hint if the units may be wrong.  It is empty if the model describes all tests.
         """
         misfits = self.misfits
         worst = int(np.argmax(misfits))

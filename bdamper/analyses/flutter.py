@@ -211,7 +211,7 @@ def flutter(
 
 
 def _shift_and_damping(diameter: int, value: Any) -> tuple[float, float]:
-    """Return the relative frequency shift and the damping ratio by the flow.
+    """Return the relative frequency shift and the aerodynamic damping ratio.
 
     A complex number has both, a real one is the damping ratio.
     """

@@ -1,9 +1,9 @@
-"""Range of the friction coefficient in which the amplitude stays below twice its value.
+"""Range of the friction coefficient in which the amplitude is less than twice the nominal one.
 
 Friction coefficients of turbine dampers are known to a factor of about 1.5. With less friction the
 amplitude at the optimal preload rises steeply, with more friction slowly. Two peaks, at 0.7 and 1.3
 times the friction, do not show how close the steep rise is: it can begin at 0.69.
-:func:`find_range` therefore goes away from the friction coefficient of the study in both
+:func:`find_range` therefore searches outward from the friction coefficient of the study in both
 directions, and bisects the interval in which the amplitude doubles.
 """
 
@@ -21,18 +21,18 @@ AWAY = (0.7, 1.0 / FRICTION_SPREAD, 0.4, 0.25), (1.3, FRICTION_SPREAD, 2.5, 4.0)
 The first ones are those of the check of an optimum.
 """
 NARROW = 1.15
-"""Ratio of two factors between which the amplitude doubles, at which the bisection ends."""
+"""Ratio of the two factors between which the amplitude doubles at the end of the bisection."""
 
 
 def find_range(peak_with: Callable[[float], FrictionPeak]) -> FrictionRange:
-    """Find the range of friction in which the amplitude stays below twice its value.
+    """Find the range of friction in which the amplitude is less than twice the nominal one.
 
-    It consists of factors on the friction coefficients, and takes 6 to 13 peaks.
+    The range is given as factors on the friction coefficients.  The search takes 6 to 13 peaks.
 
     Parameters
     ----------
     peak_with : callable
-        Returns the highest peak with a factor on the friction coefficients.
+        Function that returns the highest peak for a factor on the friction coefficients.
 
     Returns
     -------
@@ -44,7 +44,7 @@ def find_range(peak_with: Callable[[float], FrictionPeak]) -> FrictionRange:
         return FrictionRange((nominal,))
 
     def low_with(factor: float) -> bool:
-        """Return whether the amplitude with a factor is known and below twice its value."""
+        """Return whether the amplitude is known and less than twice the nominal one."""
         peaks[factor] = peak_with(factor)
         return peaks[factor].compared_with(nominal) == "low"
 
@@ -67,7 +67,7 @@ def find_range(peak_with: Callable[[float], FrictionPeak]) -> FrictionRange:
 
 
 def tolerates_friction(peak_with: Callable[[float], FrictionPeak]) -> bool:
-    """Return whether the amplitude stays below twice its value within the spread of friction."""
+    """Return whether the amplitude is known, and less than doubled, at both ends of the spread."""
     nominal = peak_with(1.0)
     if not np.isfinite(nominal.amplitude):
         return False

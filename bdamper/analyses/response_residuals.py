@@ -92,18 +92,18 @@ class MeasuredResponse(Summarised, validation.Checked):
     preload : float, N
         Preload of the damper.
     force : float, N, optional
-        Nominal amplitude of the excitation; by default the force of the data at each point,
-        otherwise the amplitude in the settings of the study.
+        Nominal amplitude of the excitation.  Default: the force in the data at each point, or the
+        amplitude in the settings of the study if the data have none.
     base_acceleration : float, m/s2, optional
-        The same for an excitation by the base.
+        The same for base excitation.
     sweep : {"up", "down"}
         Direction of the frequency sweep.
     control : {"force", "response", "phase"}
         Quantity that the rig controls. "force": the force, or the acceleration of the base.
         "response": the force, measured at each point, is compared at the measured frequency and
         amplitude. "phase": force and frequency are compared at the measured amplitude and phase.
-        Without a measured phase, the displacement is 90 degrees behind the force, and ahead of the
-        acceleration of a base.
+        Without a measured phase, the displacement lags the force by 90 degrees, and leads the
+        acceleration of the base by 90 degrees.
 
     Raises
     ------

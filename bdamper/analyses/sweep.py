@@ -722,7 +722,7 @@ def sweep(
         Results file: finished points are appended to it, and an interrupted sweep continues from
         it.
     progress : bool, optional
-        Show progress: a bar, or without a terminal lines after ten seconds; on by default.
+        Show progress: a bar or, without a terminal, lines of text after ten seconds; on by default.
 
     Returns
     -------
@@ -943,7 +943,7 @@ def compare(
         Returns the response curve or optimal curve of a study, for example ``lambda study:
         study.frequency_response(500.0, (280.0, 380.0))``.
     progress : bool, optional
-        Show progress: a bar, or without a terminal lines after ten seconds; on by default.
+        Show progress: a bar or, without a terminal, lines of text after ten seconds; on by default.
 
     Returns
     -------

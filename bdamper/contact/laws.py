@@ -634,7 +634,7 @@ class OwnLaws:
         return ", ".join(sorted({point.where for point in self._own_points}))
 
     def warn_below(self, motion: NDArray) -> None:
-        """Warn of interfaces that move less than the resolution of their law.
+        """Warn about interfaces that move less than the resolution of their law.
 
         Parameters
         ----------

@@ -202,7 +202,7 @@ def force_patterns(flexibility: NDArray, what: str, resolved: float = RESOLVED) 
             what,
             "a positive semi-definite matrix",
             f"an eigenvalue of {eigenvalue[0]:.3g} times the flexibility of a point; "
-            "modes and static flexibility do not belong together",
+            "modes and static flexibility are not from the same model",
         )
     kept = eigenvalue > resolved
     unit_vectors = vectors[:, kept] / np.sqrt(eigenvalue[kept])

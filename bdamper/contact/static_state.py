@@ -58,7 +58,7 @@ class StaticSystem:
     force : (n_modes,) float
         Modal force per newton of load.
     shift : (n_points, 3) float
-        Part of (u1, u2, v) per newton of load that the modes do not represent.
+        Part of (u1, u2, v), per newton of load, that the modes do not represent.
     constant_force : (n_modes,) float
         Modal force independent of the load.
     bonded : (n_points,) bool, optional
@@ -87,7 +87,7 @@ class StaticSystem:
     own: OwnLaws | None = None
 
     def shift_at(self, load: float) -> NDArray:
-        """Return the motion (n_points, 3) under a load (N) that the modes do not represent."""
+        """Return the motion (n_points, 3) outside the modes, under a load (N)."""
         return load * self.shift + self.constant_shift
 
     @property

@@ -235,7 +235,7 @@ def check_loads(
 ) -> tuple[str, ...]:
     """Compare the preloads with the centrifugal load of the damper at the rotor speed.
 
-    Warn of a contradiction at a given speed.  Otherwise return it as a note: at the speed of the
+    Warn about a contradiction at a given speed.  Otherwise return it as a note: at the speed of the
     study the search that found the solutions has warned, and other studies need a speed for the
     static stress alone.
     """
@@ -255,7 +255,7 @@ def check_loads(
 
 
 def check_ends(result: SomeResult) -> None:
-    """Warn of a response curve or an optimal curve with its best point at an end.
+    """Warn about a response curve or an optimal curve with its best point at an end.
 
     This is the highest point of a response curve, the least amplitude of an optimal curve.
     """

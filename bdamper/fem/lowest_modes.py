@@ -84,7 +84,7 @@ def _most_flexible(mass: sp.spmatrix, solve: Solve, n_modes: int, report: Report
 
 
 class _KrylovSpace:
-    """Vectors (n, size), orthonormal in the mass, and the flexibility (size, size) on them.
+    """Mass-orthonormal vectors (n, size) and their flexibility (size, size).
 
     With 100,000 equations products with the mass take half as long as solutions, and the vectors
     240 MB.  The momentum of the next block is therefore kept, and no conjugate of the vectors is
@@ -144,8 +144,7 @@ class _KrylovSpace:
 
 
 def _orthonormal(block: NDArray, mass: sp.spmatrix) -> tuple[NDArray, NDArray, NDArray]:
-    """Return columns that are orthonormal in the mass, their momentum, and the factor:
-    block = columns @ factor.
+    """Return mass-orthonormal columns, their momentum, and the factor: block = columns @ factor.
 
     Dependent columns are dropped.
     """

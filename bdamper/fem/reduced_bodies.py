@@ -3,8 +3,8 @@ points.
 
 The displacement of a free body is the sum of a rigid-body motion and an elastic deformation
 (paper, Eqs 5 to 7).  The rigid-body modes are three translations and three rotations about the
-centre of mass, orthonormal in the mass matrix: :math:`\Psi^T M \Psi = I`.  A load accelerates the
-body.  Load and inertia forces together are self-equilibrated,
+centre of mass, mass-orthonormal: :math:`\Psi^T M \Psi = I`.  A load accelerates the body.  Load and
+inertia forces together are self-equilibrated,
 
 .. math:: P^T f, \qquad P = I - \Psi\Psi^T M,
 
@@ -98,7 +98,7 @@ S = TypeVar("S", bound=Structure)
 
 
 def orthonormal(motion: NDArray, mass: sp.spmatrix) -> NDArray:
-    """Return combinations of motions (n, n_motions) that are orthonormal in the mass matrix."""
+    """Return mass-orthonormal combinations of motions (n, n_motions)."""
     # twice, to remove the rounding error of the first projection
     for _ in range(2):
         lower = np.linalg.cholesky(motion.conj().T @ (mass @ motion))
@@ -113,7 +113,7 @@ class Floating:
     ----------
     stiffness, mass : (n, n) sparse
     rigid : (n, n_rigid)
-        Rigid-body modes, orthonormal in the mass matrix.
+        Mass-orthonormal rigid-body modes.
     constrained : (n_rigid,) int
         Constrained degrees of freedom of the auxiliary problem.
     report : Report

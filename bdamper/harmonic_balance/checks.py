@@ -215,7 +215,7 @@ def response_at(problem: Problem, result: SomeResult, place: Response) -> NDArra
 
 
 def warn_of_small_slip(problem: Problem, system: Equations[Any], unknowns: NDArray) -> None:
-    """Warn of joints that move less in a solution than what their sliders represent."""
+    """Warn about joints that move less in a solution than what their sliders represent."""
     resolution = problem.model.slip_resolution
     if problem.own_laws is None and resolution is None:
         return
@@ -448,7 +448,7 @@ def _strongest(sector: SectorData, resonances: Sequence[_Resonance]) -> float:
 def _check_far(
     problem: Problem, resonances: Sequence[_Resonance], frequency: tuple[float, float]
 ) -> None:
-    """Warn of an interval (Hz) far from every resonance."""
+    """Warn about an interval (Hz) far from every resonance."""
     # a cubic spring moves resonances far away
     if not resonances or any(face.kind == "cubic" for face in problem.model.interfaces.values()):
         return
@@ -469,7 +469,7 @@ def _check_far(
 
 
 def _check_direction(problem: Problem, sector: SectorData, frequency: tuple[float, float]) -> None:
-    """Warn of a force perpendicular to the motion of all modes in an interval (Hz).
+    """Warn about a force perpendicular to the motion of all modes in an interval (Hz).
 
     The modes are those without contact.
     """

@@ -74,9 +74,8 @@ class Settings(validation.Answering):
         Engine order of the fundamental harmonic.  Required for a bladed disk; 1 for a structure
         without cyclic symmetry.
     friction_coefficient : float or mapping of interface name to float or (n_points,) float
-        An array has a value for each contact point of the interface in the model; united patches
-        have the mean.  Interfaces with a :class:`~bdamper.ContactLaw` need none, because they do
-        not use it.
+        An array has a value for each contact point of the interface in the model; a united patch
+        uses their mean.  Interfaces with a :class:`~bdamper.ContactLaw` need no coefficient.
     response : Response, optional
         Location and direction of the response; by default location and direction of the excitation.
     harmonics : int or tuple of int
@@ -101,16 +100,18 @@ class Settings(validation.Answering):
     constraint_planes : bool
         Include constraint planes (front and back of a damper).
     fundamental_modes_only : bool
-        Describe every harmonic by the modes of the fundamental's nodal diameter, as in the paper.
+        Describe every harmonic by the modes of the fundamental's nodal diameter, as Cigeroglu, An
+        and Menq (2009) do.
     damping_ratio : float, optional
         Damping ratio of all elastic modes, instead of the values of the model.
     damper_damping_ratio : float or mapping of body name to float
-        Damping ratio of each rigid-body and elastic motion of a free body, alone on the stuck
-        springs of its friction faces with the blades at rest.  It is added to the damping in the
-        model.  A motion without stiffness has none.  Modes of the stuck damper, which combine these
-        motions, have 0.7 to 1.7 times this value on the shipped models.
+        Damping ratio of each rigid-body and elastic motion of a free body.  Each motion is
+        considered alone: supported by the stuck springs of the friction faces, with blades at rest.
+        Motions without stiffness are not damped.  Damping in the model is added.  Modes of the
+        stuck damper, which combine these motions, have 0.7 to 1.7 times this value on the shipped
+        models.
     aerodynamic_damping : complex or mapping of nodal diameter to complex, optional
-        Damping ratio by the flow for every mode of the constrained bodies, added to their damping.
+        Aerodynamic damping ratio of every mode of the constrained bodies, added to their damping.
         The imaginary part of a complex number is the damping ratio, its real part a relative
         frequency shift, as in :meth:`bdamper.Study.flutter`. A number applies to the nodal diameter
         of the engine order.  Waves ``d`` and ``n_blades - d`` (or ``-d``) travel in opposite
@@ -452,7 +453,7 @@ class Settings(validation.Answering):
         return (*bodies, *self.constrained_faces)
 
     def given_loads(self, item: str) -> dict[str, Any]:
-        """Return ``load_per_preload`` or ``constant_loads`` by name.
+        """Return ``load_per_preload`` or ``constant_loads`` as a mapping of names to loads.
 
         The default of ``load_per_preload`` is 1 on every loaded body.
         """
@@ -597,7 +598,7 @@ class Settings(validation.Answering):
         )
 
     def friction_by_interface(self) -> dict[str, float | NDArray]:
-        """Return the friction coefficients of the interfaces in use, by name.
+        """Return a mapping of the interfaces in use to their friction coefficients.
 
         A value is one number, or one number for each contact point (n_points,).  Interfaces without
         friction have the value 0.

@@ -34,7 +34,7 @@ def preload_text(preload: float, settings: Settings) -> str:
 
 
 def condition(settings: Settings) -> list[str]:
-    """Return engine order and excitation as texts."""
+    """Return engine order and excitation as strings."""
     order = settings.get("engine_order")
     texts = [f"engine order {order}" if order else "", excitation_text(settings)]
     return [text for text in texts if text]

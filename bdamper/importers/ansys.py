@@ -627,7 +627,7 @@ class _Archive:
             if words[:1] == [-1]:
                 return
             complete = len(words) >= 12
-            self.lines.require(complete, "an element of a block of SOLID form", words)
+            self.lines.require(complete, "an element of an EBLOCK in SOLID format", words)
             material, kind, n_nodes = words[0], words[1], words[8]
             nodes = words[11:]
             while len(nodes) < n_nodes:

@@ -482,7 +482,7 @@ def _area(face: Facets, nodes: NDArray) -> float:
 
 
 def _check_touching(contact: ContactFaces, means: PatchMeans, areas: Sequence[float]) -> None:
-    """Raise ModelError if two faces hardly overlap or are far apart; warn of a smaller misfit.
+    """Raise ModelError if two faces hardly overlap or are far apart; warn about a smaller misfit.
 
     A smaller misfit indicates a body that is not at its position in the assembly.
     """

@@ -170,7 +170,8 @@ def read_ring_down(
         Columns ``time (s)``, with constant steps, and ``amplitude`` (displacement, velocity or
         acceleration). Samples before the largest amplitude are left out.
     band : (2,) float, Hz, optional
-        Lowest and highest frequency that is read: the band of one mode, if a blow excites several.
+        Lowest and highest frequency that is evaluated: the band of one mode if an impact excites
+        several.
     periods : float, optional
         Length of the windows in periods; by default a twentieth of the record, at least 4.
     name : str, optional
@@ -181,7 +182,7 @@ def read_ring_down(
     Returns
     -------
     MeasuredMode
-        One point for each window, until noise deforms the decay: until the amplitude rises, or
+        One point for each window, until noise distorts the decay: until the amplitude rises, or
         deviates by more than 5 % from the line.
 
     Raises
@@ -193,8 +194,8 @@ def read_ring_down(
     Warns
     -----
     BdamperWarning
-        If peaks of the record are clipped; the decay is then read behind the last of them. If the
-        decay ends because the record has several modes.
+        If peaks of the record are clipped; only the decay after the last of them is then evaluated.
+        Also if the evaluation ends early because the record has several modes.
 
     Notes
     -----
@@ -204,10 +205,9 @@ def read_ring_down(
     window (least squares). With the decay rate :math:`\delta = -d \ln A/dt` the frequency is
     :math:`\omega = (\omega_d^2 + \delta^2)^{1/2}`, and the damping ratio :math:`\delta/\omega`.
     Since the transform is periodic, the record is continued by its mirror image, and the first and
-    last window are left out. A band is a factor on the spectrum without shift of the phase: 1
-    inside, and falling to 0 on both sides over a fifth of the band width, at most a fifth of its
-    lower end. The response of this
-    filter to the blow is left out as well.
+    last window are left out. A band is a zero-phase filter: its factor on the spectrum is 1 inside
+    the band, and falls to 0 on both sides over a fifth of the band width, at most a fifth of its
+    lower end. The transient of this filter after the impact is left out as well.
     """
     columns = read_columns(path, ("time", "amplitude"), units={"time": TIMES, "amplitude": None})
     time, _ = columns["time"]
@@ -278,7 +278,7 @@ def _flank(band: tuple[float, float]) -> float:
 
 
 def _end_of_clipping(motion: NDArray) -> int:
-    """Return the index behind the last clipped sample; 0 for a record without clipping.
+    """Return the index after the last clipped sample; 0 for a record without clipping.
 
     Samples of a clipped peak are equal, and their neighbours are lower by many digits of the
     record. The digits of a coarse record also make samples of a smooth peak equal, but those

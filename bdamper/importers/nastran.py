@@ -75,7 +75,7 @@ class _Tied(NamedTuple):
 
 @reader("an OP4 file", library=True)
 def read_op4(path: Path) -> dict[str, sp.csr_matrix]:
-    """Read the square matrices of an OP4 file, by name.
+    """Read the square matrices of an OP4 file into a mapping of their names.
 
     Parameters
     ----------

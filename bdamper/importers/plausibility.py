@@ -132,7 +132,8 @@ def _check_strain(body: PreparedBody, strain: NDArray, motion: str, hint: str) -
     axis = "XYZ"[strain.argmax()]
     found = f"a strain of {strain.max():.2g} of its size under a {motion} {axis}: {hint}"
     rigid = strain.max() <= BOUNDS.rigid_strain
-    body.require(rigid, "stiffness matrix", "a free body, which no rigid motion strains", found)
+    expected = "a free body (rigid-body motion must not strain it)"
+    body.require(rigid, "stiffness matrix", expected, found)
 
 
 def _away_from_held(body: PreparedBody) -> NDArray:

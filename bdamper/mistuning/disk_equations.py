@@ -360,8 +360,9 @@ def tuned_problem(study: Problem) -> Problem:
     speed = study.settings.speed
     if speed and all(body.local is None for body in study.model.bodies.values()):
         raise SettingError(
-            f"speed: the modes of a bladed disk are known without rotation, found {speed:g} rad/s; "
-            "pass the study without at_speed, and the preload of this speed to the disk"
+            "speed: modes of a bladed disk are available only at rest, found "
+            f"{speed:g} rad/s; create the disk from the study without at_speed, and use the "
+            "preload at this speed"
         )
     if np.any(study.coupling.closing_by_rotation()):
         warn(

@@ -405,7 +405,9 @@ class DamperVariation(Summarised, Storable, kind="bdamper-damper-variation"):
         rows = []
         if len(missing):
             numbers = ", ".join(map(str, missing))
-            rows.append(Row("Missing dampers", str(len(missing)), f"{numbers} (counted from 0)"))
+            plural = "s" if len(missing) > 1 else ""
+            which = f"damper number{plural} {numbers} (counted from 0)"
+            rows.append(Row("Missing dampers", str(len(missing)), which))
         for name in _LIMITS:
             low, high = getattr(self, name).min(), getattr(self, name).max()
             title = sentence(name.replace("_", " "))

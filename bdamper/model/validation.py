@@ -7,7 +7,7 @@ Explanation of some conditions:
 
 * **Rigid-body modes.** Let the columns of ``B`` be the exact rigid motions at contact points and
   locations: translations divided by ``sqrt(mass)`` and rotations about the principal axes divided
-  by ``sqrt(inertia)``.  They are orthonormal in the mass.  Six modes ``Phi`` are rigid, independent
+  by ``sqrt(inertia)``.  They are mass-orthonormal.  Six modes ``Phi`` are rigid, independent
   and mass-normalised if and only if ``Phi = B X`` with ``X`` orthogonal.  Such an ``X`` exists if
   and only if ``Phi Phi^T = B B^T``.
 * **Flexibility.** The retained elastic modes contribute ``Phi Omega^-2 Phi^H`` to the static

@@ -226,7 +226,7 @@ DEFAULTS = {
 
 
 def _settings(settings: Mapping[str, Any]) -> dict[str, str]:
-    """Return all settings as texts, with the meaning of those that are not given."""
+    """Return all settings as strings, and the meaning of those that are not given."""
     texts = {}
     for name, value in sorted(settings.items()):
         if name == "load_per_preload" and settings.get("speed") is not None:

@@ -296,8 +296,8 @@ def plot_accuracy(result: AccuracyCost, ax: Axes = NEW, *, of: str = "peak") -> 
     The error of a run is its difference from the reference (the most detailed settings) plus the
     estimated error of the reference.  Runs that differ from the reference in one setting are
     labelled with its value.  An open square is a forecast: settings that were not computed and are
-    expected to meet the tolerance.  Crosses at the upper edge are runs of unknown error, triangles
-    at the lower edge runs without an error.
+    expected to meet the tolerance.  Crosses at the upper edge are runs of unknown error, and
+    triangles at the lower edge are runs with zero error.
 
     Parameters
     ----------

@@ -105,7 +105,7 @@ class LeftOut(NamedTuple):
 
     @property
     def at_middle(self) -> str:
-        """Reason with the middle of the part, for example "unbounded at 30 Hz: no damping"."""
+        """Reason and middle frequency of the part, for example "unbounded at 30 Hz: no damping"."""
         kind, _, cause = self.why.partition(": ")
         middle = 0.5 * (self.low + self.high)
         return f"{kind} at {amount(middle, 'Hz')}: {cause}"

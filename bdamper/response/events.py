@@ -340,7 +340,7 @@ class Events:
         Parameters
         ----------
         step : Step
-            Step with opposite signs, at its ends, of the quantity that vanishes at the event.
+            Step at whose ends the quantity that vanishes at the event has opposite signs.
         kind : {"fold", "maximum"}
         tolerance : float
             Tolerance of the position, in scaled unknowns.

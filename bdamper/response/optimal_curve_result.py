@@ -358,7 +358,7 @@ class OptimalCurve(
         return None
 
     def preloads_within(self, amplitude: float) -> tuple[float, float]:
-        """Return the range of preloads (N) around the optimum up to an amplitude (m).
+        """Return the preloads (N) around the optimum at which the amplitude (m) is not exceeded.
 
         The amplitudes are computed by harmonic balance, and interpolated between the preloads of
         the curve.

@@ -100,10 +100,11 @@ def _preload_rows(curve: OptimalCurve) -> list[Row]:
     """Return the recommended preload with the range around it, and further remarks on it."""
     best, optimum = curve.recommended_preload, curve.optimum
     low, high = curve.near_best
-    within = f"{span(low, high, 'N')}: within {percent(NEAR_BEST - 1.0)} by harmonic balance"
+    near_best = f"amplitude within {percent(NEAR_BEST - 1.0)} of the lowest"
+    within = f"{span(low, high, 'N')}: {near_best}, by harmonic balance"
     steeper = _steeper(curve)
     if steeper:
-        within += f"; the amplitude {steeper} this range"
+        within += f"; it {steeper} this range"
     remarks = [within]
     shares = loads_text(curve.settings.get("load_per_preload"))
     if shares:
@@ -200,7 +201,7 @@ def _amplitude_rows(curve: OptimalCurve, any_failed: bool) -> list[Row]:
     free = curve.free.amplitude
     if np.isfinite(free):
         ratio = free / optimum.amplitude
-        remark += f", {ratio:.3g} times below the free blade ({amount(free, 'm')})"
+        remark += f", a factor of {ratio:.3g} below the free blade ({amount(free, 'm')})"
     if in_time is None:
         remark += "; do not compute stresses from it"
     rows.append(Row(name, amount(optimum.amplitude, "m"), remark))

@@ -213,7 +213,10 @@ class ResponseCurve(
 
     @property
     def turning_points(self) -> tuple[str, ...]:
-        """Folds, and the highest points of detached and separate branches, as texts."""
+        """Descriptions of the folds and of the highest points of other branches.
+
+        These branches are :attr:`detached` or :attr:`separate`.
+        """
         folds = [self.point_text(i, "fold") for i in self.folds]
         detached = [self.point_text(i, "detached") for i in self.detached]
         separate = [self.point_text(i, "separate") for i in self.separate]
@@ -227,7 +230,7 @@ class ResponseCurve(
 
     @property
     def without_amplitude(self) -> LeftOut | None:
-        """Part with a resonance that is unbounded or has no digits in double precision, or None."""
+        """Part with a resonance that is unbounded or has no significant digits; otherwise None."""
         for part in self.missing_ranges:
             if part.why.startswith((UNBOUNDED, NO_DIGITS)):
                 return part
@@ -237,7 +240,7 @@ class ResponseCurve(
         """Return the size (m) and the frequency (Hz) of the jump at a fold.
 
         The size is the difference from the nearest other amplitude at the frequency of the fold,
-        and 0 without another solution.
+        and 0 if there is no other solution.
         """
         frequency = float(self.frequency[fold])
         # segments that do not end at the fold

@@ -526,8 +526,8 @@ def _factors(system: Equations, reference: Equations) -> NDArray:
     """
     if not np.array_equal(system.layout.n_mode, reference.layout.n_mode):
         raise NoDerivative(
-            "sensitivities: the residual modes change next to the peak, so its unknowns cannot be "
-            "compared"
+            "sensitivities: the residual modes change near the peak, so that solutions on both "
+            "sides of the change cannot be compared"
         )
     factors = np.ones(system.n_unknowns + 1)
     # largest 1 - cos^2 between the contact motions of two modes that count as the same

@@ -491,7 +491,7 @@ def _range_without_unit(motion: TimeResponse | MotionInTime) -> str:
 
 @dataclass(frozen=True)
 class HarmonicPeak:
-    """Peak with one number of harmonics.
+    """Peak computed with a given number of harmonics.
 
     Parameters
     ----------

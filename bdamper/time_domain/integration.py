@@ -95,11 +95,11 @@ class EnergyGained(IntegrationFailed):
 
 
 class TimeSpent(BdamperError):
-    """The processor time that an integration may take is spent."""
+    """The processor time that an integration may take has been used."""
 
 
 TIME_SPENT = 8
-"""Status of the core if the processor time is spent."""
+"""Status of the core if the processor time has been used."""
 
 
 class TimeLimit:
@@ -125,17 +125,17 @@ class TimeLimit:
             If there are none.
         """
         if self._left <= 0.0:
-            raise TimeSpent(f"the {self.seconds:g} s of processor time are spent")
+            raise TimeSpent(f"the {self.seconds:g} s of processor time have been used")
         return self._left
 
     def take(self, seconds: float) -> None:
-        """Subtract seconds that were spent."""
+        """Subtract used seconds."""
         with self._counting:
             self._left -= seconds
 
     @contextmanager
     def counted(self) -> Iterator[None]:
-        """Subtract the processor time of the work inside, on this thread."""
+        """Subtract the processor time that this thread spends in the ``with`` block."""
         started = time.thread_time()
         try:
             yield
@@ -144,7 +144,7 @@ class TimeLimit:
 
     @property
     def remedy(self) -> str:
-        """Advice to a user if the time is spent."""
+        """Advice to a user if the time has been used."""
         return f"raise seconds, {self.seconds:g} now"
 
 

@@ -41,7 +41,7 @@ from bdamper.time_domain.transient import CRITERIA, SteadyPoint, Transient, sett
 from bdamper.util.formatting import amount
 
 APART = 0.01
-"""Smallest distance of the flank from the tip, relative to the frequency, if the half width is
+"""Smallest distance of the flank from the peak, relative to the frequency, if the half-width is
 unknown.
 """
 
@@ -62,7 +62,7 @@ class BalanceCurve:
 
     @property
     def tip(self) -> float:
-        """Frequency of the highest point, Hz."""
+        """Frequency of the peak, Hz."""
         return float(self.frequency[self.top])
 
     def at(self, frequency: float) -> NDArray:
@@ -72,8 +72,9 @@ class BalanceCurve:
         return np.sort(amplitudes)[::-1]
 
     def solution(self, frequency: float) -> NDArray:
-        """Return the unknowns of the highest solution closest to a frequency, of any solution in a
-        gap of the curve.
+        """Return the unknowns of the highest solution at the point closest to a frequency (Hz).
+
+        In a gap of the curve, it is the closest solution of any amplitude.
         """
         # in a gap of the curve the level is 0, so that all points count
         highest = max(self.at(frequency), default=0.0)
@@ -83,25 +84,26 @@ class BalanceCurve:
 
     @property
     def half_width(self) -> float:
-        """Half width of the resonance, Hz: the smaller one of the two sides."""
+        """Half-width of the resonance at half power, Hz: the smaller one of both sides."""
         # a width is NaN if the branch ends on its side
         signed_widths = [width for width, _ in self.sides.values()]
         return float(np.nanmin(np.abs(signed_widths)))
 
     @property
     def flank(self) -> float:
-        """Frequency (Hz) nearest to the tip, beyond half of the half width, with one solution; NaN
-        if there is none.
+        """Frequency (Hz) with only one solution, more than half a half-width away from the peak.
+
+        It is the one closest to the peak, and NaN if there is none.
         """
         flanks = [flank for _, flank in self.sides.values() if np.isfinite(flank)]
         return min(flanks, key=lambda f: abs(f - self.tip), default=float("nan"))
 
     def _side(self, sign: float) -> tuple[float, float]:
-        """Return the signed half-power width (Hz) on one side of the tip, and a frequency there.
+        """Return the signed half-width (Hz) on one side of the peak, and a frequency there.
 
         The frequency is the first one, beyond half of this width, at which there is only one
         solution.  If the response does not decrease to half its power, the width is twice the
-        distance from the tip to this frequency.  Both values are NaN if the branch ends earlier.
+        distance from the peak to this frequency.  Both values are NaN if the branch ends earlier.
         """
         tip = self.tip
         height = self.amplitude[self.top]

@@ -555,7 +555,7 @@ def _stated(
 ) -> TimeResponse:
     """Return the result of a search: a result without amplitudes, completed by the motions.
 
-    ``doubt_about_curve`` is a doubt about the response curve, or empty.
+    ``doubt_about_curve`` is a doubt about the response curve, or an empty string.
     """
     search = integrations.search
     best = search.best
@@ -927,7 +927,7 @@ def _index_of_point(curve: ResponseCurve, index: int | None) -> int:
 
 
 def _check_on_curve(curve: ResponseCurve, frequency: float, index: int | None) -> None:
-    """Warn of a frequency (Hz) beyond the curve, and refuse an index in addition to it."""
+    """Warn about a frequency (Hz) beyond the curve, and refuse an index in addition to it."""
     low = curve.frequency.min()
     high = curve.frequency.max()
     if not low <= frequency <= high:

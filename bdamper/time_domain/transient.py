@@ -167,8 +167,8 @@ class Transient:
     steps : int, optional
         Time steps per period; :data:`~bdamper.time_domain.integration.STEPS` by default.
     blade : int, optional
-        Blade of the amplitude; by default the blade of highest mean over the second half of the
-        periods.
+        Blade whose amplitude is returned; by default the blade with the highest mean amplitude in
+        the second half of the periods.
 
     Attributes
     ----------
@@ -181,8 +181,8 @@ class Transient:
     stored : list of (int, float)
         Numbers of periods, and the energy (J) that the contact springs store after them.
     memory : float
-        Periods in which a transient of the least damped mode falls to 1/e; contacts alone damp free
-        bodies.
+        Number of periods in which a transient of the least damped mode decays to 1/e.  Rigid
+        motions of free bodies, which only contacts damp, are not included.
 
     Raises
     ------
@@ -237,7 +237,7 @@ class Transient:
 
     @property
     def blade(self) -> int:
-        """Index of the blade of the amplitude."""
+        """Index of the blade whose amplitude is returned."""
         if self._blade is not None:
             return self._blade
         return int(np.abs(second_half(self.blades)).mean(axis=0).argmax())

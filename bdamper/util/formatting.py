@@ -206,8 +206,8 @@ def table_lines(
 ) -> list[str]:
     """Return the lines of a table without empty columns, with at most ``width`` characters.
 
-    The last line names the other columns.  If ``whole``, they follow in further tables, each with
-    the first column.
+    The last line names the columns that do not fit.  If ``whole``, these follow in further tables,
+    each with the first column.
     """
     # a column without texts below its head is empty
     columns = [column for column in zip(*rows) if any(column[1:])]
@@ -224,8 +224,9 @@ def table_lines(
         lines += aligned([*zip(first, *remaining[:n_shown])], indent)
         remaining = remaining[n_shown:]
     if remaining:
-        others = ", ".join(column[0] for column in remaining)
-        lines.append(truncate(f"{indent}Columns only in the summary: {others}", width))
+        others = ", ".join(f'"{column[0]}"' for column in remaining)
+        columns_text = "Column" if len(remaining) == 1 else "Columns"
+        lines.append(truncate(f"{indent}{columns_text} only in the summary: {others}", width))
     return lines
 
 

@@ -30,7 +30,10 @@ def each(values: NDArray) -> tuple[float, float]:
 
 
 def some(values: NDArray) -> tuple[float, float]:
-    """Return the largest and the smallest value, so that one plausible value suffices."""
+    """Return the largest and the smallest value as limits that pass if any value is plausible.
+
+    The largest value is compared with the lower bound, and the smallest with the upper bound.
+    """
     return float(values.max()) or np.inf, float(values.min())
 
 
@@ -72,7 +75,7 @@ class Range:
     compared: Callable[[NDArray], tuple[float, float]] = each
 
     def check(self, item: str, values: NDArray, sizes: object = None, key: object = None) -> None:
-        """Warn of values outside the range.
+        """Warn about values outside the range.
 
         Nothing is checked if the bounds need sizes and ``sizes`` is None.
         """
@@ -482,7 +485,7 @@ def check(
     item: str = "",
     function: str | None = None,
 ) -> None:
-    """Warn of an implausible value.
+    """Warn about an implausible value.
 
     Parameters
     ----------

@@ -264,13 +264,13 @@ def check_folder(path: FilePath) -> None:
     """Raise BdamperError if the folder of a path does not exist or the path is a folder."""
     folder = as_path(path).resolve().parent
     if not folder.is_dir():
-        raise BdamperError(f"{path}: expected a folder that exists, found no '{folder}'")
+        raise BdamperError(f"{path}: expected an existing folder, found no '{folder}'")
     if Path(path).is_dir():
         raise BdamperError(f"{path}: expected a file that can be written, found a folder")
 
 
 def check_regular(path: FilePath) -> None:
-    """Raise BdamperError unless a path is free or a regular file in a folder that exists."""
+    """Raise BdamperError unless a path is free or a regular file in an existing folder."""
     check_folder(path)
     if Path(path).exists() and not Path(path).is_file():
         raise BdamperError(f"{path}: expected a regular file, found a device or a pipe")

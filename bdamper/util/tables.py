@@ -351,7 +351,7 @@ class Tabular:
         return {name: column for name, column in self.columns().items() if not column.dims}
 
     def as_rows(self) -> list[tuple[str, ...]]:
-        """Return the header and the rows as texts.
+        """Return the header and the rows, formatted as strings.
 
         Tables with more than :data:`FEW_ROWS` rows are reduced to the smallest and the largest
         value of each column.

@@ -293,7 +293,7 @@ def check_arguments(called: T, also: Iterable[str] = (), name: str = "", warns: 
     name : str
         Name in errors; by default the name of the function or class.
     warns : bool
-        Whether to warn of implausible values.
+        Whether to warn about implausible values.
     """
     if isinstance(called, type):
         called.__init__ = check_arguments(called.__init__, also, name, warns)  # type: ignore[misc]
@@ -367,7 +367,7 @@ def _convert(name: str, bound: inspect.BoundArguments) -> None:
 
 
 def _doubt(name: str, bound: inspect.BoundArguments) -> None:
-    """Warn of implausible arguments.
+    """Warn about implausible arguments.
 
     A first argument that is a study or problem provides the sizes.  If it is a function in place of
     a study, names in mappings are parameters of that function.
@@ -553,9 +553,10 @@ class Answering:
 class Checked(Answering):
     """Mixin of frozen dataclasses that checks the fields by their annotated types.
 
-    A mark that is a function of name and value checks a field of a new object and returns the
-    converted value.  Without such a mark, ``bool`` accepts True and False, and ``Literal`` one of
-    its values.  Other fields, and None in an optional field, are not checked.
+    A function in an annotation, ``Annotated[T, function]``, receives name and value of the field and
+    returns the converted value.  Without such a function, a field of type ``bool`` must be True or
+    False, and a ``Literal`` one of its values.  Other fields, and None in an optional field, are not
+    checked.
     """
 
     def __post_init__(self) -> None:
@@ -564,7 +565,7 @@ class Checked(Answering):
 
 @cache
 def _checks(cls: Callable[..., Any]) -> dict[str, Callable[[str, Any], Any]]:
-    """Return the check of each field of a class, by name."""
+    """Return a mapping of field names to the checks of a class."""
     checks: dict[str, Callable[[str, Any], Any]] = {}
     for name, field in declarations(cls).items():
         check = _check_of(field)

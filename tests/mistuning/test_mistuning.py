@@ -135,7 +135,7 @@ def test_dampers_print_as_rows():
     dampers = DamperVariation.of(4, missing=[1, 3], mass=[1.0, 1.0, 1.2, 0.9], gap=2e-5)
     shown = said(dampers)
     assert shown.startswith(
-        "4 dampers, 2 missing Missing dampers 2 1, 3 (counted from 0) Mass 0.9 to 1.2 factor"
+        "4 dampers, 2 missing Missing dampers 2 damper numbers 1, 3 (counted from 0) Mass 0.9 to 1.2 factor"
     )
     assert shown.endswith("Gap 20 µm increase of the gaps")
 

@@ -290,7 +290,7 @@ def test_what_is_open_is_red(curve):
 def test_mistakes(study, curve, tmp_path):
     with pytest.raises(bd.SettingError, match="a result of this study"):
         curve.report(tmp_path / "review.html", study.replace(friction_coefficient=0.5))
-    with pytest.raises(bd.BdamperError, match="folder that exists"):
+    with pytest.raises(bd.BdamperError, match="existing folder"):
         curve.report(tmp_path / "none" / "review.html")
     with pytest.raises(bd.BdamperError, match="with an optimum"):
         replace(curve, optimum=replace(curve.optimum, amplitude=float("nan"))).report(

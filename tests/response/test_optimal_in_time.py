@@ -165,7 +165,9 @@ def test_the_ends_of_the_range_on_request(study, monkeypatch, tmp_path):
 
 
 def test_the_range_is_named_a_result_of_harmonic_balance(curve, tmp_path):
-    assert ": within 20 % by harmonic balance" in row(curve, "Preload").remark
+    assert (
+        ": amplitude within 20 % of the lowest, by harmonic balance" in row(curve, "Preload").remark
+    )
     labels = curve.plot().axes[0].get_legend_handles_labels()[1]
     assert "within 20 % of the optimum (harmonic balance)" in labels
     plt.close("all")

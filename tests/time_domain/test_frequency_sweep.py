@@ -123,7 +123,7 @@ def test_periods_before_the_processor_time_is_spent_are_the_result(linear, monke
     monkeypatch.undo()
     assert (found.status, len(found)) == ("incomplete", 3 * CRITERIA.look)
     turns = f"after {len(found)} of {len(whole)} turns"
-    spent = "the 1000 s of processor time are spent"
+    spent = "the 1000 s of processor time have been used"
     assert found.reason == f"{spent} {turns}; raise seconds, 1000 now"
     np.testing.assert_array_equal(found.harmonics, whole.harmonics[: len(found)])
 

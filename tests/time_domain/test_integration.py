@@ -245,7 +245,7 @@ def test_an_integration_ends_when_its_time_is_spent():
     ring = stiff(8, 0, 300.0)
     ring.limit = TimeLimit(0.05)
     began = time.thread_time()
-    with pytest.raises(TimeSpent, match=re.escape("the 0.05 s of processor time are spent")):
+    with pytest.raises(TimeSpent, match=re.escape("the 0.05 s of processor time have been used")):
         ring.integrate(state(ring, 8), 1.3, 16384, 1000)
     assert time.thread_time() - began < 0.5
     # nothing is left for another integration

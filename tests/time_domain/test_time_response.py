@@ -444,7 +444,7 @@ def test_a_spent_processor_time_leaves_what_was_computed(bent, monkeypatch, call
     assert next(done) == call + 1
     assert found.status == status
     remedy = "raise seconds, 1000 now"
-    assert f"the 1000 s of processor time are spent {missing}; {remedy}" in found.reason
+    assert f"the 1000 s of processor time have been used {missing}; {remedy}" in found.reason
     known = status == "incomplete"
     assert np.isfinite([found.mean, found.lowest, found.highest]).all() == known
 
@@ -453,7 +453,7 @@ def test_a_motion_after_the_processor_time_has_the_periods_until_then(bent, monk
     study, curve = bent
     whole = study.motion_in_time(curve)
     assert whole.status == "complete" and len(whole.harmonics) > 60
-    spent = "the 1000 s of processor time are spent after 60 periods; raise seconds, 1000 now"
+    spent = "the 1000 s of processor time have been used after 60 periods; raise seconds, 1000 now"
     spent_at(monkeypatch, 60)
     found = study.motion_in_time(curve, seconds=1000.0)
     monkeypatch.undo()

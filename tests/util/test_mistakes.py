@@ -272,7 +272,7 @@ REFUSED = {
     ),
     "a folder that is not there": (
         lambda s: s.save("nowhere/x.h5"),
-        f"nowhere/x.h5: expected a folder that exists, found no '{Path.cwd()}/nowhere'",
+        f"nowhere/x.h5: expected an existing folder, found no '{Path.cwd()}/nowhere'",
     ),
     "an unknown ending": (
         lambda s: read_body("blade.xyz"),

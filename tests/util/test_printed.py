@@ -167,9 +167,10 @@ class TestBottomLine:
         assert text.startswith(
             f"Lowest amplitude at {preload}, by harmonic balance alone: engine order 5, 1 N of "
             "excitation, friction coefficient 0.4 "
-            f"Preload {preload} {span(low, high, 'N')}: within 20 % by harmonic balance "
-            f"Harmonic balance {size} {amount(o.frequency, 'Hz')}, {ratio} times below the free "
-            f"blade ({amount(curve.free.amplitude, 'm')}); do not compute stresses from it "
+            f"Preload {preload} {span(low, high, 'N')}: amplitude within 20 % of the "
+            f"lowest, by harmonic balance Harmonic balance {size} {amount(o.frequency, 'Hz')}, "
+            f"a factor of {ratio} below the free blade ({amount(curve.free.amplitude, 'm')}); "
+            "do not compute stresses from it "
         )
         assert text.endswith(
             "Not covered: time integration, more blade modes, mistuning, wear, more contact points, "
@@ -178,8 +179,8 @@ class TestBottomLine:
         assert low == 200.0, "the first preload: the amplitude has not risen there"
         assert "rises faster" not in text
         shares = o.preload * np.array([0.5, 0.8, 0.9, 1.0, 1.2, 2.0])
-        below = "; the amplitude rises faster below this range"
-        above = "; the amplitude rises faster above this range"
+        below = "; it rises faster below this range"
+        above = "; it rises faster above this range"
         for ends, side in (((1.5, 1.6), ""), ((9.0, 1.6), below), ((1.5, 9.0), above)):
             values = o.amplitude * np.array([ends[0], 1.1, 1.0, 1.0, 1.1, ends[1]])
             unknown = np.full(6, np.nan)
@@ -443,7 +444,7 @@ def test_tables_are_at_most_120_wide():
     lines = table_lines(rows, "  ")
     assert (
         max(map(len, lines)) <= 120
-        and lines[-1].startswith("  Columns only in the summary: column 10")
+        and lines[-1].startswith('  Columns only in the summary: "column 10"')
         and "empty" not in lines[-1]
     )
     below = table_lines(rows, "  ", whole=True)

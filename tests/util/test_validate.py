@@ -338,7 +338,7 @@ def test_files_that_cannot_be_named(study, tmp_path):
     curve = study.free(F)
     for save in (curve.save, lambda path: bd.save_model(study.model, path)):
         with pytest.raises(
-            bd.BdamperError, match=r"a\.h5: expected a folder that exists, found no '.*nowhere'"
+            bd.BdamperError, match=r"a\.h5: expected an existing folder, found no '.*nowhere'"
         ):
             save(tmp_path / "nowhere" / "a.h5")
     (tmp_path / "folder").mkdir()
