@@ -32,27 +32,36 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Rows for each component of motion: the mean, or cosine and sine. */
+/* Rows of harmonic l for each component of motion: the mean, or cosine and sine. Z and F hold the
+ * rows of all harmonics in this order. */
 static int n_row(int l) { return l == 0 ? 1 : 2; }
+
+/* First of these rows: mean 0, then cosine 2 l - 1 and sine 2 l of harmonic l. */
+static int first_row(int l) { return l == 0 ? 0 : 2 * l - 1; }
 
 static void copy(double *to, const double *from, size_t n) {
     if (n > 0) memcpy(to, from, sizeof(double) * n);
 }
 
-/* Gr_l from the complex interleaved G_l (n_component, n_mode). */
+/* Gr_l of each component from the complex interleaved G_l (n_component, n_mode): (2, 2 n_mode),
+ *
+ *     cosine row   Re G   Im G
+ *     sine row    -Im G   Re G,
+ *
+ * and Re G (1, n_mode) for the mean, l = 0. */
 static void expand_modes(double *real, const double *complex_G, size_t n_component, int n_mode,
                          int l) {
     const size_t n = (size_t)n_mode, size = l == 0 ? n : 4 * n;
     for (size_t i = 0; i < n_component; ++i) {
         const double *from = complex_G + 2 * i * n;
-        double *row = real + i * size;
+        double *cosine_row = real + i * size, *sine_row = cosine_row + 2 * n;
         for (size_t j = 0; j < n; ++j) {
             const double re = from[2 * j], im = from[2 * j + 1];
-            row[j] = re;
+            cosine_row[j] = re;
             if (l == 0) continue;
-            row[n + j] = im;
-            row[2 * n + j] = -im;
-            row[3 * n + j] = re;
+            cosine_row[n + j] = im;
+            sine_row[j] = -im;
+            sine_row[n + j] = re;
         }
     }
 }
@@ -72,44 +81,51 @@ static void set_elements(bd_hbm *hbm, const bd_hbm_input *in) {
     }
 }
 
-/* Stiffness of the spring of component a of a point, 0 if it has none. */
+/* Stiffness of the spring of component a (tangential 0 and 1, normal) of a point, 0 if it has
+ * none. */
 static double spring(const bd_element *element, int a) {
     if (element->law == BD_LAW_USER) return 0.0; /* unknown without a call of the law */
-    if (a == 2) return element->kn;
+    if (a == BD_NORMAL) return element->kn;
     const int is_bonded = element->law == BD_LAW_BONDED;
     return is_bonded || bd_element_has_friction(element, a) ? element->kt[a] : 0.0;
 }
 
+/* Columns of Gr_l: the unknowns of harmonic l, its modes or their cosines and sines. */
 static size_t columns_of(const bd_hbm *hbm, int l) { return (size_t)(n_row(l) * hbm->n_mode[l]); }
 
+/* Place of component a of point p among the components of all points. */
+static size_t component_of(size_t p, int a) { return BD_N_COMPONENT * p + (size_t)a; }
+
+/* Rows of Gr_l (n_row, columns) of one component of motion. */
 static const double *rows_of(const bd_hbm *hbm, int l, size_t component) {
     return hbm->G[l] + component * (size_t)n_row(l) * columns_of(hbm, l);
 }
 
-/* K += Gr^T k Gr for the springs of component a of all points; `scaled` is work for the rows of one
- * component. */
+/* K (columns, columns) += sum over points of g^T (k g): stiffness of the springs k of component a,
+ * with the rows g (n_row, columns) of Gr_l of this component. `scaled` is work for k g. */
 static void sum_springs(const bd_hbm *hbm, int l, int a, double *scaled, double *K) {
     const size_t n = columns_of(hbm, l), rows = (size_t)n_row(l), stride = bd_kernel_stride(n);
     for (size_t p = 0; p < (size_t)hbm->n_point; ++p) {
         const double k = spring(hbm->element + p, a);
-        const double *g = rows_of(hbm, l, 3 * p + (size_t)a);
+        const double *g = rows_of(hbm, l, component_of(p, a));
         for (size_t i = 0; i < rows; ++i)
             for (size_t j = 0; j < n; ++j) scaled[i * stride + j] = k * g[i * n + j];
         hbm->kernel->product(n, n, rows, g, scaled, stride, K, n);
     }
 }
 
-/* Modal stiffness of all springs, for each harmonic and component of motion. */
+/* Modal stiffness of the springs of all points: for each harmonic (3, columns, columns), one matrix
+ * for each component of motion. */
 static bd_status springs_create(bd_hbm *hbm) {
     for (int l = 0; l <= hbm->n_harm; ++l) {
         const size_t n = columns_of(hbm, l), rows = (size_t)n_row(l), stride = bd_kernel_stride(n);
-        hbm->spring_stiffness[l] = calloc(3 * n * n + 1, sizeof(double));
+        hbm->spring_stiffness[l] = calloc(BD_N_COMPONENT * n * n + 1, sizeof(double));
         double *scaled = calloc(rows * stride + BD_KERNEL_PAD, sizeof(double));
         if (!hbm->spring_stiffness[l] || !scaled) {
             free(scaled);
             return BD_NO_MEMORY;
         }
-        for (int a = 0; a < 3; ++a)
+        for (int a = 0; a < BD_N_COMPONENT; ++a)
             sum_springs(hbm, l, a, scaled, hbm->spring_stiffness[l] + (size_t)a * n * n);
         free(scaled);
     }
@@ -198,7 +214,7 @@ static bd_status workspace_create(bd_hbm *hbm) {
     for (int l = 0; l <= hbm->n_harm; ++l) n_column += (size_t)n_row(l) * columns_of(hbm, l);
     hbm->chunk = (int)chunk;
     hbm->tangent_kind = calloc(n_component + 1, 1);
-    hbm->tangent_blocks = malloc(sizeof(double) * BD_LANES * 9 * n_coef * n_coef);
+    hbm->tangent_blocks = malloc(sizeof(double) * BD_LANES * BD_N_USER_BLOCK * n_coef * n_coef);
     hbm->tangent_modes = calloc(chunk * per_component + BD_KERNEL_PAD, sizeof(double));
     hbm->chunk_modes = calloc(chunk * n_column + BD_KERNEL_PAD, sizeof(double));
     if (!hbm->tangent_kind || !hbm->tangent_blocks) return BD_NO_MEMORY;
@@ -272,6 +288,10 @@ void bd_hbm_destroy(bd_hbm *hbm) {
 
 /* ---- motion and force ---- */
 
+/* Relative motion X (n_component, n_coef) of the contact points from the unknowns u: X_l = Gr_l q_l
+ * harmonic by harmonic, and X_0 = G_0 q_0 + shift. The sine row of Gr_l is (-Im G, Re G). The sine
+ * of the motion is therefore a . [s; -c] with the cosine row a = (Re G, Im G), which alone is read.
+ * */
 void bd_hbm_motion(bd_hbm *hbm, const double *u) {
     const size_t n_component = 3 * (size_t)hbm->n_point, n_coef = (size_t)hbm->n_coef;
     double *value = hbm->harmonic_values, *shifted = hbm->shifted_amplitudes;
@@ -281,7 +301,6 @@ void bd_hbm_motion(bd_hbm *hbm, const double *u) {
     for (int l = 1; l <= hbm->n_harm; ++l) {
         const double *q = u + hbm->first_unknown[l];
         const size_t n_mode = (size_t)hbm->n_mode[l];
-        /* the sine row of Gr on [c; s] is the cosine row on [s; -c] */
         for (size_t j = 0; j < n_mode; ++j) {
             shifted[j] = q[n_mode + j];
             shifted[n_mode + j] = -q[j];
@@ -295,6 +314,7 @@ void bd_hbm_motion(bd_hbm *hbm, const double *u) {
     }
 }
 
+/* r_l += Gr_l^T F_l harmonic by harmonic, for contact forces F (n_component, n_coef). */
 void bd_hbm_add_force(bd_hbm *hbm, const double *F, double *r) {
     const size_t n_component = 3 * (size_t)hbm->n_point, n_coef = (size_t)hbm->n_coef;
     double *value = hbm->harmonic_values;
@@ -314,6 +334,14 @@ void bd_hbm_add_force(bd_hbm *hbm, const double *F, double *r) {
     }
 }
 
+/* Linear equations of each mode with stiffness k, mass m, damping c and force E. For the mean,
+ * r = k u - E. For the cosine a and the sine b of harmonic l, w = l omega,
+ *
+ *     r_a = (k - w^2 m) u_a + w c u_b - E_a
+ *     r_b = (k - w^2 m) u_b - w c u_a - E_b.
+ *
+ * Set r (n_unknown); add the factors of u to J (n_unknown, n_unknown) and set r_omega, the
+ * derivative with respect to omega, unless NULL. */
 void bd_hbm_linear_part(const bd_hbm *hbm, const double *u, double omega, double *r, double *J,
                         double *r_omega) {
     const size_t n = (size_t)hbm->n_unknown, n_mode0 = (size_t)hbm->n_mode[0];
@@ -355,43 +383,51 @@ void bd_hbm_linear_part(const bd_hbm *hbm, const double *u, double omega, double
 
 /* ---- Jacobian ---- */
 
-/* Row of Z in the chunk. Z and its rows of G hold, harmonic after harmonic, the rows (component of
- * the chunk, cosine/sine). */
+/* Row of Z = B Gr (tangent B of a component of force times the modes) for row `part` (0: mean or
+ * cosine, 1: sine) of harmonic l of the component at place `slot` of the chunk. The rows are stored
+ * harmonic after harmonic, in each (slot, part); a row has n_unknown numbers and padding. */
 static double *z_row(const bd_hbm *hbm, int l, size_t slot, int part) {
-    /* rows for each component in lower harmonics */
-    const size_t before = l == 0 ? 0 : (size_t)(2 * l - 1);
-    const size_t index = before * (size_t)hbm->chunk + slot * (size_t)n_row(l) + (size_t)part;
+    const size_t in_lower_harmonics = (size_t)first_row(l) * (size_t)hbm->chunk;
+    const size_t index = in_lower_harmonics + slot * (size_t)n_row(l) + (size_t)part;
     return hbm->tangent_modes + index * bd_kernel_stride((size_t)hbm->n_unknown);
 }
 
-/* Rows of G of the chunk for one harmonic. */
+/* Rows of Gr_l (slot, n_row, columns) of the components of the chunk. */
 static double *chunk_rows(const bd_hbm *hbm, int l) {
-    size_t before = 0;
-    for (int m = 0; m < l; ++m) before += (size_t)n_row(m) * columns_of(hbm, m);
-    return hbm->chunk_modes + before * (size_t)hbm->chunk;
+    size_t in_lower_harmonics = 0; /* numbers of one component */
+    for (int m = 0; m < l; ++m) in_lower_harmonics += (size_t)n_row(m) * columns_of(hbm, m);
+    return hbm->chunk_modes + in_lower_harmonics * (size_t)hbm->chunk;
 }
 
-/* J += Gr^T Z for the components of the chunk, then empty the chunk. */
+/* Add the components of contact force that the chunk has collected to the Jacobian, and empty the
+ * chunk. Harmonic l of these forces acts on the modes by Gr_l^T, and depends on all unknowns by
+ * Z_l = B_l Gr (B tangent of the contact law), hence
+ *
+ *     J_l (columns, n_unknown) += Gr_l^T Z_l,   Gr_l (rows, columns),   Z_l (rows, n_unknown),
+ *
+ * for the rows J_l of harmonic l in J. Each component of the chunk has the row of the mean, or the
+ * rows of cosine and sine. */
 static void flush_chunk(bd_hbm *hbm, double *J) {
-    const size_t n = (size_t)hbm->n_unknown, stride = bd_kernel_stride(n);
+    const size_t n = (size_t)hbm->n_unknown, z_stride = bd_kernel_stride(n);
     if (hbm->n_chunk == 0) return;
     for (int l = 0; l <= hbm->n_harm; ++l) {
-        const size_t rows = (size_t)(hbm->n_chunk * n_row(l));
-        double *to = J + (size_t)hbm->first_unknown[l] * n;
-        hbm->kernel->product(columns_of(hbm, l), n, rows, chunk_rows(hbm, l), z_row(hbm, l, 0, 0),
-                             stride, to, n);
+        const size_t rows = (size_t)(hbm->n_chunk * n_row(l)), columns = columns_of(hbm, l);
+        const double *Gr_l = chunk_rows(hbm, l), *Z_l = z_row(hbm, l, 0, 0);
+        double *J_l = J + (size_t)hbm->first_unknown[l] * n;
+        /* C (m, n) += A^T B with A (k, m) and B (k, n): m, n, k, A, B, stride of B, C, stride */
+        hbm->kernel->product(columns, n, rows, Gr_l, Z_l, z_stride, J_l, n);
     }
     hbm->n_chunk = 0;
 }
 
-/* Blocks of the tangent of component a, and the components of motion on which they act; return
- * their number. */
+/* Tangent blocks (n_coef, n_coef) of component a of the force that are not zero, and the components
+ * of motion on which they act; return their number. The first one acts on the same component. */
 static int list_blocks(const bd_response *response, int a, const double *block[3],
                        size_t source[3]) {
     int n = 1;
-    if (a == 2) {
+    if (a == BD_NORMAL) {
         block[0] = response->dN;
-        source[0] = 2;
+        source[0] = BD_NORMAL;
         if (!response->with_tangential) return n;
         for (size_t d = 0; d < 2; ++d, ++n) {
             block[n] = response->dNt[d];
@@ -403,7 +439,7 @@ static int list_blocks(const bd_response *response, int a, const double *block[3
     source[0] = (size_t)a;
     if (response->with_normal[a]) {
         block[n] = response->dTv[a];
-        source[n] = 2;
+        source[n] = BD_NORMAL;
         ++n;
     }
     if (response->coupled) {
@@ -414,7 +450,12 @@ static int list_blocks(const bd_response *response, int a, const double *block[3
     return n;
 }
 
-/* Add component a of point p, whose tangent is full, to the chunk. */
+/* Add component a of the force at point p, whose tangent has full blocks B, to the chunk: its rows
+ * of Gr, and the rows
+ *
+ *     Z (n_coef, n_unknown) = sum over the components s of motion on which it depends of B_s Gr_s.
+ *
+ * A full chunk is added to J. */
 static void add_component(bd_hbm *hbm, size_t p, int a, const bd_response *response, double *J) {
     const double *g[(BD_MAX_HARM + 1) * 3];
     double *z[BD_MAX_COEF];
@@ -431,50 +472,56 @@ static void add_component(bd_hbm *hbm, size_t p, int a, const bd_response *respo
     ++hbm->n_chunk;
     for (int l = 0; l <= hbm->n_harm; ++l) {
         const size_t size = (size_t)n_row(l) * columns_of(hbm, l);
-        const int first_row = l == 0 ? 0 : 2 * l - 1;
+        double *own_rows = chunk_rows(hbm, l) + slot * size;
         for (int s = 0; s < fill.n_source; ++s)
-            g[l * fill.n_source + s] = rows_of(hbm, l, 3 * p + source[s]);
-        for (int part = 0; part < n_row(l); ++part) z[first_row + part] = z_row(hbm, l, slot, part);
-        copy(chunk_rows(hbm, l) + slot * size, rows_of(hbm, l, 3 * p + (size_t)a), size);
+            g[l * fill.n_source + s] = rows_of(hbm, l, component_of(p, (int)source[s]));
+        for (int part = 0; part < n_row(l); ++part)
+            z[first_row(l) + part] = z_row(hbm, l, slot, part);
+        copy(own_rows, rows_of(hbm, l, component_of(p, a)), size);
     }
     hbm->kernel->fill_rows(&fill);
     if (hbm->n_chunk == hbm->chunk) flush_chunk(hbm, J);
 }
 
-/* J += sign * k g g^T for one harmonic and the components a whose tangent is linear (or, with
- * `linear` 0, is not). */
+/* J_ll (columns, columns) += sign * sum over points of g^T (k g), the springs k of component a with
+ * the rows g (n_row, columns) of Gr_l. J_ll is the diagonal block of harmonic l in J. The sum runs
+ * over the points whose tangent of this component is linear, or with `linear` 0 over the others. It
+ * is added as Gr^T Z for chunks of points, with the rows g in Gr and k g in Z. */
 static void add_springs_of_harmonic(bd_hbm *hbm, int l, int a, int linear, double sign, double *J) {
     const size_t n = (size_t)hbm->n_unknown, columns = columns_of(hbm, l);
     const size_t rows = (size_t)n_row(l), stride = bd_kernel_stride(columns);
     const size_t first = (size_t)hbm->first_unknown[l], n_point = (size_t)hbm->n_point;
-    double *G = hbm->chunk_modes, *Z = hbm->tangent_modes;
+    double *Gr = hbm->chunk_modes, *Z = hbm->tangent_modes;
+    double *J_ll = J + first * n + first;
     size_t slot = 0;
     for (size_t p = 0; p < n_point; ++p) {
-        const size_t component = 3 * p + (size_t)a;
+        const size_t component = component_of(p, a);
         const double k = sign * spring(hbm->element + p, a);
         const int is_linear = hbm->tangent_kind[component] == BD_BLOCK_LINEAR;
         if (k != 0.0 && is_linear == linear) {
             const double *g = rows_of(hbm, l, component);
             double *z = Z + slot * rows * stride;
-            copy(G + slot * rows * columns, g, rows * columns);
+            copy(Gr + slot * rows * columns, g, rows * columns);
             for (size_t i = 0; i < rows; ++i)
                 for (size_t j = 0; j < columns; ++j) z[i * stride + j] = k * g[i * columns + j];
             ++slot;
         }
         const int is_last = p + 1 == n_point;
         if (slot == (size_t)hbm->chunk || is_last) {
-            double *to = J + first * n + first;
-            hbm->kernel->product(columns, columns, slot * rows, G, Z, stride, to, n);
+            hbm->kernel->product(columns, columns, slot * rows, Gr, Z, stride, J_ll, n);
             slot = 0;
         }
     }
 }
 
+/* Add sign times the springs of component a to J: those of points whose tangent of this component
+ * is linear, or with `linear` 0 those of the other points. */
 static void add_springs(bd_hbm *hbm, int a, int linear, double sign, double *J) {
     for (int l = 0; l <= hbm->n_harm; ++l) add_springs_of_harmonic(hbm, l, a, linear, sign, J);
 }
 
-/* J += K of component a, harmonic by harmonic. */
+/* J_ll += K_l (columns, columns), the stiffness of the springs of component a of all points, for
+ * the diagonal block J_ll of each harmonic l. */
 static void add_all_springs(const bd_hbm *hbm, int a, double *J) {
     const size_t n = (size_t)hbm->n_unknown;
     for (int l = 0; l <= hbm->n_harm; ++l) {
@@ -487,53 +534,59 @@ static void add_all_springs(const bd_hbm *hbm, int a, double *J) {
     }
 }
 
-/* Add the components that are linear through the cycle. In a speed family the sums over all points
- * change with the parameter and are not computed. */
+/* Add the components of force that are linear through the cycle, B = k I with the spring k. If most
+ * springs of a component are linear, begin with the known sum over the springs of all points, and
+ * subtract the others. In a speed family the springs change with the parameter, and this sum is not
+ * known. */
 static void add_linear_components(bd_hbm *hbm, double *J) {
-    for (int a = 0; a < 3; ++a) {
+    enum { OTHERS = 0, LINEAR = 1 };
+    for (int a = 0; a < BD_N_COMPONENT; ++a) {
         int n_linear = 0, n_spring = 0;
         for (size_t p = 0; p < (size_t)hbm->n_point; ++p) {
             if (spring(hbm->element + p, a) == 0.0) continue;
             ++n_spring;
-            n_linear += hbm->tangent_kind[3 * p + (size_t)a] == BD_BLOCK_LINEAR;
+            n_linear += hbm->tangent_kind[component_of(p, a)] == BD_BLOCK_LINEAR;
         }
         const int most_are_linear = 2 * n_linear > n_spring;
         if (most_are_linear && !hbm->variation) {
             add_all_springs(hbm, a, J);
-            if (n_linear < n_spring) add_springs(hbm, a, 0, -1.0, J);
+            if (n_linear < n_spring) add_springs(hbm, a, OTHERS, -1.0, J);
         } else if (n_linear > 0) {
-            add_springs(hbm, a, 1, 1.0, J);
+            add_springs(hbm, a, LINEAR, 1.0, J);
         }
     }
 }
 
-/* Where an evaluation writes the force and, with a tangent, the blocks of a point. */
+/* Where an evaluation writes the force (3, n_coef) of point p and, with a tangent, the blocks
+ * (n_coef, n_coef). The points of a group evaluated together, by lane, have their own blocks. */
 static bd_response response_of(bd_hbm *hbm, size_t p, size_t lane, int with_tangent) {
     const size_t n_coef = (size_t)hbm->n_coef, block_size = n_coef * n_coef;
-    double *block = hbm->tangent_blocks + lane * 9 * block_size;
-    bd_response out = {.F = hbm->F + 3 * p * n_coef};
+    double *block = hbm->tangent_blocks + lane * BD_N_USER_BLOCK * block_size;
+    bd_response out = {.F = hbm->F + BD_N_COMPONENT * p * n_coef};
     if (!with_tangent) return out;
     for (size_t d = 0; d < 2; ++d) {
-        out.dT[d] = block + d * block_size;
-        out.dTv[d] = block + (2 + d) * block_size;
-        out.dTc[d] = block + (4 + d) * block_size;
-        out.dNt[d] = block + (7 + d) * block_size;
+        out.dT[d] = block + (BD_DT1_DU1 + d) * block_size;
+        out.dTv[d] = block + (BD_DT1_DV + d) * block_size;
+        out.dTc[d] = block + (BD_DT1_DU2 + d) * block_size;
+        out.dNt[d] = block + (BD_DN_DU1 + d) * block_size;
     }
-    out.dN = block + 6 * block_size;
+    out.dN = block + BD_DN_DV * block_size;
     return out;
 }
 
-/* Derivatives of the forces of a group of points, from its tangents. */
+/* Derivatives dF (3, n_coef) of the forces of n points from `first` on with respect to the
+ * parameter of hbm->derivative, which has the derivatives of motion and contact parameters. */
 static void find_derivatives(bd_hbm *hbm, size_t first, size_t n, const bd_response *response) {
     const struct bd_hbm *derivative = hbm->derivative;
     for (size_t i = 0; i < n; ++i) {
-        const size_t p = first + i, at = 3 * p * (size_t)hbm->n_coef;
+        const size_t p = first + i, at = BD_N_COMPONENT * p * (size_t)hbm->n_coef;
         bd_force_derivative(hbm->element + p, derivative->element + p, hbm->n_harm, hbm->X + at,
                             derivative->X + at, response + i, derivative->F + at);
     }
 }
 
-/* Write one block of the tangent of the contact forces. */
+/* Copy a block (n_coef, n_coef) to the tangent (m, m) of the contact forces in parts, m =
+ * components times n_coef: row block `to` (force), column block `from` (motion). */
 static void write_block(const bd_hbm *hbm, int to, int from, const double *block) {
     const bd_jacobian_parts *parts = hbm->parts;
     const size_t n_coef = (size_t)hbm->n_coef, m = (size_t)parts->n_component * n_coef;
@@ -541,46 +594,54 @@ static void write_block(const bd_hbm *hbm, int to, int from, const double *block
     for (size_t i = 0; i < n_coef; ++i) copy(corner + i * m, block + i * n_coef, n_coef);
 }
 
-/* Write the tangent of component a of a point. */
+/* Write the tangent of component a of the force at a point to the matrix (m, m) in parts, which has
+ * a block row and column for each component that the modes move. */
 static void write_tangent(const bd_hbm *hbm, size_t p, int a, const bd_response *response) {
     const bd_jacobian_parts *parts = hbm->parts;
     const size_t n_coef = (size_t)hbm->n_coef, m = (size_t)parts->n_component * n_coef;
-    const bd_block kind = a < 2 ? response->tangential[a] : response->normal;
-    const int to = parts->place[3 * p + (size_t)a];
-    if (to < 0) return;
+    const bd_block kind = a == BD_NORMAL ? response->normal : response->tangential[a];
+    const int to = parts->place[component_of(p, a)];
+    const int is_moved = to >= 0;
+    if (!is_moved) return;
     if (kind == BD_BLOCK_LINEAR) {
+        /* k on the diagonal */
         const double k = spring(hbm->element + p, a);
-        double *first = parts->tangent + (size_t)to * n_coef * (m + 1);
-        for (size_t i = 0; i < n_coef; ++i) first[i * (m + 1)] = k;
+        const size_t next_diagonal = m + 1;
+        double *first = parts->tangent + (size_t)to * n_coef * next_diagonal;
+        for (size_t i = 0; i < n_coef; ++i) first[i * next_diagonal] = k;
     }
     if (kind != BD_BLOCK_FULL) return;
     const double *block[3];
     size_t source[3];
     const int n_source = list_blocks(response, a, block, source);
     for (int s = 0; s < n_source; ++s) {
-        const int from = parts->place[3 * p + source[s]];
+        const int from = parts->place[component_of(p, (int)source[s])];
         if (from >= 0) write_block(hbm, to, from, block[s]);
     }
 }
 
 static void write_tangents(const bd_hbm *hbm, size_t first, size_t n, const bd_response *response) {
     for (size_t i = 0; i < n; ++i)
-        for (int a = 0; a < 3; ++a) write_tangent(hbm, first + i, a, response + i);
+        for (int a = 0; a < BD_N_COMPONENT; ++a) write_tangent(hbm, first + i, a, response + i);
 }
 
-/* Record the form of the tangents of a group of points, and add the full ones to J. */
+/* Record the form of the tangents of n points from `first` on, and add the full ones to J. The
+ * linear ones follow when all points are known (add_linear_components). */
 static void add_tangents(bd_hbm *hbm, size_t first, size_t n, const bd_response *response,
                          double *J) {
     for (size_t i = 0; i < n; ++i) {
-        for (int a = 0; a < 3; ++a) {
-            const bd_block kind = a < 2 ? response[i].tangential[a] : response[i].normal;
-            hbm->tangent_kind[3 * (first + i) + (size_t)a] = (unsigned char)kind;
+        for (int a = 0; a < BD_N_COMPONENT; ++a) {
+            const int is_normal = a == BD_NORMAL;
+            const bd_block kind = is_normal ? response[i].normal : response[i].tangential[a];
+            hbm->tangent_kind[component_of(first + i, a)] = (unsigned char)kind;
             if (kind == BD_BLOCK_FULL) add_component(hbm, first + i, a, response + i, J);
         }
     }
 }
 
-/* Contact forces of all points and their contribution to J. */
+/* Compute the contact forces F of all points at the motion X in groups of BD_LANES. Add their
+ * contribution to J, unless NULL. If the equations have a derivative or parts of the Jacobian,
+ * write these as well. */
 static void contact_part(bd_hbm *hbm, double *J) {
     bd_response response[BD_LANES];
     const int with_tangent = J || hbm->derivative || hbm->parts;

@@ -10,11 +10,14 @@
  *
  *     L_n x_(n-1) + D_n x_n + U_n x_(n+1) = b_n,    n modulo N.
  *
- * Its elimination has the last sector as border. W couples a sector to the last one, and V couples
- * the last one to the sector:
+ * Its elimination is the block LU factorisation of a cyclic block-tridiagonal matrix with the last
+ * sector as border. W (right column) couples a sector to the last sector, and V (bottom row) the
+ * last sector to it. Both fill in from sector to sector:
  *
- *     D_(n+1) -= L_(n+1) D_n^-1 U_n,     W_(n+1) = -L_(n+1) D_n^-1 W_n,
- *     D_last  -= V_n D_n^-1 W_n,         V_(n+1) = -V_n D_n^-1 U_n.
+ *     [ D_0  U_0              W_0    ]      D_(n+1) -= L_(n+1) D_n^-1 U_n,
+ *     [ L_1  D_1  U_1         W_1    ]      W_(n+1) = -L_(n+1) D_n^-1 W_n,
+ *     [      L_2  D_2  ...    ...    ]      D_last  -= V_n D_n^-1 W_n,
+ *     [ V_0  V_1  ...         D_last ]      V_(n+1) = -V_n D_n^-1 U_n.
  *
  * The determinant is the product of the determinants of E_n and D_n at their elimination. The
  * transposed matrix has the same factors in reverse order.
@@ -58,23 +61,26 @@ void bd_ring_destroy(bd_ring *w) {
     memset(w, 0, sizeof *w);
 }
 
-/* Sort the points into those on the blade of the sector and those on the next blade, and copy their
- * rows in this order, also transposed. */
+/* Sort the points into two groups: 0 on the blade of the sector, 1 on the next blade. Copy the rows
+ * (3, sector_size) of each point in this order to w->rows, and for each group also the transposed
+ * matrix (sector_size, 3 points of the group) to w->rows_transposed. */
 static void sort_points(bd_ring *w) {
     const bd_ring_input *in = &w->input;
-    const int ns = w->sector_size, row_size = 3 * ns;
+    const int ns = w->sector_size, rows_size = BD_N_COMPONENT * ns;
     int k = 0; /* place in the new order */
-    for (int g = 0; g < 2; ++g) {
-        const int first = g ? w->n_group[0] : 0, wide = 3 * w->n_group[g];
-        double *transposed = w->rows_transposed + first * row_size; /* (ns, wide) */
+    for (int group = 0; group < 2; ++group) {
+        const int first = group ? w->n_group[0] : 0;
+        const int n_row = BD_N_COMPONENT * w->n_group[group];
+        double *transposed = w->rows_transposed + first * rows_size; /* (ns, n_row) */
         for (int p = 0; p < in->n_point; ++p) {
-            const int group = in->on_next[p] != 0;
-            if (group != g) continue;
-            const double *rows = in->rows + p * row_size;
-            memcpy(w->rows + k * row_size, rows, sizeof(double) * (size_t)row_size);
-            for (int d = 0; d < 3; ++d)
+            const int group_of_point = in->on_next[p] != 0;
+            if (group_of_point != group) continue;
+            const double *rows = in->rows + p * rows_size;
+            const int first_row = BD_N_COMPONENT * (k - first);
+            memcpy(w->rows + k * rows_size, rows, sizeof(double) * (size_t)rows_size);
+            for (int a = 0; a < BD_N_COMPONENT; ++a)
                 for (int j = 0; j < ns; ++j)
-                    transposed[j * wide + 3 * (k - first) + d] = rows[d * ns + j];
+                    transposed[j * n_row + first_row + a] = rows[a * ns + j];
             w->point[k] = p;
             ++k;
         }
@@ -144,7 +150,13 @@ bd_status bd_ring_create(bd_ring *w, const bd_ring_input *in) {
 
 /* ---- one sector ---- */
 
-/* z (n_coef, sector_size) = sum over c' of three blocks (c, c') times a row of motion each. */
+/* Derivative of one coefficient of a force component with respect to the sector's coordinates,
+ *
+ *     z (n_coef, sector_size),   z_d = sum_s block_s[d] row_s,
+ *
+ * if the force depends on three components s of motion: block_s (n_coef) is its row of the tangent
+ * block for coefficient d of component s, and row_s (sector_size) maps the coordinates to this
+ * component. */
 static void fill_row(const bd_ring *w, const double *const block[3], const double *const row[3],
                      double *restrict z) {
     for (int d = 0; d < w->input.n_coef; ++d, z += w->sector_size) {
@@ -154,77 +166,102 @@ static void fill_row(const bd_ring *w, const double *const block[3], const doubl
     }
 }
 
-/* Pick the points of a group whose tangents have a form, and copy their
- * rows; return their number. */
-static int pick_points(bd_ring *w, int g, const unsigned char *form, bd_block wanted) {
-    const int row = 3 * w->sector_size;
-    const int first = g * w->n_group[0], end = first + w->n_group[g];
+/* Pick the points of a group (0: on the blade of the sector, 1: on the next blade) whose tangents
+ * have the wanted form, and copy their rows (3, sector_size) to w->picked_rows; return their
+ * number. */
+static int pick_points(bd_ring *w, int group, const unsigned char *form, bd_block wanted) {
+    const int rows_size = BD_N_COMPONENT * w->sector_size;
+    const int first = group == 0 ? 0 : w->n_group[0], end = first + w->n_group[group];
     int n = 0;
     for (int k = first; k < end; ++k) {
         const int p = w->point[k];
         if (form[p] != wanted) continue;
-        memcpy(w->picked_rows + n * row, w->rows + k * row, sizeof(double) * (size_t)row);
+        memcpy(w->picked_rows + n * rows_size, w->rows + k * rows_size,
+               sizeof(double) * (size_t)rows_size);
         w->picked[n] = p;
         ++n;
     }
     return n;
 }
 
-/* out += rows^T T rows for the n picked points with full tangents T. */
-static void add_full_tangents(bd_ring *w, int n, const double *T, double *out) {
+/* Add the stiffness of the n picked points with full tangents to the matrix of a sector,
+ *
+ *     out += sum over points of R^T B R,    out (n_coef, sector_size, n_coef, sector_size),
+ *
+ * with the rows R (3, sector_size) of a point for u1, u2 and v, the same for all coefficients, and
+ * its tangent blocks B (n_coef, n_coef) for pairs of components. For the rows of out that belong to
+ * coefficient c, Z = B R (3 n, n_coef sector_size) is formed from row c of all blocks, and then
+ * out_c += R^T Z in one product. */
+static void add_full_tangents(bd_ring *w, int n, const double *tangent, double *out) {
     const int nc = w->input.n_coef, ns = w->sector_size, wide = nc * ns;
-    const size_t nn = (size_t)(nc * nc);
+    const size_t block_size = (size_t)(nc * nc), point_size = BD_N_BLOCK * block_size;
     for (int c = 0; c < nc; ++c) {
         for (int p = 0; p < n; ++p) {
-            /* row c of the blocks dT1, dT2, dTv1, dTv2, dTc1, dTc2 and dN */
-            const double *t = T + 7 * nn * (size_t)w->picked[p] + (size_t)(c * nc);
-            const double *u1 = w->picked_rows + 3 * p * ns, *u2 = u1 + ns, *v = u2 + ns;
-            double *z = w->Z + (size_t)(3 * p) * (size_t)wide;
-            fill_row(w, (const double *[]){t, t + 2 * nn, t + 4 * nn},
-                     (const double *[]){u1, v, u2}, z);
-            fill_row(w, (const double *[]){t + nn, t + 3 * nn, t + 5 * nn},
-                     (const double *[]){u2, v, u1}, z + wide);
+            const double *blocks = tangent + point_size * (size_t)w->picked[p];
+            const double *row[BD_N_BLOCK]; /* row c of each block */
+            for (int k = 0; k < BD_N_BLOCK; ++k)
+                row[k] = blocks + (size_t)k * block_size + (size_t)(c * nc);
+            const double *u1 = w->picked_rows + BD_N_COMPONENT * p * ns;
+            const double *u2 = u1 + ns, *v = u2 + ns;
+            double *T1 = w->Z + (size_t)(BD_N_COMPONENT * p) * (size_t)wide;
+            double *T2 = T1 + wide, *N = T2 + wide;
+
+            const double *of_T1[3] = {row[BD_DT1_DU1], row[BD_DT1_DV], row[BD_DT1_DU2]};
+            fill_row(w, of_T1, (const double *[]){u1, v, u2}, T1);
+            const double *of_T2[3] = {row[BD_DT2_DU2], row[BD_DT2_DV], row[BD_DT2_DU1]};
+            fill_row(w, of_T2, (const double *[]){u2, v, u1}, T2);
             for (int d = 0; d < nc; ++d) {
-                const double dN = t[6 * nn + (size_t)d];
-                for (int j = 0; j < ns; ++j) z[2 * wide + d * ns + j] = dN * v[j];
+                const double dN = row[BD_DN_DV][d];
+                for (int j = 0; j < ns; ++j) N[d * ns + j] = dN * v[j];
             }
         }
-        double *to = out + (size_t)(c * ns) * (size_t)wide;
-        w->kernel->product((size_t)ns, (size_t)wide, (size_t)(3 * n), w->picked_rows, w->Z,
-                           (size_t)wide, to, (size_t)wide);
+        double *out_c = out + (size_t)(c * ns) * (size_t)wide;
+        w->kernel->product((size_t)ns, (size_t)wide, (size_t)(BD_N_COMPONENT * n), w->picked_rows,
+                           w->Z, (size_t)wide, out_c, (size_t)wide);
     }
 }
 
-/* The same for points whose tangents are multiples of the identity: they couple no coefficients. */
-static void add_linear_tangents(bd_ring *w, int n, const double *T, double *out) {
+/* Add the stiffness of the n picked points whose tangents are springs: each block is k I with
+ * k = dT1/du1, dT2/du2 or dN/dv, and blocks between different components are zero. No coefficients
+ * are coupled, so only the diagonal blocks (c, c) of the matrix of a sector change,
+ *
+ *     out_cc += R^T (k R),    out (n_coef, sector_size, n_coef, sector_size),
+ *
+ * with the rows R (3 n, sector_size) of all points and components, and Z = k R. */
+static void add_linear_tangents(bd_ring *w, int n, const double *tangent, double *out) {
+    static const int SPRING_OF_COMPONENT[BD_N_COMPONENT] = {BD_DT1_DU1, BD_DT2_DU2, BD_DN_DV};
     const int nc = w->input.n_coef, ns = w->sector_size, wide = nc * ns;
-    const size_t nn = (size_t)(nc * nc);
+    const int n_row = BD_N_COMPONENT * n;
+    const size_t block_size = (size_t)(nc * nc), point_size = BD_N_BLOCK * block_size;
     const double *rows = w->picked_rows;
     for (int c = 0; c < nc; ++c) {
-        const size_t diagonal = (size_t)(c * (nc + 1));
-        for (int i = 0; i < 3 * n; ++i) {
-            const int block = i % 3 == 2 ? 6 : i % 3; /* dT1, dT2 or dN */
-            const double stiffness = T[(size_t)(7 * w->picked[i / 3] + block) * nn + diagonal];
+        const size_t diagonal = (size_t)(c * nc + c); /* entry (c, c) of a block */
+        for (int i = 0; i < n_row; ++i) {
+            const int point = w->picked[i / BD_N_COMPONENT], component = i % BD_N_COMPONENT;
+            const size_t block = (size_t)SPRING_OF_COMPONENT[component];
+            const double *blocks = tangent + point_size * (size_t)point;
+            const double stiffness = blocks[block * block_size + diagonal];
             for (int j = 0; j < ns; ++j) w->Z[i * ns + j] = stiffness * rows[i * ns + j];
         }
-        double *to = out + (size_t)(c * ns) * ((size_t)wide + 1);
-        w->kernel->product((size_t)ns, (size_t)ns, (size_t)(3 * n), rows, w->Z, (size_t)ns, to,
+        double *out_cc = out + (size_t)(c * ns) * (size_t)wide + c * ns;
+        w->kernel->product((size_t)ns, (size_t)ns, (size_t)n_row, rows, w->Z, (size_t)ns, out_cc,
                            (size_t)wide);
     }
 }
 
-/* Tangents of the points of sector k on its blade, or on the next one: (n_coef, sector_size,
- * n_coef, sector_size). */
-static void contact_matrix(bd_ring *w, int g, const bd_ring_matrix *m, int k, double *out) {
+/* Stiffness of the contact points of sector k in the coordinates of one blade and the damper,
+ * out (n_coef, sector_size, n_coef, sector_size), for the points of a group (0: on the blade of the
+ * sector, 1: on the next blade). */
+static void contact_matrix(bd_ring *w, int group, const bd_ring_matrix *m, int k, double *out) {
     const size_t nc = (size_t)w->input.n_coef, wide = nc * (size_t)w->sector_size;
-    const size_t first = (size_t)k * (size_t)w->input.n_point;
-    const double *T = m->tangent + 7 * nc * nc * first;
-    const unsigned char *form = m->form + first;
+    const size_t first_point = (size_t)k * (size_t)w->input.n_point;
+    const double *tangent = m->tangent + BD_N_BLOCK * nc * nc * first_point;
+    const unsigned char *form = m->form + first_point;
     memset(out, 0, sizeof(double) * wide * wide);
-    const int n_full = pick_points(w, g, form, BD_BLOCK_FULL);
-    add_full_tangents(w, n_full, T, out);
-    const int n_linear = pick_points(w, g, form, BD_BLOCK_LINEAR);
-    add_linear_tangents(w, n_linear, T, out);
+    const int n_full = pick_points(w, group, form, BD_BLOCK_FULL);
+    add_full_tangents(w, n_full, tangent, out);
+    const int n_linear = pick_points(w, group, form, BD_BLOCK_LINEAR);
+    add_linear_tangents(w, n_linear, tangent, out);
 }
 
 /* to (rows of length ld) += factor A, for a matrix A (n, n). */
@@ -233,7 +270,13 @@ static void add_matrix(size_t n, double factor, const double *A, double *to, siz
         for (size_t j = 0; j < n; ++j) to[i * ld + j] += factor * A[i * n + j];
 }
 
-/* Add the linear parts of one sector to the diagonal blocks of own_side. */
+/* Add the linear parts of sector n to w->own_side (n_coef, sector_size, n_coef, sector_size), block
+ * row c and block columns c and c', the other coefficient of its harmonic:
+ *
+ *     (c, c)     blade: blade + common;   damper: stiffness minus inertia, springs on its mean
+ *     (c, c')    +C for a cosine c, -C for a sine c,   C = damping times frequency.
+ *
+ * Rows of inactive coefficients, and of the damper in a sector without one, are unit rows. */
 static void add_linear(bd_ring *w, const bd_ring_matrix *m, int n) {
     const bd_ring_input *in = &w->input;
     const size_t nb = (size_t)in->n_blade, nd = (size_t)in->n_damper, ns = (size_t)w->sector_size;
@@ -242,36 +285,40 @@ static void add_linear(bd_ring *w, const bd_ring_matrix *m, int n) {
     const double *springs = m->springs + (size_t)n * nd;
     const int has_damper = !in->pinned[n];
     for (int c = 0; c < in->n_coef; ++c) {
-        const size_t l = (size_t)(c + 1) / 2;
-        double *here = w->own_side + (size_t)c * ns * wide + (size_t)c * ns;
+        const size_t l = (size_t)(c + 1) / 2; /* harmonic of the coefficient */
+        double *block = w->own_side + (size_t)c * ns * wide + (size_t)c * ns;
         if (!in->active[c]) {
-            for (size_t i = 0; i < ns; ++i) here[i * wide + i] = 1.0;
+            for (size_t i = 0; i < ns; ++i) block[i * wide + i] = 1.0;
             continue;
         }
         const double *K = m->common + l * blade_size, *C = m->damping + l * blade_size;
-        const double *k = m->damper + 2 * (l * (size_t)in->n_sector + (size_t)n) * nd;
-        const double *drag = k + nd;
+        const double *damper_stiffness =
+            m->damper + 2 * (l * (size_t)in->n_sector + (size_t)n) * nd;
+        const double *damper_damping = damper_stiffness + nd;
         for (size_t i = 0; i < nb; ++i)
-            for (size_t j = 0; j < nb; ++j) here[i * wide + j] += blade[i * nb + j] + K[i * nb + j];
+            for (size_t j = 0; j < nb; ++j)
+                block[i * wide + j] += blade[i * nb + j] + K[i * nb + j];
         for (size_t i = 0; i < nd; ++i) {
-            double *to = here + (nb + i) * wide + nb + i;
-            *to += k[i] + (c == 0 ? springs[i] : 0.0);
-            if (!has_damper) *to = 1.0;
+            double *diagonal = block + (nb + i) * wide + nb + i;
+            *diagonal += damper_stiffness[i] + (c == 0 ? springs[i] : 0.0);
+            if (!has_damper) *diagonal = 1.0;
         }
         if (c == 0) continue;
 
-        /* damping couples the cosine to the sine, which follows it */
+        /* the sine of a harmonic follows its cosine */
         const int is_cosine = c % 2;
         const double sign = is_cosine ? 1.0 : -1.0;
-        double *other = is_cosine ? here + ns : here - ns;
-        add_matrix(nb, sign, C, other, wide);
+        double *other_block = is_cosine ? block + ns : block - ns;
+        add_matrix(nb, sign, C, other_block, wide);
         if (!has_damper) continue;
-        for (size_t i = 0; i < nd; ++i) other[(nb + i) * wide + nb + i] += sign * drag[i];
+        for (size_t i = 0; i < nd; ++i)
+            other_block[(nb + i) * wide + nb + i] += sign * damper_damping[i];
     }
 }
 
-/* Copy the entries of a sector matrix for coordinates [i0, i1) and [j0, j1); `to` has the leading
- * dimension ld. */
+/* Copy the entries for the coordinates [i0, i1) and [j0, j1) of a sector matrix (n_coef,
+ * sector_size, n_coef, sector_size), for all pairs of coefficients: to (n_coef, n_i, n_coef, n_j), rows
+ * of length ld. */
 static void extract(const bd_ring *w, const double *from, int i0, int i1, int j0, int j1,
                     double *to, int ld) {
     const int nc = w->input.n_coef, ns = w->sector_size, wide = nc * ns;
@@ -286,7 +333,9 @@ static void extract(const bd_ring *w, const double *from, int i0, int i1, int j0
     }
 }
 
-/* Add the blade part of next_side to own_side. */
+/* Add the blade part of w->next_side to w->own_side, both (n_coef, sector_size, n_coef,
+ * sector_size): the damper of the sector before acts on this blade by the points of the group on
+ * the next blade. The blade has the first n_blade coordinates of a sector. */
 static void add_blade(bd_ring *w) {
     const size_t nc = (size_t)w->input.n_coef, nb = (size_t)w->input.n_blade;
     const size_t ns = (size_t)w->sector_size, wide = nc * ns;
@@ -300,8 +349,13 @@ static void add_blade(bd_ring *w) {
     }
 }
 
-/* Extract the matrix S of the outer unknowns of a sector: the ring unknowns a and y_n, and the
- * damper y_(n-1) of the sector before, in this order. */
+/* Extract the matrix S (n_outer, n_outer) of the outer unknowns of sector n: ring coordinates a_n
+ * of the blade, dampers y_n and y_(n-1). own_side contains the blade and the damper y_n, next_side
+ * the same blade and the damper y_(n-1). No entry couples the dampers:
+ *
+ *         [ own aa   own ay   next ay ]
+ *     S = [ own ya   own yy   0       ]
+ *         [ next ya  0        next yy ]. */
 static void extract_outer(bd_ring *w, double *S) {
     const int n_blade = w->input.n_blade, sector_size = w->sector_size;
     const int kept = n_blade - w->input.n_kept; /* first coordinate of the ring */
@@ -320,8 +374,10 @@ static void extract_outer(bd_ring *w, double *S) {
     extract(w, next, n_blade, sector_size, n_blade, sector_size, of_before + before, n_outer);
 }
 
-/* Extract E_n, and its couplings to the outer unknowns: columns (n_inner, n_outer) and couple
- * (n_outer, n_inner). */
+/* Extract the matrix E_n (n_inner, n_inner) of the inner blade coordinates of sector n and its
+ * couplings to the outer unknowns (ring coordinates a_n of the blade, dampers y_n and y_(n-1)):
+ * columns (n_inner, n_outer) and couple (n_outer, n_inner). next_side contains the couplings to
+ * y_(n-1), own_side the others. */
 static void extract_inner(bd_ring *w, double *inner, double *columns, double *couple) {
     const int n_blade = w->input.n_blade, sector_size = w->sector_size;
     const int kept = n_blade - w->input.n_kept; /* first coordinate of the ring */
@@ -340,7 +396,9 @@ static void extract_inner(bd_ring *w, double *inner, double *columns, double *co
     extract(w, next, n_blade, sector_size, 0, kept, of_before, n_inner);
 }
 
-/* Add the matrix S of the outer unknowns of sector n to the blocks of the ring. */
+/* Add the matrix S (n_outer, n_outer) of the outer unknowns a_n, y_n and y_(n-1) of sector n to the
+ * blocks of the ring. The ring has the unknowns x_n = [a_n, y_n], so y_(n-1) belongs to x_(n-1). S
+ * changes D_n and D_(n-1), and by couplings between x_n and y_(n-1) also L_n and U_(n-1). */
 static void add_outer(bd_ring *w, int n, const double *S) {
     const int N = w->input.n_sector, before = (n + N - 1) % N;
     const size_t n_ring = (size_t)w->n_ring, block = n_ring * n_ring;
@@ -364,8 +422,13 @@ static void add_outer(bd_ring *w, int n, const double *S) {
     }
 }
 
-/* Eliminate the inner blade coordinates of sector n and add the remainder to the blocks of the
- * ring. */
+/* Eliminate the inner blade coordinates of sector n, and add the Schur complement
+ *
+ *     S - couple E^-1 columns,    E (n_inner, n_inner), columns (n_inner, n_outer),
+ *                                 couple (n_outer, n_inner), S (n_outer, n_outer)
+ *
+ * to the blocks of the ring. The solution also needs E^-1, E^-1 columns (`back`) and couple. Return
+ * 0 if E is singular. */
 static int eliminate_blade(bd_ring *w, int n) {
     const int n_inner = w->n_inner, n_outer = w->n_ring + w->n_damper_unknown;
     const size_t first_row = (size_t)n * (size_t)n_inner;
@@ -388,58 +451,79 @@ static int eliminate_blade(bd_ring *w, int n) {
 
 /* ---- the ring ---- */
 
-/* Add the couplings of the disk between neighbours. */
+/* Add the coupling K_l (n_kept, n_kept) of a sector to the previous sector by the disk to L_n, and
+ * K_l^T to U_n, for every coefficient of harmonic l. The ring coordinates of the blade are the
+ * first unknowns of a block, coefficient after coefficient. */
 static void add_disk(bd_ring *w, const double *neighbour) {
-    const size_t k = (size_t)w->input.n_kept, s = (size_t)w->n_ring, ss = s * s;
+    const size_t n_kept = (size_t)w->input.n_kept, n_ring = (size_t)w->n_ring;
     for (size_t n = 0; n < (size_t)w->input.n_sector; ++n) {
         for (int c = 0; c < w->input.n_coef; ++c) {
             if (!w->input.active[c]) continue;
-            const double *K = neighbour + (size_t)((c + 1) / 2) * k * k;
-            const size_t at = n * ss + (size_t)c * k * s + (size_t)c * k;
-            double *L = w->lower + at, *U = w->upper + at;
-            for (size_t i = 0; i < k; ++i) {
-                for (size_t j = 0; j < k; ++j) {
-                    L[i * s + j] += K[i * k + j];
-                    U[i * s + j] += K[j * k + i];
+            const size_t harmonic = (size_t)(c + 1) / 2, first = (size_t)c * n_kept;
+            const double *K = neighbour + harmonic * n_kept * n_kept;
+            const size_t corner = n * n_ring * n_ring + first * n_ring + first;
+            double *L = w->lower + corner, *U = w->upper + corner;
+            for (size_t i = 0; i < n_kept; ++i) {
+                for (size_t j = 0; j < n_kept; ++j) {
+                    L[i * n_ring + j] += K[i * n_kept + j];
+                    U[i * n_ring + j] += K[j * n_kept + i];
                 }
             }
         }
     }
 }
 
+/* Block LU factorisation of the ring (cyclic block-tridiagonal, blocks (s, s)): eliminate sectors 0
+ * to N - 2 one after the other, with the last sector as border. W_n couples sector n to the last
+ * sector (column `last`), V_n the last sector to sector n (row `last`); W_0 = L_0 and V_0 = U_last.
+ * Sector n changes
+ *
+ *     D_(n+1) -= L_(n+1) D_n^-1 U_n,     W_(n+1) = -L_(n+1) D_n^-1 W_n,
+ *     D_last  -= V_n D_n^-1 W_n,         V_(n+1) = -V_n D_n^-1 U_n.
+ *
+ * Sector N - 2 is also a neighbour of the last sector: L_last adds to V, and U_(N-2) to W. D_n^-1
+ * replaces D_n. The solution also needs D_n^-1 U_n, D_n^-1 W_n and V_n. W_(n+1) overwrites U_n.
+ * Return 0 if a block is singular. */
 static int eliminate_ring(bd_ring *w) {
     const int N = w->input.n_sector, s = w->n_ring;
     const size_t ss = (size_t)s * (size_t)s;
     double *D_last = w->diagonal + (size_t)(N - 1) * ss;
     memcpy(w->last_row, w->upper + (size_t)(N - 1) * ss, sizeof(double) * ss);
-    double *W = w->lower; /* W of sector 0 is its coupling to the last sector */
+    double *W = w->lower; /* W_0 = L_0 */
     for (int n = 0; n < N - 1; ++n) {
         const size_t at = (size_t)n * ss;
         double *D = w->diagonal + at, *V = w->last_row + at, *U = w->upper + at;
+        double *D_next = D + ss, *V_next = V + ss;
         const double *L_next = w->lower + at + ss;
         double *D_inverse_W = w->last_factor + at, *D_inverse_U = w->next_factor + at;
-        const int is_neighbour = n == N - 2; /* L and U of the last sector are also W and V */
-        if (is_neighbour) {
+        const int precedes_last = n == N - 2;
+        if (precedes_last) {
             for (size_t i = 0; i < ss; ++i) V[i] += L_next[i];
             for (size_t i = 0; i < ss; ++i) W[i] += U[i];
         }
         if (!invert(w, D, s)) return 0;
         multiply(w, s, s, s, D, s, W, s, D_inverse_W, s);
         add_multiple(w, s, s, s, -1.0, V, s, D_inverse_W, s, D_last, s);
-        if (is_neighbour) break;
+        if (precedes_last) break;
 
         multiply(w, s, s, s, D, s, U, s, D_inverse_U, s);
-        add_multiple(w, s, s, s, -1.0, L_next, s, D_inverse_U, s, D + ss, s);
-        memset(V + ss, 0, sizeof(double) * ss);
-        add_multiple(w, s, s, s, -1.0, V, s, D_inverse_U, s, V + ss, s);
-        W = U; /* U is not needed any more */
-        memset(W, 0, sizeof(double) * ss);
-        add_multiple(w, s, s, s, -1.0, L_next, s, D_inverse_W, s, W, s);
+        add_multiple(w, s, s, s, -1.0, L_next, s, D_inverse_U, s, D_next, s);
+        memset(V_next, 0, sizeof(double) * ss);
+        add_multiple(w, s, s, s, -1.0, V, s, D_inverse_U, s, V_next, s);
+        double *W_next = U; /* U is not needed any more */
+        memset(W_next, 0, sizeof(double) * ss);
+        add_multiple(w, s, s, s, -1.0, L_next, s, D_inverse_W, s, W_next, s);
+        W = W_next;
     }
     return invert(w, D_last, s);
 }
 
+/* Factorise the matrix of all sectors: eliminate the inner blade coordinates sector by sector,
+ * which leaves blocks L, D and U of the ring, and then the ring. The matrix of a blade consists of
+ * contact points of this sector (own_side), contact points of the sector before (next_side), and
+ * linear parts. */
 bd_status bd_ring_factor(bd_ring *w, const bd_ring_matrix *m) {
+    enum { ON_OWN_BLADE = 0, ON_NEXT_BLADE = 1 };
     const int N = w->input.n_sector;
     const size_t s = (size_t)w->n_ring, all = sizeof(double) * (size_t)N * s * s;
     w->sign = 1;
@@ -448,8 +532,8 @@ bd_status bd_ring_factor(bd_ring *w, const bd_ring_matrix *m) {
     memset(w->upper, 0, all);
     for (int n = 0; n < N; ++n) {
         const int before = (n + N - 1) % N;
-        contact_matrix(w, 0, m, n, w->own_side);
-        contact_matrix(w, 1, m, before, w->next_side);
+        contact_matrix(w, ON_OWN_BLADE, m, n, w->own_side);
+        contact_matrix(w, ON_NEXT_BLADE, m, before, w->next_side);
         add_blade(w);
         add_linear(w, m, n);
         if (!eliminate_blade(w, n)) return BD_SINGULAR;
@@ -460,7 +544,7 @@ bd_status bd_ring_factor(bd_ring *w, const bd_ring_matrix *m) {
 
 /* ---- solution ---- */
 
-/* y += alpha A x with A (m, n), or alpha A^T x. */
+/* y (m) += alpha A x (n) with A (m, n), or if transposed y (n) += alpha A^T x (m). */
 static void add_product(const bd_ring *w, int transposed, int m, int n, double alpha,
                         const double *A, const double *x, double *y) {
     double *t = w->product;
@@ -473,7 +557,8 @@ static void add_product(const bd_ring *w, int transposed, int m, int n, double a
     for (int i = 0; i < m; ++i) y[i] += alpha * t[i];
 }
 
-/* Multiply x (s) by the inverse on the diagonal. */
+/* x = D_n^-1 x or D_n^-T x for the ring unknowns x (s) of sector n; the factorisation has replaced
+ * D_n by its inverse. */
 static void apply_inverse(const bd_ring *w, int transposed, int n, double *x) {
     const size_t s = (size_t)w->n_ring;
     const double *inverse = w->diagonal + (size_t)n * s * s;
@@ -483,7 +568,7 @@ static void apply_inverse(const bd_ring *w, int transposed, int n, double *x) {
     memcpy(x, t, sizeof(double) * s);
 }
 
-/* y -= A x, or A^T x, for a block of sector n. */
+/* y -= A_n x or A_n^T x with the block A_n (s, s) of sector n among the given blocks. */
 static void subtract_block(const bd_ring *w, int transposed, const double *blocks, int n,
                            const double *x, double *y) {
     const int s = w->n_ring;
@@ -491,41 +576,62 @@ static void subtract_block(const bd_ring *w, int transposed, const double *block
     add_product(w, transposed, s, s, -1.0, A, x, y);
 }
 
-/* Solve the ring for the right-hand side b (N, s) in place. */
+/* Solve the ring equations in place: b (N, s) is the right-hand side, then the solution x. The ring
+ * is cyclic block-tridiagonal, L_n x_(n-1) + D_n x_n + U_n x_(n+1) = b_n. Its block LU factors have
+ * the last sector as border: row `last` of the lower factor is filled by V_n, column `last` of the
+ * upper one by W_n (eliminate_ring),
+ *
+ *     forward     y_n = D_n^-1 b_n,   b_(n+1) -= L_(n+1) y_n,   b_last -= V_n y_n
+ *     backward    x_last = y_last,    x_n = y_n - D_n^-1 W_n x_last - D_n^-1 U_n x_(n+1).
+ *
+ * The couplings between sectors N - 2 and `last` are part of V and W. */
 static void solve_ring(bd_ring *w, double *b) {
     const int N = w->input.n_sector, last = N - 1, s = w->n_ring;
-    double *end = b + (size_t)last * (size_t)s;
+    double *b_last = b + (size_t)last * (size_t)s;
+    /* forward elimination: y replaces b */
     for (int n = 0; n < N; ++n) {
-        double *here = b + (size_t)n * (size_t)s;
-        apply_inverse(w, 0, n, here);
-        if (n + 1 < last) subtract_block(w, 0, w->lower, n + 1, here, here + s);
-        if (n < last) subtract_block(w, 0, w->last_row, n, here, end);
+        double *b_n = b + (size_t)n * (size_t)s, *b_next = b_n + s;
+        apply_inverse(w, 0, n, b_n);
+        if (n + 1 < last) subtract_block(w, 0, w->lower, n + 1, b_n, b_next);
+        if (n < last) subtract_block(w, 0, w->last_row, n, b_n, b_last);
     }
+    /* backward substitution: x replaces y */
     for (int n = last - 1; n >= 0; --n) {
-        double *here = b + (size_t)n * (size_t)s;
-        subtract_block(w, 0, w->last_factor, n, end, here);
-        if (n + 1 < last) subtract_block(w, 0, w->next_factor, n, here + s, here);
+        double *x_n = b + (size_t)n * (size_t)s, *x_next = x_n + s;
+        subtract_block(w, 0, w->last_factor, n, b_last, x_n);
+        if (n + 1 < last) subtract_block(w, 0, w->next_factor, n, x_next, x_n);
     }
 }
 
-/* The same for the transposed matrix: its factors in reverse order. */
+/* Solve the transposed ring equations in place: b (N, s) is the right-hand side, then the solution
+ * x. The cyclic block-tridiagonal matrix with blocks L, D, U has block LU factors with the last
+ * sector as border, row V and column W (eliminate_ring). Transposed, the upper factor comes first
+ * and the lower one last:
+ *
+ *     forward     b_last -= (D_n^-1 W_n)^T b_n,   b_(n+1) -= (D_n^-1 U_n)^T b_n
+ *     backward    x_n = D_n^-T (b_n - L_(n+1)^T x_(n+1) - V_n^T x_last). */
 static void solve_ring_transposed(bd_ring *w, double *b) {
     const int N = w->input.n_sector, last = N - 1, s = w->n_ring;
-    double *end = b + (size_t)last * (size_t)s;
+    double *b_last = b + (size_t)last * (size_t)s;
+    /* forward elimination with the transposed upper factor */
     for (int n = 0; n < last; ++n) {
-        double *here = b + (size_t)n * (size_t)s;
-        subtract_block(w, 1, w->last_factor, n, here, end);
-        if (n + 1 < last) subtract_block(w, 1, w->next_factor, n, here, here + s);
+        double *b_n = b + (size_t)n * (size_t)s, *b_next = b_n + s;
+        subtract_block(w, 1, w->last_factor, n, b_n, b_last);
+        if (n + 1 < last) subtract_block(w, 1, w->next_factor, n, b_n, b_next);
     }
+    /* backward substitution with the transposed lower factor: x replaces b */
     for (int n = last; n >= 0; --n) {
-        double *here = b + (size_t)n * (size_t)s;
-        if (n + 1 < last) subtract_block(w, 1, w->lower, n + 1, here + s, here);
-        if (n < last) subtract_block(w, 1, w->last_row, n, end, here);
-        apply_inverse(w, 1, n, here);
+        double *x_n = b + (size_t)n * (size_t)s, *x_next = x_n + s;
+        if (n + 1 < last) subtract_block(w, 1, w->lower, n + 1, x_next, x_n);
+        if (n < last) subtract_block(w, 1, w->last_row, n, b_last, x_n);
+        apply_inverse(w, 1, n, x_n);
     }
 }
 
-/* Copy the inner right-hand side of a sector to `inner` and add the remainder to `ring`. */
+/* Split the right-hand side of a sector, `from` (n_coef, sector_size). Its coordinates are the
+ * inner and the ring coordinates of the blade, then the damper. Copy the inner ones to inner
+ * (n_coef, n_inner); add the others to ring: first those of the blade (n_coef, n_kept), then the
+ * damper (n_coef, n_damper). */
 static void split_sector(const bd_ring *w, const double *from, double *inner, double *ring) {
     const int n_kept = w->input.n_kept, n_inner = w->input.n_blade - n_kept;
     const int n_damper = w->input.n_damper;
@@ -538,7 +644,9 @@ static void split_sector(const bd_ring *w, const double *from, double *inner, do
     }
 }
 
-/* Copy the inner coordinates and the ring coordinates to the sector. */
+/* Join the solution of a sector, `to` (n_coef, sector_size), from inner (n_coef, n_inner) and ring:
+ * blade coordinates (n_coef, n_kept), then the damper (n_coef, n_damper). The coordinates of a
+ * sector are the inner and the ring coordinates of the blade, then the damper. */
 static void join_sector(const bd_ring *w, const double *inner, const double *ring, double *to) {
     const int n_kept = w->input.n_kept, n_inner = w->input.n_blade - n_kept;
     const int n_damper = w->input.n_damper;
@@ -551,9 +659,14 @@ static void join_sector(const bd_ring *w, const double *inner, const double *rin
     }
 }
 
-/* Eliminate the inner unknowns from the right-hand side r of sector n. Their part remains in
- * `inner`. `here` and `before` are the right-hand sides of the ring for this sector and for the
- * damper before it. */
+/* Eliminate the inner unknowns from the right-hand side r = (r_e, r_x) of sector n:
+ *
+ *     inner = E^-1 r_e,   ring += r_x - couple inner,     E (n_inner, n_inner),
+ *                                                         couple (n_outer, n_inner);
+ *     transposed:  inner = r_e,   ring += r_x - (E^-1 columns)^T inner.
+ *
+ * The outer unknowns are the ring unknowns of the sector, with the right-hand side `here`, and the
+ * damper of the sector before, with `before`. */
 static void reduce_sector(bd_ring *w, int transposed, int n, const double *r, double *inner,
                           double *here, double *before) {
     const int n_inner = w->n_inner, n_ring = w->n_ring, n_damper = w->n_damper_unknown;
@@ -578,7 +691,11 @@ static void reduce_sector(bd_ring *w, int transposed, int n, const double *r, do
     add_product(w, 0, n_damper, n_inner, -1.0, couple_before, inner, before);
 }
 
-/* Inner unknowns of sector n from the solution of the ring. */
+/* Inner unknowns e of sector n from the outer unknowns x: ring unknowns of the sector (`here`) and
+ * damper of the sector before (`before`). On entry, inner = E^-1 r_e, or r_e if transposed
+ * (reduce_sector):
+ *
+ *     e = inner - E^-1 columns x,      transposed  e = E^-T (inner - couple^T x). */
 static void solve_inner(bd_ring *w, int transposed, int n, const double *here, const double *before,
                         double *inner) {
     const int n_inner = w->n_inner, n_ring = w->n_ring, n_damper = w->n_damper_unknown;
@@ -601,6 +718,10 @@ static void solve_inner(bd_ring *w, int transposed, int n, const double *here, c
     add_product(w, 1, n_inner, n_inner, 1.0, inverse, right_side, inner);
 }
 
+/* Solve for the right-hand side r (N, n_coef, sector_size), optionally with the transposed matrix:
+ * eliminate the inner unknowns of each sector, solve the ring for the others, and return to the
+ * inner unknowns. The damper of a sector touches the next blade, so sector n also reduces the
+ * right-hand side of the damper before it. */
 void bd_ring_solve(bd_ring *w, int transposed, const double *r, double *x) {
     const size_t N = (size_t)w->input.n_sector;
     const size_t n_inner = (size_t)w->n_inner, n_ring = (size_t)w->n_ring;

@@ -22,14 +22,19 @@
 
 enum { N_VEC = BD_LANES / BD_WIDTH, MOST_KEPT = 14 };
 
-/* Sticking range of the slider at a sample. */
+/* Sticking range [lo, hi] of the slider at a sample. */
 typedef struct {
     bd_vec lo, hi, inside; /* inside: slider before the clip if the contact closes here */
     bd_mask contact, closing;
 } range;
 
+/* Sample before k; the period repeats. */
 BD_INLINE int before(const bd_lanes *l, int k) { return k > 0 ? k - 1 : l->n_time - 1; }
 
+/* Sticking range of the lanes of vector v at sample k: u -+ c with c = slope max(g, 0). A contact
+ * that closes in the step, g_{k-1} <= 0 < g_k, starts with the slider
+ *
+ *     inside = (1 - t) u_{k-1} + t u_k,   t = -g_{k-1}/(g_k - g_{k-1}), without interpolation 0. */
 BD_INLINE range range_at(const bd_lanes *l, int k, int v) {
     const bd_vec zero = bd_all(0.0);
     const int at = k * BD_LANES + v * BD_WIDTH;
@@ -49,83 +54,105 @@ BD_INLINE range range_at(const bd_lanes *l, int k, int v) {
     return r;
 }
 
-/* dw = (part[0] b' + part[1] b) . du + (part[2] b' + part[3] b) . dg for the
- * slider w set at sample k. */
-static void derivative_of_slider(const bd_lanes *l, int lane, int k, double w, double *part) {
+/* Derivatives of a slider w that a sample k has set, with respect to displacement u and load
+ * g = n0 + kn v at this sample (now) and at the one before (last). */
+typedef struct {
+    double u_last, u_now, g_last, g_now;
+} slider_derivative;
+
+/* Derivative of the slider w of a lane that sample k has set in one of three ways:
+ *
+ *     open      w = u_k                       dw = du_k
+ *     closing   w = (1 - t) u_{k-1} + t u_k   dw = (1 - t) du_{k-1} + t du_k + (u_k - u_{k-1}) dt,
+ *               t = -g_{k-1}/dg,              dt = (g_{k-1} dg_k - g_k dg_{k-1})/dg^2
+ *     slip      w = u_k -+ slope g_k          dw = du_k -+ slope dg_k
+ *
+ * with dg = g_k - g_{k-1}. Without interpolation t = 0 and dt = 0. A closing sets w only inside the
+ * sticking range u_k -+ slope g_k. */
+static slider_derivative derivative_of_slider(const bd_lanes *l, int lane, int k, double w) {
     const int at = k * BD_LANES + lane;
-    const int at_before = before(l, k) * BD_LANES + lane;
-    const double u = l->u[at], u_before = l->u[at_before];
-    const double g = l->g[at], g_before = l->g[at_before];
+    const int at_last = before(l, k) * BD_LANES + lane;
+    const double u = l->u[at], u_last = l->u[at_last];
+    const double g = l->g[at], g_last = l->g[at_last];
     const double slope = l->slope[lane];
 
-    /* open: the slider moves with the surface */
-    part[0] = part[2] = part[3] = 0.0;
-    part[1] = 1.0;
-    if (!(g > 0.0)) return;
+    slider_derivative dw = {.u_last = 0.0, .u_now = 1.0, .g_last = 0.0, .g_now = 0.0};
+    const int is_open = !(g > 0.0), was_open = !(g_last > 0.0);
+    if (is_open) return dw;
 
-    /* closing inside the range, which sets the slider at the instant t */
-    const double c = slope * g;
-    if (!(g_before > 0.0)) {
-        const double dg = g - g_before;
-        const double t = l->interpolate ? -g_before / dg : 0.0;
-        const double inside = (1.0 - t) * (u_before - u);
-        if (inside >= -c && inside <= c) {
-            const double factor = l->interpolate ? (u - u_before) / (dg * dg) : 0.0;
-            part[0] = 1.0 - t;
-            part[1] = t;
-            part[2] = -factor * g;
-            part[3] = factor * g_before;
-            return;
+    const double half_width = slope * g;
+    if (was_open) {
+        const double dg = g - g_last;
+        const double t = l->interpolate ? -g_last / dg : 0.0;
+        const double from_middle = (1.0 - t) * (u_last - u); /* w - u */
+        if (from_middle >= -half_width && from_middle <= half_width) {
+            const double factor = l->interpolate ? (u - u_last) / (dg * dg) : 0.0;
+            dw.u_last = 1.0 - t;
+            dw.u_now = t;
+            dw.g_last = -factor * g;
+            dw.g_now = factor * g_last;
+            return dw;
         }
     }
 
-    /* slip: w = u -+ c */
-    const double middle = w - u;
-    part[3] = middle < 0.0 ? -slope : slope;
+    const int is_lower_end = w - u < 0.0;
+    dw.g_now = is_lower_end ? -slope : slope;
+    return dw;
 }
 
-/* Keep the running sums of one lane: a sticking part begins. */
+/* Keep the running sums of one lane at the beginning of a sticking part. At its end, the sums over
+ * the part are the differences to them. */
 static void save_stick_sums(bd_lanes *l, int lane) {
     const int n_power = bd_n_power(l->n_harm);
     for (int n = 0; n < n_power; ++n) l->saved[n * BD_LANES + lane] = l->stick[n * BD_LANES + lane];
 }
 
-/* End the sticking part of one lane. */
+/* End a sticking part of one lane, whose slider w was set at sample `origin` (-1: initial slider).
+ * With the basis b_k (n_coef) at sample k and its sum B over the samples of the part, add
+ *
+ *     stick_slider   += w B,
+ *     stick_slider_u += B (dw/du)^T,   stick_slider_g += B (dw/dg)^T,     both (n_coef, n_coef).
+ *
+ * dw depends on u and g at the sample `origin` and the one before; their derivatives with respect
+ * to the coefficients of u and g are the basis at these samples. */
 BD_NOT_INLINE void end_stick_part(bd_lanes *l, int lane, double w, int origin) {
     const int n_coef = bd_n_coef(l->n_harm), n_power = bd_n_power(l->n_harm);
     const size_t nc = (size_t)n_coef;
 
-    /* sums of the basis over this part */
-    double g[BD_MAX_COEF];
+    /* the powers from entry 1 on are the basis */
+    double basis_sum[BD_MAX_COEF];
     for (int i = 0; i < n_coef; ++i) {
         const int at = (i + 1) * BD_LANES + lane;
-        g[i] = l->stick[at] - l->saved[at];
+        basis_sum[i] = l->stick[at] - l->saved[at];
     }
     save_stick_sums(l, lane);
     double *stick_slider = l->stick_slider + (size_t)lane * nc;
-    for (int i = 0; i < n_coef; ++i) stick_slider[i] += w * g[i];
+    for (int i = 0; i < n_coef; ++i) stick_slider[i] += w * basis_sum[i];
 
-    /* the initial slider has no derivative */
-    if (origin < 0 || !l->stick_slider_u) return;
-    double part[4], du[BD_MAX_COEF], dg[BD_MAX_COEF];
-    derivative_of_slider(l, lane, origin, w, part);
-    const double *b1 = l->power + (size_t)origin * (size_t)n_power + 1;
-    const double *b0 = l->power + (size_t)before(l, origin) * (size_t)n_power + 1;
+    const int is_initial = origin < 0; /* its slider has no derivative */
+    if (is_initial || !l->stick_slider_u) return;
+
+    /* dw/du and dw/dg in coefficients */
+    const slider_derivative dw = derivative_of_slider(l, lane, origin, w);
+    const double *basis_now = l->power + (size_t)origin * (size_t)n_power + 1;
+    const double *basis_last = l->power + (size_t)before(l, origin) * (size_t)n_power + 1;
+    double dw_du[BD_MAX_COEF], dw_dg[BD_MAX_COEF];
     for (int i = 0; i < n_coef; ++i) {
-        du[i] = part[0] * b0[i] + part[1] * b1[i];
-        dg[i] = part[2] * b0[i] + part[3] * b1[i];
+        dw_du[i] = dw.u_last * basis_last[i] + dw.u_now * basis_now[i];
+        dw_dg[i] = dw.g_last * basis_last[i] + dw.g_now * basis_now[i];
     }
     for (size_t i = 0; i < nc; ++i) {
         const size_t row = ((size_t)lane * nc + i) * nc;
         double *restrict by_u = l->stick_slider_u + row;
         double *restrict by_g = l->stick_slider_g + row;
         for (size_t j = 0; j < nc; ++j) {
-            by_u[j] += g[i] * du[j];
-            by_g[j] += g[i] * dg[j];
+            by_u[j] += basis_sum[i] * dw_du[j];
+            by_g[j] += basis_sum[i] * dw_dg[j];
         }
     }
 }
 
+/* End the sticking parts of the lanes of vector `vec` in the mask `ending`. */
 static void end_stick_parts(bd_lanes *l, int vec, bd_mask ending, bd_vec w, bd_mask origin) {
     for (int i = 0; i < BD_WIDTH; ++i) {
         const size_t at = (size_t)i;
@@ -134,6 +161,8 @@ static void end_stick_parts(bd_lanes *l, int vec, bd_mask ending, bd_vec w, bd_m
     }
 }
 
+/* Find the slider w of the steady cycle and the sample that has set it last (origin, -1: none), by
+ * one period of clips w <- min(hi, max(lo, w)) from the initial slider. */
 void BD_JOIN(bd_lanes_settle_, BD_VARIANT)(bd_lanes *l);
 void BD_JOIN(bd_lanes_settle_, BD_VARIANT)(bd_lanes *l) {
     bd_vec w[N_VEC];
@@ -175,7 +204,8 @@ void BD_JOIN(bd_lanes_settle_, BD_VARIANT)(bd_lanes *l) {
     }
 }
 
-/* Slider after each sample. */
+/* Slider path_k = min(hi_k, max(lo_k, path_{k-1})) after each sample of the steady period, from the
+ * steady slider l->w. Nothing else depends on the previous sample. */
 static void slider_path(const bd_lanes *l) {
     bd_vec w[N_VEC];
     for (int v = 0; v < N_VEC; ++v) w[v] = bd_load(l->w + v * BD_WIDTH);
@@ -187,6 +217,7 @@ static void slider_path(const bd_lanes *l) {
         }
 }
 
+/* Vector of BD_WIDTH integers from an array of int. */
 BD_INLINE bd_mask load_int(const int *p) {
     int64_t wide[BD_WIDTH];
     bd_mask x;
@@ -195,6 +226,7 @@ BD_INLINE bd_mask load_int(const int *p) {
     return x;
 }
 
+/* bd_state of one lane from the masks of a sample. */
 BD_INLINE unsigned char state_of(bd_mask stick, bd_mask plus, bd_mask minus, size_t lane) {
     if (bd_entry_int(stick, lane)) return BD_STICK;
     if (bd_entry_int(plus, lane)) return BD_SLIP_PLUS;
@@ -202,8 +234,14 @@ BD_INLINE unsigned char state_of(bd_mask stick, bd_mask plus, bd_mask minus, siz
     return BD_OPEN;
 }
 
-/* Sums over the samples that stick and slip. fixed_power > 0 is a compile-time n_power, whose sums
- * stay in registers. */
+/* Add up the steady period. With the powers p_k (n_power) of exp(i theta_k) at sample k,
+ *
+ *     stick = sum of p_k over sticking samples,
+ *     slip  = sum of p_k over samples that slip+, minus those that slip-.
+ *
+ * When a sticking part ends, its sums and the slider that it kept enter the derivative
+ * (end_stick_part). fixed_power > 0 is n_power as a compile-time constant, whose sums stay in
+ * registers; otherwise they are in memory. */
 BD_INLINE void sum_samples(bd_lanes *l, const int fixed_power) {
     const int n_power = fixed_power ? fixed_power : bd_n_power(l->n_harm);
     const bd_vec zero = bd_all(0.0), one = bd_all(1.0);
@@ -220,11 +258,14 @@ BD_INLINE void sum_samples(bd_lanes *l, const int fixed_power) {
         for (int v = 0; v < N_VEC; ++v) {
             const int at = k * BD_LANES + v * BD_WIDTH;
             const range r = range_at(l, k, v);
+
+            /* state of the sample: which end of the range pushes the slider */
             const bd_vec start = bd_select(r.closing, r.inside, w_before[v]);
             const bd_mask plus = r.contact & bd_above(r.lo, start);
             const bd_mask minus = r.contact & ~plus & bd_above(start, r.hi);
             const bd_mask stick = r.contact & ~plus & ~minus;
 
+            /* the slider moves after a sticking part */
             const bd_mask ending = stuck[v] & ~stick;
             if (bd_any(ending)) {
                 for (int n = 0; n < fixed_power; ++n)
@@ -236,6 +277,7 @@ BD_INLINE void sum_samples(bd_lanes *l, const int fixed_power) {
             origin[v] = (set & bd_all_int(k)) | (~set & origin[v]);
             stuck[v] = stick;
 
+            /* weights 1 (stick); 1, -1 (slip+, slip-) of the powers */
             const bd_vec sticking = bd_select(stick, one, zero);
             const bd_vec slipping = bd_select(plus, one, bd_select(minus, zero - one, zero));
             for (int n = 0; n < fixed_power; ++n) {
@@ -264,30 +306,37 @@ BD_INLINE void sum_samples(bd_lanes *l, const int fixed_power) {
     }
 }
 
+/* Sums over the steady cycle from the steady slider. One harmonic, the usual case, has its own
+ * version with the sums in registers. */
 void BD_JOIN(bd_lanes_sum_, BD_VARIANT)(bd_lanes *l);
 void BD_JOIN(bd_lanes_sum_, BD_VARIANT)(bd_lanes *l) {
+    enum { POWERS_OF_ONE_HARMONIC = 6 }; /* bd_n_power(1) */
     for (int lane = 0; lane < BD_LANES; ++lane) save_stick_sums(l, lane);
     slider_path(l);
     if (l->n_harm == 1)
-        sum_samples(l, 6);
+        sum_samples(l, POWERS_OF_ONE_HARMONIC);
     else
         sum_samples(l, 0);
 }
 
+/* value (n_time, BD_LANES) = b x with the basis b_k (n_coef), entry 1 onwards of the powers
+ * (n_time, n_power), and coefficients x (n_coef, BD_LANES). */
 void BD_JOIN(bd_lanes_values_, BD_VARIANT)(int n_coef, int n_time, const double *power, int n_power,
                                            const double *x, double *value);
 void BD_JOIN(bd_lanes_values_, BD_VARIANT)(int n_coef, int n_time, const double *power, int n_power,
                                            const double *x, double *value) {
     for (int k = 0; k < n_time; ++k) {
-        const double *b = power + (size_t)k * (size_t)n_power + 1;
+        const double *basis = power + (size_t)k * (size_t)n_power + 1; /* basis[0] = 1 */
         for (int v = 0; v < N_VEC; ++v) {
             bd_vec sum = bd_load(x + v * BD_WIDTH);
-            for (int i = 1; i < n_coef; ++i) sum += b[i] * bd_load(x + i * BD_LANES + v * BD_WIDTH);
+            for (int i = 1; i < n_coef; ++i)
+                sum += basis[i] * bd_load(x + i * BD_LANES + v * BD_WIDTH);
             bd_store(value + k * BD_LANES + v * BD_WIDTH, sum);
         }
     }
 }
 
+/* E (n_power, BD_LANES) = sum of the powers (n_time, n_power) over samples in contact, g > 0. */
 void BD_JOIN(bd_lanes_contact_, BD_VARIANT)(int n_power, int n_time, const double *power,
                                             const double *g, double *E);
 void BD_JOIN(bd_lanes_contact_, BD_VARIANT)(int n_power, int n_time, const double *power,

@@ -93,6 +93,22 @@ typedef struct {
     int with_tangential; /* 0: dNt is zero and not written */
 } bd_response;
 
+/* Order of the tangent blocks of a point in arrays (block, n_coef, n_coef). Laws that do not couple
+ * N to the tangential motion have the first BD_N_BLOCK; user laws have all BD_N_USER_BLOCK. */
+enum {
+    BD_DT1_DU1,
+    BD_DT2_DU2,
+    BD_DT1_DV,
+    BD_DT2_DV,
+    BD_DT1_DU2,
+    BD_DT2_DU1,
+    BD_DN_DV,
+    BD_N_BLOCK,
+    BD_DN_DU1 = BD_N_BLOCK,
+    BD_DN_DU2,
+    BD_N_USER_BLOCK
+};
+
 /* Sums over one cycle of one tangential direction. E_n is the integral of exp(i n theta), stored
  * for n = 0..2 n_harm as [E_0, E_0, Re E_1, Im E_1, ...]. Entry 1 repeats E_0, so that E + 1 holds
  * the integrals of the basis. */

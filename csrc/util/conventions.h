@@ -12,7 +12,7 @@
  *
  * The relative motion of a contact point is (u1, u2, v): two tangential components and the closing
  * v. The closing is positive if the surfaces approach. The contact forces (T1, T2, N) are conjugate
- * to these components. */
+ * to these components. BD_NORMAL is the index of v and N, the tangential directions are 0 and 1. */
 #ifndef BD_UTIL_CONVENTIONS_H
 #define BD_UTIL_CONVENTIONS_H
 
@@ -22,6 +22,9 @@
 #define BD_TWO_PI 6.28318530717958647692
 #define BD_MAX_HARM 64 /* limit of the tables on the stack of the root finder */
 #define BD_MAX_COEF (2 * BD_MAX_HARM + 1)
+
+/* Components of the motion (u1, u2, v) and of the force (T1, T2, N) of a contact point. */
+enum { BD_NORMAL = 2, BD_N_COMPONENT = 3 };
 
 typedef enum {
     BD_OK = 0,
