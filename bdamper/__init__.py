@@ -1,7 +1,7 @@
 """Forced response of structures with frictional contacts: bladed disks with friction dampers.
 
 The public names are listed in ``__init__.pyi``.  Each module is imported when one of its names is
-first used.
+first used.  "Where to find" in ``CONTRIBUTING.md`` is an index of the code.
 """
 
 from importlib import import_module

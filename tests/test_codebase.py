@@ -512,6 +512,28 @@ def test_files_and_functions_that_the_documents_name_are_there():
     assert not missing, "\n".join(missing)
 
 
+def test_the_code_index_and_the_page_of_equations_name_existing_files():
+    """The index may name paths relative to bdamper."""
+    contributing = (ROOT / "CONTRIBUTING.md").read_text()
+    _, found, rest = contributing.partition("\n## Where to find\n")
+    assert found, "no section 'Where to find'"
+    index = rest.partition("\n## ")[0]
+    equations = (ROOT / "docs/evidence/equations.md").read_text()
+    missing = []
+    for text, folders in ((index, (ROOT, PACKAGE)), (equations, (ROOT,))):
+        for name in re.findall(r"`([\w./-]+\.(?:py|pyi|c|h|md))(?:::[\w.]+)?`", text):
+            if not any((folder / name).is_file() for folder in folders):
+                missing.append(name)
+        # functions that the index names before their file
+        for function, name in re.findall(
+            r"`(\w+)`(?: \([^)]*\))? in `([\w./-]+\.(?:py|c|h))`", text
+        ):
+            paths = [folder / name for folder in folders if (folder / name).is_file()]
+            if paths and not re.search(rf"\b{function}\b", paths[0].read_text()):
+                missing.append(f"{function} in {name}")
+    assert not missing, "\n".join(missing)
+
+
 def test_tests_that_the_scripts_run_are_there():
     for path in [ROOT / "Makefile", ROOT / ".ci" / "run", *ROOT.glob("tools/*.sh")]:
         for name in (
