@@ -8,7 +8,7 @@ not change.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, Literal
@@ -17,7 +17,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from bdamper.model.structure import Body, ContactStiffness, Interface, Model, StaticContact
+from bdamper.model.structure import ContactStiffness, Interface, Model, StaticContact
 from bdamper.util import validation
 from bdamper.util.records import Kind, Shape, layout
 
@@ -48,12 +48,17 @@ def rows_of_points(face: Interface) -> tuple[int, int]:
 
     They are estimated if the points form no grid.
     """
-    steps = np.diff(np.sort(_places(face), axis=0), axis=0)
+    # a row ends at each step of the sorted coordinates, t1 and t2 separately
+    coordinates = np.sort(_places(face), axis=0)
+    steps = np.diff(coordinates, axis=0)
     n1, n2 = 1 + (steps > _least_row_distance(face)).sum(axis=0)
     share = face.n_points / (n1 * n2)
-    if 0.5 <= share <= 1.0:
+    is_grid = 0.5 <= share <= 1.0
+    if is_grid:
         return int(n1), int(n2)
-    return int(max(1.0, np.sqrt(share) * n1)), int(max(1.0, np.sqrt(share) * n2))
+    # a grid of the same proportions with as many places as points
+    factor = np.sqrt(share)
+    return int(max(1.0, factor * n1)), int(max(1.0, factor * n2))
 
 
 def group_patches(face: Interface, n_groups: int) -> NDArray:
@@ -69,19 +74,22 @@ def group_patches(face: Interface, n_groups: int) -> NDArray:
     place = _places(face)
     apart = _least_row_distance(face)
     n1, n2 = rows_of_points(face)
+    # numbers of strips along t1 and of groups along t2 in each strip
     best = (1, min(n2, n_groups))
     for n_strips in range(2, min(n1, n_groups) + 1):
         grid = (n_strips, min(n2, n_groups // n_strips))
         if _grid_quality(grid, (n1, n2)) > _grid_quality(best, (n1, n2)):
             best = grid
-    strips, groups = best
+    n_strips, n_per_strip = best
 
-    label = groups * _equal_parts(place[:, 0], face.area, strips, apart)
-    for strip in np.unique(label):
-        inside = label == strip
-        label[inside] += _equal_parts(place[inside, 1], face.area[inside], groups, apart)
-    ordered: NDArray = np.unique(label, return_inverse=True)[1]
-    return ordered
+    strip = _equal_parts(place[:, 0], face.area, n_strips, apart)
+    label = n_per_strip * strip
+    for number in np.unique(strip):
+        inside = strip == number
+        label[inside] += _equal_parts(place[inside, 1], face.area[inside], n_per_strip, apart)
+    # numbers without empty groups
+    _, group = np.unique(label, return_inverse=True)
+    return np.asarray(group)
 
 
 def _grid_quality(grid: tuple[int, int], rows: tuple[int, int]) -> tuple[int, ...]:
@@ -89,53 +97,67 @@ def _grid_quality(grid: tuple[int, int], rows: tuple[int, int]) -> tuple[int, ..
 
     ``rows`` contains the numbers of rows of patches.
     """
-    a, b = grid
-    enough_rows = min(a, b, ROWS)
-    enough_along_t1 = min(a, ROWS)
-    # groups of different numbers of rows
-    uneven = int(rows[0] % a > 0) + int(rows[1] % b > 0)
-    return enough_rows, enough_along_t1, a * b, -uneven, min(a, b)
+    n1, n2 = grid
+    rows1, rows2 = rows
+    # more than ROWS groups along a direction are no better
+    fewest = min(n1, n2, ROWS)
+    along_t1 = min(n1, ROWS)
+    # directions in which groups have different numbers of rows
+    uneven = int(rows1 % n1 > 0) + int(rows2 % n2 > 0)
+    return fewest, along_t1, n1 * n2, -uneven, min(n1, n2)
 
 
 def _equal_parts(x: NDArray, area: NDArray, n: int, apart: float) -> NDArray:
-    """Return the part of each patch at coordinates ``x`` in ``n`` parts of about equal area.
+    """Divide patches into ``n`` parts of about equal area; return the part 0 to n - 1 of each patch.
 
-    Parts consist of whole rows.  A hundredth of a part is neglected, so that rounding changes no
-    group.
+    ``x`` (n_patches,) are the coordinates of the patches.  Patches closer than ``apart`` belong to
+    one row, and parts consist of whole rows.
     """
-    # share of the area below each patch; half of the row of the patch counts
-    below = np.clip(0.5 + (x[:, None] - x) / apart, 0.0, 1.0) @ area / area.sum()
-    # counted from the nearer end, so that symmetric faces have symmetric parts
-    part = (n * np.minimum(below, 1.0 - below) + 0.01).astype(int)
-    return np.where(below < 0.51, part, n - 1 - part)
+    # [i, j]: 1 if patch j is below patch i, 0 if above, and 0.5 at the same coordinate
+    is_below = np.clip(0.5 + (x[:, None] - x) / apart, 0.0, 1.0)
+    # share of the area below each patch, with half of its row
+    below = is_below @ area / area.sum()
+    # counted from the nearer end, so that symmetric faces have symmetric parts; rounding changes
+    # no part if it is below a hundredth of a part
+    from_nearer_end = (n * np.minimum(below, 1.0 - below) + 0.01).astype(int)
+    lower_end_is_nearer = below < 0.51
+    return np.where(lower_end_is_nearer, from_nearer_end, n - 1 - from_nearer_end)
 
 
 class _Groups:
-    """Matrices of sums and means over the groups of one face."""
+    """Groups of the n patches of a face, with the face whose points are the m groups.
+
+    ``sum`` and ``mean`` (m, n) add values of patches and average them with the area.  ``vectors``
+    and ``forces`` (3 m, 3 n) do the same for vectors along the axes of the patches; their results
+    are along the axes of the groups.
+    """
 
     def __init__(self, face: Interface, n_groups: int | None) -> None:
         n = face.n_points
-        label = np.arange(n)
+        group = np.arange(n)
         if n_groups is not None and n_groups < n and face.kind == "friction":
-            label = group_patches(face, int(n_groups))
-        m = int(label.max()) + 1 if n else 0
+            group = group_patches(face, int(n_groups))
+        m = int(group.max()) + 1 if n else 0
         self.sum = np.zeros((m, n))
-        self.sum[label, np.arange(n)] = 1.0
-        self.area = self.sum @ face.area
-        self.mean = self.sum * face.area / self.area[:, None]
+        self.sum[group, np.arange(n)] = 1.0
+        area = self.sum @ face.area
+        # (m, n) * (n,) / (m, 1)
+        self.mean = self.sum * face.area / area[:, None]
 
-        # the mean of rotations is not a rotation: the nearest one
-        frames = np.einsum("mp,pij->mij", self.mean, face.frame)
-        self.frame = np.array([scipy.linalg.polar(frame)[0] for frame in frames]).reshape(m, 3, 3)
-        # from the axes of each patch to the axes of its group
-        turn = np.einsum("pij,pkj->pik", self.frame[label], face.frame)
+        # the mean of rotations is not a rotation: its polar factor is the nearest one
+        mean_frames = np.einsum("mp,pij->mij", self.mean, face.frame)
+        frame = np.zeros((m, 3, 3))
+        for i, mean_frame in enumerate(mean_frames):
+            frame[i], _ = scipy.linalg.polar(mean_frame)
+        # (n, 3, 3) from the axes of each patch to the axes of its group
+        turn = np.einsum("pij,pkj->pik", frame[group], face.frame)
         self.vectors = np.einsum("mp,pij->mipj", self.mean, turn).reshape(3 * m, 3 * n)
         self.forces = np.einsum("mp,pij->mipj", self.sum, turn).reshape(3 * m, 3 * n)
         self.face = replace(
             face,
             points=self.mean @ face.points,
-            area=self.area,
-            frame=self.frame,
+            area=area,
+            frame=frame,
             gap=self.mean @ face.gap,
         )
 
@@ -167,7 +189,10 @@ def unite_contact_points(model: Model, n_points: int) -> Model:
     Model
     """
     groups = {name: _Groups(face, n_points) for name, face in model.interfaces.items()}
-    bodies = {name: _united(body, body, groups) for name, body in model.bodies.items()}
+    # a body, and a stress set of a body, have arrays over all contact points of that body
+    bodies = {}
+    for name, body in model.bodies.items():
+        bodies[name] = _united(body, ports=body.ports, groups=groups)
     contact = {}
     for name, springs in model.contact.items():
         stiffness = groups[name].sum @ springs.stiffness
@@ -181,7 +206,7 @@ def unite_contact_points(model: Model, n_points: int) -> Model:
         )
     stress = {}
     for name, points in model.stress.items():
-        stress[name] = _united(points, model.bodies[points.body], groups)
+        stress[name] = _united(points, ports=model.bodies[points.body].ports, groups=groups)
     return replace(
         model,
         interfaces={name: group.face for name, group in groups.items()},
@@ -192,21 +217,24 @@ def unite_contact_points(model: Model, n_points: int) -> Model:
     )
 
 
-def _united(record: Any, body: Body, groups: dict[str, _Groups]) -> Any:
-    """Return a record of a body with united contact points.
+def _united(record: Any, ports: Sequence[tuple[str, str]], groups: dict[str, _Groups]) -> Any:
+    """Return a record with united contact points: a body, its stress set, or a part of these.
 
-    The annotated types of its class define which axes of its arrays are contact points.
+    ``ports`` are the pairs (interface, side) of the body, in the order of its contact points.  The
+    annotated types of the class of the record define which axes of its arrays are contact points.
     """
-    if not body.ports:
+    if not ports:
         return record
-    vectors = [groups[name].vectors for name, _ in body.ports]
-    A = scipy.linalg.block_diag(*vectors)
+    # one block for each port, (3 n_groups, 3 n_points) in total
+    A = scipy.linalg.block_diag(*[groups[name].vectors for name, _ in ports])
 
     def mean(x: NDArray, shape: Shape) -> NDArray:
         """Return the array for the groups; ``shape`` names its axes."""
-        if "n_points" in shape:  # vectors at the points
+        # the first two axes of vectors at the points are point and component
+        if "n_points" in shape:
             flat = x.reshape(A.shape[1], -1)
             x = (A @ flat).reshape(-1, 3, *x.shape[2:])
+        # such an axis has three components of each point
         for axis, size in enumerate(shape):
             if size == "n_forces":
                 last = np.swapaxes(x, axis, -1) @ A.T
@@ -221,7 +249,7 @@ def _united(record: Any, body: Body, groups: dict[str, _Groups]) -> Any:
             continue
         unite: Callable[[Any], Any]
         if field.is_record:
-            unite = partial(_united, body=body, groups=groups)
+            unite = partial(_united, ports=ports, groups=groups)
         else:
             unite = partial(mean, shape=field.data.shape)
         if field.keys:
@@ -286,6 +314,7 @@ def face_gap(
         validation.number(f"misfit {name}", value, unit="m")
     relative = interface.points - interface.points.mean(axis=0)
     gap = np.zeros(interface.n_points)
+    # rows 0 and 1 of the frame are t1 and t2
     for axis, slope, height in ((0, angle, crowning), (1, axial_angle, axial_crowning)):
         x = np.einsum("ij,ij->i", relative, interface.frame[:, axis])
         half_length = max(float(np.abs(x).max()), 1e-300)

@@ -137,11 +137,14 @@ def principal_axes(body: Body) -> tuple[NDArray, NDArray]:
     """
     assert body.inertia is not None
     axes = body_axes(body)
+    # the columns of principal are the axes
     moments, principal = np.linalg.eigh(body.inertia)
     cosine = axes @ principal
-    order = scipy.optimize.linear_sum_assignment(-np.abs(cosine))[1]
+    # one principal axis for each body axis, so that the sum of |cosine| is largest
+    _, order = scipy.optimize.linear_sum_assignment(-np.abs(cosine))
     sense = np.sign(cosine[range(3), order])
-    return moments[order], (principal[:, order] * sense).T
+    columns = principal[:, order] * sense
+    return moments[order], columns.T
 
 
 def standard_rigid_modes(model: Model, body: Body) -> Body:
@@ -158,25 +161,29 @@ def standard_rigid_modes(model: Model, body: Body) -> Body:
     frames = np.concatenate([face.frame for face in faces])
     translation = body_axes(body) / np.sqrt(body.mass)
     rotation = rotation_axes / np.sqrt(moments)[:, None]
-    motion = rigid_motions(points, body.centre, translation, rotation).reshape(-1, 3, 6)
+    # motion along X, Y, Z, (n_points, 3, 6): three translations, then three rotations
+    motion = rigid_motions(points, body.centre, translation, rotation).reshape(-1, 3, N_RIGID)
 
-    # two kinds of products keep the rounding of earlier versions, to which folds are sensitive
+    # along t1, t2, n of each point; two kinds of products keep the rounding of earlier versions,
+    # to which folds are sensitive
     translations = frames @ motion[..., :3]
     rotations = np.einsum("pij,pjk->pik", frames, motion[..., 3:])
     rigid = np.concatenate([translations, rotations], axis=2)
     modes = basis.contact_modes.copy()
-    modes[..., :6] = rigid
+    modes[..., :N_RIGID] = rigid
 
     # both sets of modes span the same space: stored @ change = rigid
-    stored = basis.contact_modes[..., :6].real
-    change = np.linalg.lstsq(stored.reshape(-1, 6), rigid.reshape(-1, 6), rcond=None)[0]
+    stored = basis.contact_modes[..., :N_RIGID].real
+    change = np.linalg.lstsq(stored.reshape(-1, N_RIGID), rigid.reshape(-1, N_RIGID), rcond=None)[0]
     locations = {}
     for name, at_location in basis.locations.items():
-        locations[name] = np.concatenate([at_location[:, :6] @ change, at_location[:, 6:]], axis=1)
+        changed = at_location[:, :N_RIGID] @ change
+        elastic = at_location[:, N_RIGID:]
+        locations[name] = np.concatenate([changed, elastic], axis=1)
     load = body.load
     if load is not None:
         generalised = load.generalised.copy()
-        generalised[:6] = change.T @ load.generalised[:6]
+        generalised[:N_RIGID] = change.T @ load.generalised[:N_RIGID]
         load = replace(load, generalised=generalised)
     new_basis = replace(basis, contact_modes=modes, locations=locations)
     return replace(body, bases={0: new_basis}, load=load)
@@ -184,7 +191,7 @@ def standard_rigid_modes(model: Model, body: Body) -> Body:
 
 def _mode_name(body: Body, index: int) -> str:
     if body.kind == "free":
-        return RIGID_NAMES[index] if index < N_RIGID else f"elastic {index - 5}"
+        return RIGID_NAMES[index] if index < N_RIGID else f"elastic {index - N_RIGID + 1}"
     n_natural = body.bases[0].n_natural
     if index < n_natural:
         return f"mode {index + 1}"
@@ -312,12 +319,14 @@ class Coupling:
 
     def _moving(self, harmonic: int) -> Iterator[tuple[Body, ModalBasis, NDArray]]:
         """Iterate over bodies except the ground, with basis and retained modes at a harmonic."""
+        diameter, _ = self._nodal_diameter(harmonic)
         for body in self.model.bodies.values():
-            if body.kind != "ground":
-                keep = np.asarray(self.modes[body.name])
-                if body.kind == "ring" and self._nodal_diameter(harmonic)[0] == 0:
-                    keep = self._held_along_axis(body, keep)
-                yield body, self._basis(body, harmonic), keep
+            if body.kind == "ground":
+                continue
+            keep = np.asarray(self.modes[body.name])
+            if body.kind == "ring" and diameter == 0:
+                keep = self._held_along_axis(body, keep)
+            yield body, self._basis(body, harmonic), keep
 
     def _held_along_axis(self, body: Body, keep: NDArray) -> NDArray:
         """Return the retained modes of a ring at nodal diameter 0, without motions along and about
@@ -328,11 +337,12 @@ class Coupling:
         """
         if self.engine_order % self.model.n_blades == 0:
             return keep
-        # they follow the radial motion of a split ring
+        # the last two rigid-body modes; a split ring also has a radial one, which is first
         along_and_about = [body.n_rigid - 2, body.n_rigid - 1]
         return np.setdiff1d(keep, along_and_about)
 
     def _nodal_diameter(self, harmonic: int) -> tuple[int, bool]:
+        """Return the nodal diameter of the modes of a harmonic, and whether they are conjugates."""
         if self.fundamental_modes_only:
             harmonic = 1
         return self.model.folded_nodal_diameter(self.engine_order * harmonic)
@@ -380,6 +390,7 @@ class Coupling:
                 sense = 1.0
             if name in self.interfaces and sector in sectors:
                 port = array[self.model.port_slice(body.name, (name, side))]
+                # one body may be on both sides of an interface
                 relative[self.rows(name)] += np.exp(1j * phase * sector) * (sense * port)
         # v is positive if the surfaces approach
         relative[:, 2] *= -1.0
@@ -443,16 +454,18 @@ class Coupling:
         inertia forces under its unit accelerations.  For "mode 1" the first row selects the
         coordinate of this mode of the constrained body.
         """
+        # one array (3, n) for the modes of each body
         columns = []
         if location not in self.model.locations:
             for body, _, keep in self._moving(harmonic):
                 selected = np.zeros((3, len(keep)))
                 if body.kind == "constrained":
-                    selected[0] = [f"mode {i + 1}" == location for i in keep]
+                    selected[0] = [location == f"mode {i + 1}" for i in keep]
                 columns.append(selected)
             return np.concatenate(columns, axis=1)
         place = self.model.locations[location]
         for body, basis, keep in self._moving(harmonic):
+            # None if the body does not move the location
             modes = None
             if body.name == place.body:
                 if location not in basis.locations:
@@ -479,9 +492,12 @@ class Coupling:
             if body.name != stress_set.body or not body.ports:
                 continue
             omitted = np.setdiff1d(np.flatnonzero(basis.omega2 > 0.0), keep)
+            # strain at the gauge for unit modal forces on the omitted modes
             row = basis.locations[GAUGE][0, omitted] / basis.omega2[omitted]
+            # per contact point of the body and direction, (n_points of the body, 3)
             at_ports = basis.contact_modes[..., omitted] @ row.conj()
             if stress_set.contact:
+                # strain for unit forces at the contact points, (3 n_points of the body,)
                 local = weights @ stress_set.contact[d][index]
                 # the stress set has no conjugate, unlike the modes
                 local = local if conjugate else local.conj()
@@ -525,13 +541,16 @@ class Coupling:
             elastic = keep[basis.omega2[keep] > 0.0]
             n_forces = len(basis.flexibility)
             modes = basis.contact_modes[..., elastic].reshape(n_forces, len(elastic))
-            residual = basis.flexibility - (modes / basis.omega2[elastic]) @ modes.conj().T
+            R = basis.flexibility - (modes / basis.omega2[elastic]) @ modes.conj().T
 
-            # P R P^H: place the columns first, then the rows
-            by_force = residual.reshape(n_forces // 3, 3, n_forces)
-            half = self.placed(body, by_force, harmonic).reshape(n, n_forces)
-            by_contact = half.conj().T.reshape(n_forces // 3, 3, n)
-            total += self.placed(body, by_contact, harmonic).reshape(n, n).conj().T
+            # `placed` applies P to the first two axes, (point of the body, direction):
+            # first P R, (n, n_forces), then P (P R)^H = (P R P^H)^H, (n, n)
+            n_body = n_forces // 3
+            PR = self.placed(body, R.reshape(n_body, 3, n_forces), harmonic).reshape(n, n_forces)
+            PR_H = PR.conj().T
+            PRP_H = self.placed(body, PR_H.reshape(n_body, 3, n), harmonic).reshape(n, n)
+            total += PRP_H.conj().T
+        # R is Hermitian up to rounding
         return 0.5 * (total + total.conj().T)
 
     def left_out_modes(self, harmonic: int) -> tuple[NDArray, NDArray, NDArray]:
@@ -579,7 +598,7 @@ class Coupling:
         for body, _, keep in self._moving(0):
             share = 1.0 if shares is None else shares.get(body.name, 0.0)
             if body.load is None or share == 0.0:
-                force.append(_picked(None, keep))
+                force.append(np.zeros(len(keep)))
                 continue
             generalised = body.load.generalised
             force.append(share * generalised[keep])
@@ -589,7 +608,9 @@ class Coupling:
             coordinates = generalised[elastic] / basis.omega2[elastic]
             represented = basis.contact_modes[..., elastic].real @ coordinates
             omitted = body.load.displacement - represented
-            displacement += share * self.placed(body, omitted[..., None], 0)[..., 0].real
+            # one displacement field, (n_points, 3, 1)
+            placed = self.placed(body, omitted[..., None], harmonic=0)
+            displacement += share * placed[..., 0].real
         return np.concatenate(force), displacement
 
     def closing_by_rotation(self) -> NDArray:
@@ -600,7 +621,9 @@ class Coupling:
         displacement = np.zeros((self.n_points, 3))
         for body in self.model.bodies.values():
             if body.spin is not None:
-                displacement += self.placed(body, body.spin.contact[..., None], 0)[..., 0].real
+                # one displacement field, (n_points, 3, 1)
+                placed = self.placed(body, body.spin.contact[..., None], harmonic=0)
+                displacement += placed[..., 0].real
         return displacement
 
 
@@ -612,12 +635,13 @@ def inertia_of_free_body(body: Body) -> NDArray:
     """
     assert body.mass is not None
     rows = np.zeros((3, body.bases[0].n_modes))
+    # the first three modes are translations along the body axes, divided by sqrt(mass)
     rows[:, :3] = -np.sqrt(body.mass) * body_axes(body).T
     return rows
 
 
 def _picked(array: NDArray | None, keep: NDArray, before: tuple[int, ...] = ()) -> NDArray:
-    """Return the columns ``keep`` of an array; zeros of shape (*before, len(keep)) for None."""
+    """Return the columns ``keep`` of an array (*before, n_modes), or zeros for None."""
     if array is None:
         return np.zeros((*before, len(keep)))
     return array[..., keep]
@@ -641,9 +665,9 @@ def centrifugal_arms(model: Model) -> dict[str, float]:
         if body.is_free and body.load is not None:
             assert body.mass is not None and body.centre is not None
             arms[body.name] = float(body.mass * np.hypot(*body.centre[:2]))
-    off_axis = min(arms.values(), default=1.0) > 0.0
+    all_off_axis = all(arm > 0.0 for arm in arms.values())
     found = ", ".join(f"{arm:.6g} kg m of '{name}'" for name, arm in arms.items())
-    validation.check(off_axis, "rotor speed", "loaded free bodies off the axis", found)
+    validation.check(all_off_axis, "rotor speed", "loaded free bodies off the axis", found)
     return arms
 
 
@@ -683,37 +707,44 @@ def damper_drag(
     drag : mapping of body name to float, N s/m
         Viscous damper on the translation of a body, proportional to mass for its other motions.
     """
-    closed = springs.ravel() > 0.0
-    G = basis.G.real.reshape(-1, basis.n_modes)[closed]
     free: list[int] = []
     residual: list[int] = []
     for i, coordinate in enumerate(basis.coordinates):
+        # residual modes belong to contacts, not to a body
         if coordinate.body not in model.bodies:
             residual.append(i)
         elif model.bodies[coordinate.body].kind == "free":
             free.append(i)
 
-    # natural frequencies of each motion alone, on the contact springs and the residual modes
-    in_series = G[:, residual] / basis.omega2[residual] @ G[:, residual].T
-    flexibility = np.diag(1.0 / springs.ravel()[closed]) + in_series
-    motion = G[:, free]
-    contact = (motion * np.linalg.solve(flexibility, motion)).sum(axis=0)
-    frequency = np.sqrt(contact + basis.omega2[free])
+    # rows of G for contact springs: three directions of all points, where a spring acts
+    k = springs.ravel()
+    acts = k > 0.0
+    G = basis.G.real.reshape(-1, basis.n_modes)[acts]
+
+    # contact stiffness of each motion alone, on the springs in series with the residual modes
+    G_residual = G[:, residual]
+    residual_flexibility = G_residual / basis.omega2[residual] @ G_residual.T
+    flexibility = np.diag(1.0 / k[acts]) + residual_flexibility
+    G_free = G[:, free]
+    spring_forces = np.linalg.solve(flexibility, G_free)
+    contact_stiffness = (G_free * spring_forces).sum(axis=0)
+    omega = np.sqrt(contact_stiffness + basis.omega2[free])
 
     rates = {}
-    for i, omega in zip(free, frequency):
+    for i, omega_alone in zip(free, omega):
         coordinate = basis.coordinates[i]
         name = coordinate.body
         mass = model.bodies[name].mass
         if mass is not None:
-            rates[coordinate] = float(2.0 * ratio[name] * omega + drag[name] / mass)
+            rates[coordinate] = float(2.0 * ratio[name] * omega_alone + drag[name] / mass)
 
     largest_rate = max(rates.values(), default=0.0)
-    lowest = float(np.sqrt(basis.omega2[basis.omega2 > 0.0].min(initial=np.inf)))
-    if largest_rate > lowest:
+    elastic = basis.omega2 > 0.0
+    lowest_omega = float(np.sqrt(basis.omega2[elastic].min(initial=np.inf)))
+    if largest_rate > lowest_omega:
         warn(
             f"damping of the damper: a rate of up to {largest_rate:.3g} 1/s exceeds "
-            f"omega = {lowest:.3g} rad/s of the lowest mode; "
+            f"omega = {lowest_omega:.3g} rad/s of the lowest mode; "
             "the damper cannot move freely relative to the rotor; reduce damper_damping_ratio or "
             "damper_drag"
         )
@@ -742,19 +773,22 @@ def in_flow(
         If a mode has negative damping or stiffness.
     """
     diameter = wave % model.n_blades
-    z: Any = flow.get(diameter, 0.0)
+    value: Any = flow.get(diameter, 0.0)
     blades = [name for name, body in model.bodies.items() if body.kind == "constrained"]
-    z = z * np.array([coordinate.body in blades for coordinate in basis.coordinates])
+    of_blade = np.array([coordinate.body in blades for coordinate in basis.coordinates])
+    # one value for each mode, 0 for modes of dampers
+    z = value * of_blade
     drag = basis.damping + 2.0 * np.imag(z) * np.sqrt(basis.omega2)
+    stiffness_factor = 1.0 + 2.0 * np.real(z)
     validation.check_sentence(
         (drag >= 0.0).all() and (np.real(z) > -0.5).all(),
         f"aerodynamic_damping at nodal diameter {diameter}",
         "some modes have negative damping or stiffness; use study.flutter for their limit cycles",
     )
-    # the drag has all damping
+    # the drag includes the damping of the damping ratios
     return replace(
         basis,
-        omega2=basis.omega2 * (1.0 + 2.0 * np.real(z)),
+        omega2=basis.omega2 * stiffness_factor,
         damping_ratio=np.zeros_like(basis.damping_ratio),
         drag=drag,
     )

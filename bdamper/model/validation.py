@@ -124,13 +124,15 @@ def _check_interface(interface: Interface, model: Model, item: str) -> None:
     check_record(interface, Interface, item)
     _check_frame(interface.frame, f"{item}/frame")
     allowed = (0,) if model.n_blades == 1 else (-1, 0, 1)
+    expected = f"one of {list(allowed)} (n_blades = {model.n_blades})"
     for side, sector in (("a", interface.sector_a), ("b", interface.sector_b)):
-        expected = f"one of {list(allowed)} (n_blades = {model.n_blades})"
         check(sector in allowed, f"{item}/@sector_{side}", expected, sector)
 
 
 def _check_frame(frame: NDArray, item: str) -> None:
-    error = np.abs(frame @ frame.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+    """Check the axes (n_points, 3, 3) of contact points; the rows are t1, t2 and n."""
+    products = frame @ frame.transpose(0, 2, 1)
+    error = np.abs(products - np.eye(3)).max(axis=(1, 2))
     check_all(error <= SINGLE, error, "orthonormal rows t1, t2, n (errors of their products)", item)
     determinant = np.linalg.det(frame)
     check_all(determinant > 0, determinant, "right-handed rows t1, t2, n (determinants)", item)
@@ -277,11 +279,18 @@ def _check_basis(
 
 def _n_rigid(d: int, basis: ModalBasis, body: Body, item: str) -> int:
     """Return the number of rigid-body modes at nodal diameter d."""
+    if body.kind == "free":
+        return N_RIGID
     if body.kind != "ring":
-        return N_RIGID if body.kind == "free" else 0
+        return 0
     n_zero = int((basis.omega2 == 0.0).sum())
-    # along and about the axis, and radial for a split ring; across the axis and tilting
-    allowed = {0: (2, 3), 1: (2,)}.get(d, (0,))
+    allowed: tuple[int, ...] = (0,)
+    # along and about the axis; a split ring also moves radially
+    if d == 0:
+        allowed = (2, 3)
+    # across the axis and tilting
+    elif d == 1:
+        allowed = (2,)
     expected = f"{' or '.join(map(str, allowed))} rigid-body modes of a ring"
     check(n_zero in allowed, f"{item}/omega2", expected, n_zero)
     enough = basis.n_natural >= N_RIGID
@@ -296,23 +305,29 @@ def _check_frequencies(omega2: NDArray, n_rigid: int, item: str, lumped: bool = 
     check(len(omega2) >= n_rigid, item, f"{n_rigid} rigid-body modes first", f"{len(omega2)} modes")
     expected = f"exactly 0 for the {'six' if n_rigid == N_RIGID else n_rigid} rigid-body modes"
     check_all(omega2[:n_rigid] == 0, omega2, expected, item)
-    positive = omega2 > 0
-    positive[:n_rigid] = True
-    check_all(positive, omega2, "numbers > 0 for elastic modes", item)
+    rigid_or_positive = omega2 > 0
+    rigid_or_positive[:n_rigid] = True
+    check_all(rigid_or_positive, omega2, "numbers > 0 for elastic modes", item)
 
 
 def _check_residual(rest: NDArray, flexibility: NDArray, item: str, what: str) -> None:
-    """Check that the residual part of a static receptance is positive semi-definite."""
+    """Check that the residual part of a static receptance is positive semi-definite.
+
+    ``rest`` (n_forces, n_forces), m/N, is the part of ``flexibility`` of the omitted modes; ``what``
+    names it in the message.
+    """
     size = np.linalg.norm(flexibility)
     finite = np.isfinite(size) and np.isfinite(rest).all()
     found = f"sizes up to {np.abs(flexibility).max(initial=0.0):.3g}"
     check(finite, item, "numbers whose squares are finite", found)
-    # eigenvalues, which take longer, only if the quick test fails
+    # all eigenvalues above -allowed?
     allowed = SINGLE * size
-    if not is_positive_definite(rest + allowed * np.eye(len(rest))):
-        smallest = np.linalg.eigvalsh(0.5 * (rest + rest.conj().T))[0]
-        found = f"the eigenvalue {smallest:.3g} m/N, size {size:.3g} m/N"
-        check(not smallest < -allowed, item, f"{what} positive semi-definite", found)
+    if is_positive_definite(rest + allowed * np.eye(len(rest))):
+        return
+    # the quick test may fail by rounding, and the message needs the eigenvalue
+    smallest = np.linalg.eigvalsh(0.5 * (rest + rest.conj().T))[0]
+    found = f"the eigenvalue {smallest:.3g} m/N, size {size:.3g} m/N"
+    check(not smallest < -allowed, item, f"{what} positive semi-definite", found)
 
 
 def _check_speed(basis: ModalBasis, speed: SpeedBasis, item: str) -> None:
@@ -320,8 +335,10 @@ def _check_speed(basis: ModalBasis, speed: SpeedBasis, item: str) -> None:
 
     They give its frequencies and its flexibility.
     """
-    frequency = np.sqrt(np.maximum(basis.omega2, 1e-8 * basis.omega2.max(initial=0.0)))
-    size = frequency[:, None] * frequency
+    # entry (i, j) of the stiffness is compared with omega_i omega_j; rigid-body modes have no size
+    smallest = 1e-8 * basis.omega2.max(initial=0.0)
+    omega = np.sqrt(np.maximum(basis.omega2, smallest))
+    size = np.outer(omega, omega)
     stiffness = speed.stiffness(speed.omega_ref)
     difference = np.abs(stiffness - np.diag(basis.omega2)) / size
     error = difference.max(initial=0.0)
@@ -354,8 +371,10 @@ def _check_speed(basis: ModalBasis, speed: SpeedBasis, item: str) -> None:
 def _check_real(basis: ModalBasis, item: str, lumped: bool) -> None:
     """Check that the arrays of nodal diameter 0 are real."""
     modes = {"modes": basis.contact_modes}
-    if not lumped:  # forces on several masses with different phases form one complex location
-        modes |= {f"locations/{name}": values for name, values in basis.locations.items()}
+    # lumped masses may have a complex location: forces on several masses with different phases
+    if not lumped:
+        for name, values in basis.locations.items():
+            modes[f"locations/{name}"] = values
     _check_real_arrays(modes, item)
     if basis.flexibility is not None:
         _check_real_arrays({"flexibility": basis.flexibility}, item)
@@ -379,6 +398,7 @@ def _check_rigid(body: Body, model: Model, item: str) -> None:
     basis = body.bases[0]
     exact = _rigid_motions(body, model)
     at_locations = [values[None] for values in basis.locations.values()]
+    # contact points, then locations: (n, 3, n_modes)
     modes = np.concatenate([basis.contact_modes, *at_locations])
     stored = modes[:, :, :N_RIGID].real.reshape(-1, N_RIGID)
     if len(stored) == 0:
@@ -412,12 +432,13 @@ def _rigid_motions(body: Body, model: Model) -> NDArray:
     assert body.mass is not None and body.centre is not None and body.inertia is not None
     points = []
     frames = []
-    # rotated into the sector of the body
     for name, side in body.ports:
         face = model.interfaces[name]
+        # the side of the body may be in a neighbouring sector: turn it back to its sector 0;
+        # points and axes are rows, for which x R is R^T x
         sector = face.sector_a if side == "a" else face.sector_b
         rotation = turn(2 * np.pi * sector / model.n_blades)
-        points.append(face.points @ rotation)  # rows R^T x
+        points.append(face.points @ rotation)
         frames.append(face.frame @ rotation)
     for name in body.bases[0].locations:
         points.append(model.locations[name].position[None])
@@ -480,6 +501,7 @@ def _check_local_frequencies(local: LocalBasis, d: int, basis: ModalBasis, item:
     """Check that the local basis has frequencies close to a nodal diameter, and not below."""
     n = basis.n_natural
     omega2 = eigh(local.stiffness(d), local.mass(d), eigvals_only=True)[:n]
+    # the local basis may have fewer modes
     exact = np.sort(basis.omega2[:n])[: len(omega2)]
     ratio = np.sqrt(omega2 / exact)
     within = f"{100 * NEAREST_FREQUENCY:g} %"
@@ -508,11 +530,14 @@ def _check_cantilever(local: LocalBasis, item: str) -> None:
     """
     item = f"{item}/blade_stiffness"
     m = local.n_cantilever
+    # rows of the cantilever modes: no coupling with other coordinates
     exact = np.zeros((m, local.n))
     exact[:, :m] = np.diag(local.omega2)
+    # entry (i, j) is compared with size_i size_j
     diagonal = np.abs(np.diag(local.blade_stiffness))
     size = np.sqrt(np.maximum(diagonal, local.omega2.min()))
     error = np.abs(local.blade_stiffness[:m] - exact) / np.outer(size[:m], size)
+    # also true for NaN
     if not error.max() <= ROUNDING:
         row, column = np.unravel_index(error.argmax(), error.shape)
         stored = local.blade_stiffness[row, column]

@@ -259,24 +259,33 @@ def across(
     """
     pairs = [_neighbours(family, value, system) for family, value in families.values()]
     excess = np.broadcast_to(factors, len(points)) - 1.0
-    # frequency (Hz) and response (m), per unit of each parameter and along the curve
-    moves = np.empty((len(pairs), len(points), 2), complex)
+    # per unit of each parameter: frequency (Hz) and response (m)
+    frequency_moves = np.empty((len(pairs), len(points)))
+    response_moves = np.empty((len(pairs), len(points)), complex)
+    # along the curve: columns frequency (Hz) and response (m)
     tangent = np.empty((len(points), 2), complex)
     for i, (point, unit) in enumerate(zip(points, scale)):
         y = point.y
         response = system.rows.value(y)
-        for j, change in enumerate(_moves_across(system, point, unit, pairs, excess[i])):
+        changes = _moves_across(system, point, unit, pairs, excess[i])
+        for j, (pair, change) in enumerate(zip(pairs, changes)):
             # the row of the response may itself depend on the parameter
-            explicit = pairs[j].rate(pairs[j].high.first(y), pairs[j].low.first(y))
-            moves[j, i, 0] = change[-1] / (2.0 * np.pi)
-            moves[j, i, 1] = explicit + system.rows.value(y + change) - response
+            explicit = pair.rate(pair.high.first(y), pair.low.first(y))
+            # the last unknown is the frequency in rad/s
+            frequency_moves[j, i] = change[-1] / (2.0 * np.pi)
+            response_moves[j, i] = explicit + system.rows.value(y + change) - response
         along = point.tangent * unit
         tangent[i, 0] = along[-1] / (2.0 * np.pi)
         tangent[i, 1] = system.rows.value(y + along) - response
     derivatives = {}
-    for (name, (_, value)), move in zip(families.items(), moves):
-        frequency, response_change = move[:, 0].real, move[:, 1]
-        derivatives[name] = CurveSensitivity(name, value, frequency, response_change, tangent)
+    for j, (name, (_, value)) in enumerate(families.items()):
+        derivatives[name] = CurveSensitivity(
+            name,
+            value,
+            frequency=frequency_moves[j],
+            response=response_moves[j],
+            tangent=tangent,
+        )
     return derivatives
 
 
@@ -344,12 +353,13 @@ def sensitivities(
         except (SettingError, ArithmeticError, np.linalg.LinAlgError) as error:
             derivatives = np.full(len(peak.y) + 1, np.nan)
             reason = str(error)
-        *_, speed, amplitude = derivatives
+        # all unknowns, the frequency in rad/s and the amplitude
+        *_, omega, amplitude = derivatives
         by_name[name] = PeakSensitivity(
             name,
             value,
             amplitude=float(amplitude),
-            frequency=float(speed) / (2.0 * np.pi),
+            frequency=float(omega) / (2.0 * np.pi),
             y=derivatives[:-1],
             reason=reason,
         )
@@ -379,11 +389,16 @@ class _Linear:
         ``r_p`` (n_unknowns,) is the derivative of the residual with respect to the parameter.
         """
         peak = self.peak
+        # the last row of the matrix is the tangent
         right = np.append(-r_p, 0.0)
-        return self.system.solve_linear(peak.y, peak.tangent, peak.scale, right[None])[0]
+        # one right-hand side, (1, n_unknowns + 1)
+        (move,) = self.system.solve_linear(peak.y, peak.tangent, peak.scale, right[None])
+        return np.asarray(move)
 
     def derivatives(self, family: Family, value: float) -> NDArray:
-        """Return the derivatives (n_unknowns + 2,) of position and amplitude of the peak.
+        """Return the derivatives of the unknowns, the frequency (rad/s) and the amplitude of the peak.
+
+        The shape is (n_unknowns + 2,).
 
         Raises
         ------
@@ -395,8 +410,9 @@ class _Linear:
         move = self.move(pair.rate(pair.high.residual(y), pair.low.residual(y)))
         derivatives = self.along(move, pair)
         _finite(float(derivatives.sum()), self.peak)
-        # at the lower end of a range there is nothing below
-        if pair.low.step < 0.0:
+        # the step is 0 at the lower end of a range, with only one side to compare
+        has_both_sides = pair.low.step < 0.0
+        if has_both_sides:
             size = max(abs(value), pair.high.step)
             self._check_one_sided(move, pair, derivatives, size)
         return derivatives
@@ -406,29 +422,36 @@ class _Linear:
     ) -> None:
         """Raise NoDerivative if the derivatives from above and below differ.
 
-        ``size`` is the size of the parameter, to which NOISE refers.
+        ``derivatives`` (n_unknowns + 2,) are the central ones, and ``size`` is the size of the
+        parameter.
         """
-        at_value = _Neighbour(self.system, 0.0, np.ones_like(self.peak.y))
+        at_value = _unchanged(self.system)
+        above = self.along(move, _Pair(high=pair.high, low=at_value))
+        below = self.along(move, _Pair(high=at_value, low=pair.low))
+
         # the last two entries: frequency (rad/s) and amplitude
-        above = self.along(move, _Pair(pair.high, at_value))[-2:]
-        below = self.along(move, _Pair(at_value, pair.low))[-2:]
-        relative = np.array([self.peak.frequency * 2.0 * np.pi, self.peak.amplitude]) / size
-        tolerance = SIDES * np.abs(derivatives[-2:]) + NOISE * relative
-        if not (np.abs(above - below) > tolerance).any():
+        difference = np.abs(above[-2:] - below[-2:])
+        peak_values = np.array([self.peak.frequency * 2.0 * np.pi, self.peak.amplitude])
+        # derivatives of a peak that is proportional to the parameter
+        proportional = peak_values / size
+        tolerance = SIDES * np.abs(derivatives[-2:]) + NOISE * proportional
+        if not (difference > tolerance).any():
             return
-        found = " and ".join(
-            f"{amplitude:.3g} m, {amount(speed / (2.0 * np.pi), 'Hz')}"
-            for speed, amplitude in (above, below)
-        )
+        sides = []
+        for side in (above, below):
+            *_, omega, amplitude = side
+            sides.append(f"{amplitude:.3g} m, {amount(omega / (2.0 * np.pi), 'Hz')}")
+        found = " and ".join(sides)
         raise NoDerivative(
             f"sensitivities: expected the same from above and below, found {found} per unit"
         )
 
     def along(self, move: NDArray, pair: _Pair) -> NDArray:
-        """Return the derivatives from differences along the derivative of the solution.
+        """Return the derivatives (n_unknowns + 2,) from differences along the moving solution.
 
-        The two points move with the parameter, so the contact states of both are nearly the states
-        at the peak.
+        ``move`` (n_unknowns + 1,) is the derivative of the solution in scaled unknowns.  The two
+        points move with the parameter, so the contact states of both are nearly the states at the
+        peak.
         """
         peak = self.peak
         high, low = pair.high, pair.low
@@ -483,7 +506,10 @@ class _Neighbour:
     def turn(self, y: NDArray, direction: NDArray) -> NDArray:
         """Return the derivative of the residual along a direction (n_unknowns + 1,)."""
         _, J, r_omega = self.system.evaluate_at(self.factors * y)
-        change: NDArray = J @ (self.factors * direction)[:-1] + r_omega * direction[-1]
+        # the factor of the frequency, the last unknown, is 1
+        along_motion = (self.factors * direction)[:-1]
+        along_omega = direction[-1]
+        change: NDArray = J @ along_motion + r_omega * along_omega
         return change
 
 
@@ -502,7 +528,8 @@ class _Pair:
 def _neighbours(family: Family, value: float, system: Equations) -> _Pair:
     """Return the equations above and below a value.
 
-    At the lower end of its range those at the value replace those below.
+    ``system`` contains the equations at the value.  At the lower end of the range it is also the
+    lower neighbour.
     """
     size = abs(value) if value != 0.0 else 1.0
     step = DIFFERENCE * size
@@ -512,8 +539,13 @@ def _neighbours(family: Family, value: float, system: Equations) -> _Pair:
         below = family(value - step)
     # end of the range, as for a friction coefficient of zero
     except SettingError:
-        return _Pair(high, _Neighbour(system, 0.0, np.ones(system.n_unknowns + 1)))
-    return _Pair(high, _Neighbour(below, -step, _factors(below, system)))
+        return _Pair(high, low=_unchanged(system))
+    return _Pair(high, low=_Neighbour(below, -step, _factors(below, system)))
+
+
+def _unchanged(system: Equations) -> _Neighbour:
+    """Return the equations at the parameter value itself, whose unknowns need no factors."""
+    return _Neighbour(system, step=0.0, factors=np.ones(system.n_unknowns + 1))
 
 
 def _factors(system: Equations, reference: Equations) -> NDArray:
@@ -524,7 +556,8 @@ def _factors(system: Equations, reference: Equations) -> NDArray:
     NoDerivative
         If the equations have different unknowns.
     """
-    if not np.array_equal(system.layout.n_mode, reference.layout.n_mode):
+    same_modes = np.array_equal(system.layout.n_mode, reference.layout.n_mode)
+    if not same_modes:
         raise NoDerivative(
             "sensitivities: the residual modes change near the peak, so that solutions on both "
             "sides of the change cannot be compared"
@@ -536,7 +569,7 @@ def _factors(system: Equations, reference: Equations) -> NDArray:
     for harmonic, (basis, reference_basis) in enumerate(bases):
         if not basis.n_modes:
             continue
-        # contact motion of each mode
+        # contact motion of each mode, (3 n_points, n_modes)
         G = basis.G.reshape(-1, basis.n_modes)
         G_reference = reference_basis.G.reshape(-1, reference_basis.n_modes)
         norm = np.einsum("pm,pm->m", G.conj(), G).real
@@ -544,8 +577,9 @@ def _factors(system: Equations, reference: Equations) -> NDArray:
         product = np.einsum("pm,pm->m", G.conj(), G_reference)
         moves = norm > 0.0
         same = moves & (np.abs(product) ** 2 > (1.0 - parallel) * norm * reference_norm)
-        # modes that are not the same keep their unknowns
-        ratio = np.where(same, product.real / np.where(same, norm, 1.0), 1.0)
+        # ratio with which ratio * G is closest to G_reference; other modes keep their unknowns
+        divisor = np.where(same, norm, 1.0)
+        ratio = np.where(same, product.real / divisor, 1.0)
         cosine, sine = system.layout.slices(harmonic)
         factors[cosine] = ratio
         if harmonic > 0:
@@ -559,10 +593,16 @@ def _adjoint(system: Equations, peak: Peak) -> NDArray:
     It is minus the derivative of the amplitude at the peak with respect to each residual.
     """
     gradient, squared = system.rows.squared_gradient(peak.y)
+    # gradient of the amplitude, from half the gradient of its square
     gradient /= np.sqrt(squared)
-    right = (gradient * peak.scale)[None]
-    solution = system.solve_linear(peak.y, peak.tangent, peak.scale, right, transposed=True)
-    return solution[0, :-1]
+    right = gradient * peak.scale
+    # one right-hand side, (1, n_unknowns + 1)
+    (solution,) = system.solve_linear(
+        peak.y, peak.tangent, peak.scale, right[None], transposed=True
+    )
+    # without the multiplier of the tangent row
+    adjoint: NDArray = solution[:-1]
+    return adjoint
 
 
 def amplitude_sensitivity(peak: Peak, family: Family, value: float) -> float:
@@ -663,8 +703,11 @@ def _normal_plane(y: NDArray, branch: NDArray, i: int, unit: NDArray) -> Plane |
 
     The frequency is fixed if the branch has no other point.
     """
-    before = i - 1 if i > 0 and branch[i - 1] == branch[i] else i
-    after = i + 1 if i + 1 < len(y) and branch[i + 1] == branch[i] else i
+    before = after = i
+    if i > 0 and branch[i - 1] == branch[i]:
+        before = i - 1
+    if i + 1 < len(y) and branch[i + 1] == branch[i]:
+        after = i + 1
     chord = (y[after] - y[before]) / unit
     if not chord.any():
         return Fixed()
@@ -714,6 +757,7 @@ def band(
     with np.errstate(invalid="ignore"):
         normal /= np.hypot(*normal)
     deviation = np.sqrt(sum((normal * move).sum(axis=0) ** 2 for move in moves))
+    # (2, n) displacements times (2,) sides: (2, n, 2)
     both_sides = 2.0 * np.array([-1.0, 1.0])
     log_frequency, log_amplitude = both_sides * (deviation * normal)[..., None]
     frequency_edges = frequency[:, None] * np.exp(width * log_frequency)
@@ -767,7 +811,10 @@ def setting_value(problem: Problem, name: str) -> float:
     else:
         value = settings
         for attribute in name.split("."):
-            value = getattr(value, "response_location" if attribute == "response" else attribute)
+            # without a setting the response is at the location of the excitation
+            if attribute == "response":
+                attribute = "response_location"
+            value = getattr(value, attribute)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise SettingError(f"{name}: expected a setting that is one number, found {value!r}")
     return float(value)
@@ -788,7 +835,10 @@ def _common_friction(problem: Problem) -> float | None:
 
 
 def setting_family(problem: Problem, name: str, preload: float) -> Family:
-    """Return the equations at one preload as a function of one numeric setting."""
+    """Return the equations at one preload as a function of one numeric setting.
+
+    Factors on masses that determine the preload also change the preload.
+    """
 
     masses_of_load = [MASS]
     # at a rotor speed the preload is the load of the first body
@@ -798,7 +848,7 @@ def setting_family(problem: Problem, name: str, preload: float) -> Family:
 
     def family(value: float) -> Equations:
         varied = with_aligned_modes(vary(problem, {name: value}), problem)
-        # the centrifugal load is proportional to the mass
+        # the value is a factor on the mass, and the centrifugal load is proportional to the mass
         if name in masses_of_load:
             return varied.system(value * preload)
         return varied.system(preload)
