@@ -144,10 +144,12 @@ def in_order(pieces: Sequence[Piece]) -> list[tuple[Correction, Piece]]:
         points = [(point, piece) for point in piece.path.points]
         if before is not None and _other_way(before, piece):
             # the shared starting point occurs once and is not an end of the joined branch
-            first = len(ordered) - len(before.path.points)
-            start, _ = ordered[first]
-            ordered[first] = replace(start, kind="regular"), before
-            ordered[first:first] = points[:0:-1]
+            index_of_start = len(ordered) - len(before.path.points)
+            start, _ = ordered[index_of_start]
+            ordered[index_of_start] = replace(start, kind="regular"), before
+            # the points of this path in reverse, without the start, before the other path
+            leading_to_start = points[:0:-1]
+            ordered[index_of_start:index_of_start] = leading_to_start
         else:
             ordered += points
         before = piece
@@ -161,17 +163,20 @@ def _other_way(before: Piece, piece: Piece) -> bool:
 
 def _gaps(pieces: Sequence[Piece], low: float, high: float) -> Iterator[tuple[float, float]]:
     """Yield all parts of the interval without a solution, also narrow ones (rad/s)."""
-    ranges = []
+    covered = []
     for piece in pieces:
         if piece.path.points:
+            # the last unknown is the frequency
             frequencies = [point.y[-1] for point in piece.path.points]
-            ranges.append((min(frequencies), max(frequencies)))
+            covered.append((min(frequencies), max(frequencies)))
+    # all frequencies from low up to this one are covered or have been yielded
     reached = low
-    for bottom, top in sorted(ranges):
-        if bottom > reached * (1.0 + 1e-12):
+    rounding = 1e-12
+    for bottom, top in sorted(covered):
+        if bottom > reached * (1.0 + rounding):
             yield reached, bottom
         reached = max(reached, top)
-    if reached < high * (1.0 - 1e-12):
+    if reached < high * (1.0 - rounding):
         yield reached, high
 
 
@@ -304,7 +309,10 @@ class Coverage:
         for up in (True, False):
             start = find_start(low if up else high)
             if start is None:
-                self.pieces.append(Piece(Path((), "no start", self.log[-1], 0, 0), up))
+                no_path = Path(
+                    points=(), status="no start", reason=self.log[-1], iterations=0, failed_steps=0
+                )
+                self.pieces.append(Piece(no_path, up))
                 continue
             self.follow(start, up)
             self.drop_repeated()
@@ -316,7 +324,18 @@ class Coverage:
     def follow(
         self, start: NDArray, up: bool, branch: int | None = None, inside: bool = False
     ) -> Path:
-        """Follow one branch and add it, even if interrupted."""
+        """Follow one branch and add it, even if interrupted.
+
+        Parameters
+        ----------
+        start : (n_unknowns + 1,) float
+        up : bool
+            Whether to start towards higher frequencies.
+        branch : int, optional
+            Number of the branch; a new one by default.
+        inside : bool
+            Whether the start is within the interval, not at an end.
+        """
         system = self.system.with_share(SHARE)
         follower = Follower(system, self.limits, self.options, self.on_point)
         interruption: KeyboardInterrupt | None = None
@@ -361,6 +380,7 @@ class Coverage:
         low, high = self.limits
         margin = OUTSIDE * (high - low)
         lowest_resonance, highest_resonance = self.reach or self.limits
+        # a wide margin may not lead to negative frequencies
         bottom = min(lowest_resonance, max(low - margin, 0.5 * low))
         top = max(highest_resonance, high + margin)
         return bottom, top
@@ -388,7 +408,8 @@ class Coverage:
             examined.append(end)
             up = end.y[-1] == high
             limits = (high, top) if up else (bottom, low)
-            path = Follower(self.system.with_share(SHARE), limits, outside).run(end.y, up)
+            follower = Follower(self.system.with_share(SHARE), limits, outside)
+            path = follower.run(end.y, up)
             self.meter.count(path.iterations, path.failed_steps)
             last = path.points[-1] if path.points else end
             if path.status not in ARRIVED:
@@ -399,10 +420,11 @@ class Coverage:
                 continue
             examined.append(last)
             self.note(last.y[-1], "the branch turns outside the interval and comes back")
-            forward = self._leaves_forward(end)
+            leaves_forward = self._leaves_forward(end)
             self.follow(last.y, not up)
-            # the piece continues the branch in the sense in which the first one left the interval
-            self.pieces[-1] = replace(self.pieces[-1], up=up == forward)
+            # the flag refers to the direction of the branch, and an end may be its first point
+            of_branch = up if leaves_forward else not up
+            self.pieces[-1] = replace(self.pieces[-1], up=of_branch)
 
     def _end_at_bound(self, examined: Sequence[Correction]) -> Correction | None:
         """Return an end of a path at a bound of the interval that was not examined yet."""
@@ -415,10 +437,11 @@ class Coverage:
         return None
 
     def _leaves_forward(self, end: Correction) -> bool:
-        """Return whether the tangent at an end of a path has the sense of the path."""
+        """Return whether the tangent at an end of a path points in the direction of its piece."""
+        tangent_points_up = bool(end.tangent[-1] > 0.0)
         for piece in self.pieces:
             if any(point is end for point in piece.path.points):
-                return bool(end.tangent[-1] > 0.0) == piece.up
+                return tangent_points_up == piece.up
         raise AssertionError("the end is a point of a path")
 
     # ---- gaps ----
@@ -452,10 +475,15 @@ class Coverage:
         positions = [low + part * (high - low) for part in POSITIONS]
         for omega in positions:
             nearest_first = sorted(points, key=lambda point: abs(point.y[-1] - omega))
-            # neighbours of one point lead to the same solution
+            # every eighth of the 40 nearest, because neighbours lead to the same solution
             for point in nearest_first[:40:8]:
                 solution = self.system.correct_at(
-                    point.y[:-1], omega, point.scale, self.options.tolerance, 30, True
+                    point.y[:-1],
+                    omega,
+                    point.scale,
+                    self.options.tolerance,
+                    max_iterations=30,
+                    line_search=1,
                 )
                 self.meter.count(solution.iterations)
                 if solution.status == OK:
@@ -528,14 +556,16 @@ def first_point(
     stuck = system.structure.linear.response(omega, springs)
     start = system.layout.pack(mean, stuck)
     last = np.append(start, omega)
-    scale = system.units(last, omega)
-    for name, line_search, iterations in (
-        ("Newton", False, 20),
-        ("Newton with line search", True, 60),
+    scale = system.units(last, width=omega)
+    for name, line_search, max_iterations in (
+        ("Newton", 0, 20),
+        ("Newton with line search", 1, 60),
     ):
         if system.spent:
             break
-        trial = system.correct_at(start, omega, scale, options.tolerance, iterations, line_search)
+        trial = system.correct_at(
+            start, omega, scale, options.tolerance, max_iterations, line_search
+        )
         meter.count(trial.iterations)
         outcome = f"{STATUS_TEXT[trial.status]}, {trial.iterations} iterations"
         log.append(f"{name} from the stuck response: {outcome}")
@@ -561,19 +591,26 @@ def _by_homotopy(
 ) -> NDArray | None:
     """Raise the excitation to its full level; if this fails, fade out a support of the free bodies.
 
-    Free bodies on the support (all bodies, if none is free) neither bounce nor drift.
+    Free bodies on the support (all bodies, if none is free) neither bounce nor drift.  ``mean`` and
+    ``stuck`` are the modal coordinates of the static state and of the first harmonic in stick at
+    full excitation.  Return the solution (n_unknowns + 1,), or None.
     """
     # initial level of the excitation for the support; a tenth of it for the ramp.  With the same
     # level the ramp fails on wedge dampers of eight sectors if the excitation equals the preload;
     # with a tenth of it the support fails on one of two random structures that need it
     support_level = 1e-2
     ramp_level = 0.1 * support_level
+    # in both homotopies the last unknown is the level instead of the frequency
     start = np.append(system.layout.pack(mean, ramp_level * stuck), ramp_level)
     path = _homotopy(excitation_ramp(system, omega), start, options, meter)
     if path.status == "complete":
         log.append(f"excitation ramp: full level after {len(path.points)} steps")
-        return np.append(path.points[-1].y[:-1], omega)
-    reached = f"{100 * path.points[-1].y[-1]:.3g} %" if path.points else "no excitation"
+        at_full_level = path.points[-1].y[:-1]
+        return np.append(at_full_level, omega)
+    reached = "no excitation"
+    if path.points:
+        level = path.points[-1].y[-1]
+        reached = f"{100 * level:.3g} %"
     why = path.reason if path.reason == DRIFTED_OFF else path.status
     log.append(f"excitation ramp: stopped at {reached} ({why})")
     if system.spent:
@@ -581,7 +618,9 @@ def _by_homotopy(
     supported = supported_by(system, omega, DRAG, SPRING)
     u = system.layout.pack(mean, support_level * stuck)
     scale = np.full(len(u) + 1, max(float(np.linalg.norm(u)), 1e-300))
-    on_support = supported.correct_at(u, support_level, scale, options.tolerance, 60, True)
+    on_support = supported.correct_at(
+        u, support_level, scale, options.tolerance, max_iterations=60, line_search=1
+    )
     meter.count(on_support.iterations)
     if on_support.status != OK:
         log.append(f"fading supports: {STATUS_TEXT[on_support.status]} on the supports")
@@ -589,7 +628,8 @@ def _by_homotopy(
     path = _homotopy(supported, on_support.y, replace(options, patience=SIDE_POINTS), meter)
     if path.status == "complete":
         log.append(f"fading supports: removed after {counted(len(path.points), 'step')}")
-        return np.append(path.points[-1].y[:-1], omega)
+        without_support = path.points[-1].y[:-1]
+        return np.append(without_support, omega)
     why = "the bodies drift away" if path.status == "drifted off" else path.status
     log.append(
         f"fading supports: not removed after {len(path.points)} of {SIDE_POINTS} points ({why})"

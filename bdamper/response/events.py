@@ -146,21 +146,24 @@ LEVEL_RISE = 1e-9
 
 
 def turns_twice(first: float, last: float, rise: float, margin: float = 0.02) -> bool:
-    """Return whether a Hermite cubic on (0, 1) has interior extrema; its end slopes have one sign.
+    """Return whether a cubic on (0, 1) whose end slopes have one sign has interior extrema.
 
-    Its slope ``first + b t + c t**2`` must reverse by the fraction ``margin`` of the larger end
-    slope.
+    The cubic has the slopes ``first`` and ``last`` at its ends and the difference ``rise`` between
+    them.  Its slope must reverse by the fraction ``margin`` of the larger end slope.
     """
     if first * last <= 0.0:
         return False
+    # make both end slopes positive
     if first < 0.0:
         first = -first
         last = -last
         rise = -rise
+    # slope at t: first + b t + c t**2, with the integral rise
     b = 6.0 * rise - 4.0 * first - 2.0 * last
     c = 3.0 * (first + last) - 6.0 * rise
     # the smallest slope is at -b/(2 c), which must lie within the step
-    if c <= 0.0 or not -2.0 * c < b < 0.0:
+    has_smallest_within = c > 0.0 and -2.0 * c < b < 0.0
+    if not has_smallest_within:
         return False
     smallest_slope = first - 0.25 * b * b / c
     return smallest_slope < -margin * max(first, last)
@@ -182,18 +185,20 @@ class StepPoint(NamedTuple):
 
 
 def _on_cubic(near: StepPoint, far: StepPoint, s: float, a: Correction) -> NDArray:
-    """Interpolate between two points of a step from ``a`` by a cubic.
+    """Return the point (n_unknowns + 1,) at distance ``s`` on the cubic through two points of a step.
 
-    If one of their tangents turns away from the initial tangent, extrapolate along the near one.
+    Distances are along the tangent at the start ``a`` of the step.  If a tangent at one of the
+    points turns away from it by more than 60 degrees, extrapolate along the near one.
     """
     length = far.s - near.s
     near_cosine = float(near.tangent @ a.tangent)
     far_cosine = float(far.tangent @ a.tangent)
     if length <= 0.0 or min(near_cosine, far_cosine) < 0.5:
-        ahead = near.tangent / near_cosine if near_cosine > 0.5 else a.tangent
-        return np.asarray(near.y + (s - near.s) * ahead * a.scale)
+        # change of the scaled unknowns per unit of s
+        slope = near.tangent / near_cosine if near_cosine > 0.5 else a.tangent
+        return np.asarray(near.y + (s - near.s) * slope * a.scale)
+    # position in the unit interval from near to far, with slopes and rise over this interval
     t = (s - near.s) / length
-    # slopes and rise over the unit interval
     first = length * a.scale * near.tangent / near_cosine
     last = length * a.scale * far.tangent / far_cosine
     rise = far.y - near.y
@@ -247,14 +252,19 @@ class Events:
     # ---- unresolved events ----
 
     def over_resonance(self, a: NDArray, b: NDArray) -> bool:
-        """Return whether the phase of a modal coordinate jumps at its linear resonance."""
-        for omega, width, row in self.system.watched:
-            crosses = (a[-1] - omega) * (b[-1] - omega) < 0.0
-            if not crosses or not abs(b[-1] - a[-1]) > width:
+        """Return whether the phase of a modal coordinate jumps at its linear resonance.
+
+        ``a`` and ``b`` (n_unknowns + 1,) are successive points of a path.
+        """
+        omega_a = a[-1]
+        omega_b = b[-1]
+        for resonance, half_width, row in self.system.watched:
+            crosses = (omega_a - resonance) * (omega_b - resonance) < 0.0
+            if not crosses or not abs(omega_b - omega_a) > half_width:
                 continue
-            before = self.system.layout.amplitudes(a[:-1], 1) @ row
-            after = self.system.layout.amplitudes(b[:-1], 1) @ row
-            # the phase changes by more than 60 degrees
+            before = self.system.layout.amplitudes(a[:-1], harmonic=1) @ row
+            after = self.system.layout.amplitudes(b[:-1], harmonic=1) @ row
+            # the cosine of the change of phase is below 0.5: more than 60 degrees
             if (before.conjugate() * after).real < 0.5 * abs(before * after):
                 return True
         return False
@@ -270,9 +280,11 @@ class Events:
             return False
         scale = here.scale
         length = norm2((c.y - here.y) / scale)
-        first = length * here.tangent[-1]
-        last = length * c.tangent[-1]
-        if turns_twice(first, last, (c.y[-1] - here.y[-1]) / scale[-1]):
+        # frequency, the last unknown, in its unit
+        frequency_slope_before = length * here.tangent[-1]
+        frequency_slope_after = length * c.tangent[-1]
+        frequency_rise = (c.y[-1] - here.y[-1]) / scale[-1]
+        if turns_twice(frequency_slope_before, frequency_slope_after, frequency_rise):
             return True
         # half the squared amplitude; on a level stretch the sign of its slope is rounding
         gradient_before, squared_before = self.system.rows.squared_gradient(here.y)
@@ -298,7 +310,9 @@ class Events:
         a, b, end = step
         starts_with_drift = is_drift(a.tangent, self.system.n_mean)
         ends_with_drift = is_drift(b.tangent, self.system.n_mean)
+        # the frequency is constant along a drift
         sense = 0.0 if ends_with_drift else float(np.sign(b.tangent[-1]))
+        # relative to the last step with a change of frequency
         turned = sense * self.sense < 0.0
         if sense != 0.0:
             self.sense = sense
@@ -306,16 +320,18 @@ class Events:
             return [], "regular"
         kinds = []
         missed = "regular"
-        if turned and not starts_with_drift and a.tangent[-1] * b.tangent[-1] < 0.0:
+        turned_in_step = a.tangent[-1] * b.tangent[-1] < 0.0
+        if turned and turned_in_step and not starts_with_drift:
             kinds.append("fold")
         elif turned:
-            # a drift has one frequency, so the fold is at its end
+            # the frequency turned over a drift, so the end of the drift is the fold
             missed = "fold"
         if not starts_with_drift and not ends_with_drift:
-            rise_at_start = self._value("maximum", a.y, a.tangent, a.scale)
-            rise_at_end = self._value("maximum", b.y, b.tangent, a.scale)
+            slope_at_start = self._value("maximum", a.y, a.tangent, a.scale)
+            slope_at_end = self._value("maximum", b.y, b.tangent, a.scale)
             _, squared = self.system.rows.squared_gradient(a.y)
-            if rise_at_start > LEVEL_RISE * squared and rise_at_end < -LEVEL_RISE * squared:
+            rounding = LEVEL_RISE * squared
+            if slope_at_start > rounding and slope_at_end < -rounding:
                 kinds.append("maximum")
         located = []
         for kind in kinds:
@@ -328,7 +344,11 @@ class Events:
         return located, missed
 
     def _value(self, kind: str, y: NDArray, tangent: NDArray, scale: NDArray) -> float:
-        """Return the quantity that changes sign at a fold or a maximum."""
+        """Return the quantity that changes sign: the change of frequency, or of the amplitude.
+
+        It is the frequency component of the tangent for a "fold", and the slope of half the squared
+        amplitude for a "maximum".
+        """
         if kind == "fold":
             return float(tangent[-1])
         gradient, _ = self.system.rows.squared_gradient(y)
@@ -354,20 +374,27 @@ class Events:
         a, b, end = step
         first = self._value(kind, a.y, a.tangent, a.scale)
         last = self._value(kind, b.y, b.tangent, a.scale)
+        # a circular arc has a chord along its mean tangent
         chord = (b.y - a.y) / a.scale
-        ahead = a.tangent + b.tangent
+        sum_of_tangents = a.tangent + b.tangent
         # difference of chord and mean tangent, relative to the difference of the tangents, below
         # which a step counts as smooth.  Of 129 folds and maxima of curves with friction, 47 of 73
         # smooth ones are below, and 9 of 56 at corners, where Newton's method fails
         even = 0.05
-        bend = norm2(chord / norm2(chord) - ahead / max(norm2(ahead), even))
-        if bend < even * norm2(b.tangent - a.tangent):
-            # the quantity changes about linearly over the step
+        unit_chord = chord / norm2(chord)
+        mean_tangent = sum_of_tangents / max(norm2(sum_of_tangents), even)
+        is_smooth = norm2(unit_chord - mean_tangent) < even * norm2(b.tangent - a.tangent)
+        if is_smooth:
+            # the quantity changes about linearly over the step: its zero, as part of the step
             part = first / (first - last)
             tangent = a.tangent + part * (b.tangent - a.tangent)
             condition = Fold if kind == "fold" else Maximum
-            curvature = (last - first) / (end * self._weight(kind, a.y))
-            target = condition(tangent / norm2(tangent), curvature, tolerance, 0.5 * end)
+            target = condition(
+                tangent=tangent / norm2(tangent),
+                curvature=(last - first) / (end * self._weight(kind, a.y)),
+                tolerance=tolerance,
+                max_step=0.5 * end,
+            )
             near = StepPoint(0.0, a.y, a.tangent)
             far = StepPoint(end, b.y, b.tangent)
             guess = _on_cubic(near, far, part * end, a)
@@ -380,7 +407,10 @@ class Events:
         return self._bracketed(step, first, last, kind, tolerance)
 
     def _weight(self, kind: str, y: NDArray) -> float:
-        """Return the divisor that makes the slope of half the squared amplitude one of its ln."""
+        """Return the divisor of :meth:`_value` for the slope and curvature of a result.
+
+        For a maximum it makes the slope of half the squared amplitude that of ln(amplitude).
+        """
         if kind == "fold":
             return 1.0
         _, squared = self.system.rows.squared_gradient(y)
@@ -399,6 +429,7 @@ class Events:
         # position and value on both sides of the event
         before = 0.0, first
         after = end, last
+        # points that the cubic connects
         near = StepPoint(0.0, a.y, a.tangent)
         far = StepPoint(end, b.y, b.tangent)
         event: Correction | None = None
@@ -411,10 +442,12 @@ class Events:
                 guess, Plane(a.tangent), a.scale, self.options.tolerance, max_iterations
             )
             self.iterations += c.iterations
+            # a solution far away belongs to another part of the curve
             if c.status == OK and norm2((c.y - a.y) / a.scale) <= 2.0 * s:
                 value = self._value(kind, c.y, c.tangent, a.scale)
                 point = StepPoint(s, c.y, c.tangent)
-                if value * last >= 0.0:
+                beyond_event = value * last >= 0.0
+                if beyond_event:
                     other_position, other_value = before
                     after = s, value
                     far = point
@@ -422,11 +455,13 @@ class Events:
                     other_position, other_value = after
                     before = s, value
                     near = point
+                # difference quotient across the event
                 curvature = (value - other_value) / (s - other_position)
                 weight = self._weight(kind, c.y)
                 event = replace(c, slope=value / weight, curvature=curvature / weight)
             else:
-                # beyond a corner: assume the curve as close to the last point as the plane
+                # beyond a corner; the reversed tangent makes the next guess an extrapolation from
+                # the near point
                 value = last
                 far = StepPoint(s, near.y, -a.tangent)
                 max_iterations = ITERATIONS_BEYOND
@@ -438,14 +473,19 @@ class Events:
     # ---- corners ----
 
     def _direction(self, y: NDArray, scale: NDArray, border: NDArray, sign: int) -> NDArray | None:
-        """Return the tangent from the Jacobian at y, also off the curve; None if singular."""
+        """Return the null vector of the Jacobian at y, also off the curve; None if singular.
+
+        Its sense agrees with ``sign``, the sign of det [J; tangent] along the path, unless that is
+        0 (unknown).
+        """
         # every point counts as converged
         any_residual = 1e300
-        c = self.system.solve(y, Plane(border), scale, any_residual, 1)
+        c = self.system.solve(y, Plane(border), scale, tolerance=any_residual, max_iterations=1)
         if c.status != OK or not c.orientation:
             return None
         if not sign:
             return c.tangent
+        # reversed if the signs differ
         return c.orientation * sign * c.tangent
 
     def around_corner(
@@ -467,9 +507,13 @@ class Events:
         sign : int
             Sign of det [J; tangent] along the path, 0 if unknown.
         """
-        y, tangent, scale = here.y, here.tangent, here.scale
+        y = here.y
+        tangent = here.tangent
+        scale = here.scale
         border = tangent + self._tilt
-        near, far = 0.0, step
+        # the corner is between these distances along the tangent
+        near = 0.0
+        far = step
         near_direction = tangent
         far_direction = self._direction(y + far * tangent * scale, scale, border, sign)
         if far_direction is None:
@@ -483,7 +527,8 @@ class Events:
             direction = self._direction(y + middle * tangent * scale, scale, border, sign)
             if direction is None:
                 return None
-            if norm2(direction - tangent) < 0.5 * jump:
+            before_corner = norm2(direction - tangent) < 0.5 * jump
+            if before_corner:
                 near = middle
                 near_direction = direction
             else:
@@ -499,6 +544,7 @@ class Events:
             for part in (0.5, 0.1, 0.01):
                 beyond_corner = part * step
                 guess = y + (far * tangent + beyond_corner * direction) * scale
+                # the corner is known within far - near
                 reach = 0.5 * beyond_corner + far - near
                 solution = self._solution_near(guess, direction, scale, reach)
                 if solution is not None and self._continues(here, solution, sign):
@@ -530,9 +576,13 @@ class Events:
         return c
 
     def _continues(self, here: Correction, c: Correction, sign: int) -> bool:
-        """Return whether a solution beyond a corner continues the path in its direction."""
+        """Return whether a solution beyond a corner continues the path in its direction.
+
+        ``sign`` is the sign of det [J; tangent] along the path, 0 if unknown.
+        """
         if sign and c.orientation == -sign:
             return False
+        # without a sign the path must not return almost exactly the way it came
         moved = (c.y - here.y) / here.scale
         if not sign and float(moved @ here.tangent) < -0.99 * norm2(moved):
             return False

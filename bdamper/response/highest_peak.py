@@ -195,7 +195,9 @@ def _tops(amplitude: NDArray, kinds: Sequence[str], branch: NDArray) -> list[int
         points = np.flatnonzero(branch == number)
         change = np.abs(np.diff(amplitude[points]))
         level = change <= LEVEL * amplitude[points[1:]]
-        plateaus = np.split(points, np.flatnonzero(~level) + 1)
+        # a new plateau begins after each change that is not level; most have one point
+        first_of_next = np.flatnonzero(~level) + 1
+        plateaus = np.split(points, first_of_next)
         height = [amplitude[plateau].max() for plateau in plateaus]
         # beyond both ends of a branch there is nothing higher
         before = [-np.inf, *height[:-1]]
@@ -230,18 +232,19 @@ class _Refined:
         return np.column_stack([self.curve.unknowns, 2.0 * np.pi * self.curve.frequency])
 
     def at_end(self, i: int) -> bool:
-        """Return whether an end of its branch, at the frequency of point i, is at an end of the
-        interval.
+        """Return whether point i is at an end of its branch that is also an end of the interval.
 
         Along a drift several points have the frequency of the end.
         """
         omega = self.y[:, -1]
         branch = self.curve.branch
-        ends_of_branch = np.flatnonzero(branch == branch[i])[[0, -1]]
-        for end in ends_of_branch:
+        points_of_branch = np.flatnonzero(branch == branch[i])
+        for end in (points_of_branch[0], points_of_branch[-1]):
             near = LEVEL * omega[end]
-            leaves = omega[end] - omega.min() <= near or omega.max() - omega[end] <= near
-            if leaves and abs(omega[end] - omega[i]) <= LEVEL * omega[i]:
+            at_lower_end = omega[end] - omega.min() <= near
+            at_upper_end = omega.max() - omega[end] <= near
+            same_frequency = abs(omega[end] - omega[i]) <= LEVEL * omega[i]
+            if (at_lower_end or at_upper_end) and same_frequency:
                 return True
         return False
 
@@ -254,9 +257,11 @@ class _Refined:
         tangent, scale = self._direction(before, after, y)
         if self.at_end(i):
             at_constant_frequency = np.eye(len(y))[-1]
-            return Highest(self._point(y, at_constant_frequency, scale), "end", i)
+            point = self._point(y, at_constant_frequency, scale)
+            return Highest(point, kind="end", index=i)
         if self.curve.point_kind[i] == "drift":
-            return Highest(self._point(y, tangent, scale), "drift", i)
+            point = self._point(y, tangent, scale)
+            return Highest(point, kind="drift", index=i)
 
         # where rounding exceeds the tolerance of the options, the tolerance of curves is still met
         looser = replace(self.options, tolerance=max(self.options.tolerance, LOOSEST))
@@ -273,10 +278,13 @@ class _Refined:
             # a lower maximum belongs to another part of the curve
             reached = peak.amplitude >= (1.0 - LEVEL) * self.curve.amplitude[i]
             if peak.ok and reached and self._within(peak):
-                return Highest(peak, "corner" if peak.corner else "peak", i)
+                kind = "corner" if peak.corner else "peak"
+                return Highest(peak, kind=kind, index=i)
 
+        # no search converged: the point of the curve itself
         kind = "fold" if self.curve.point_kind[i] == "fold" else "corner"
-        return Highest(self._point(y, tangent, scale), kind, i, exact=False)
+        point = self._point(y, tangent, scale)
+        return Highest(point, kind=kind, index=i, exact=False)
 
     def _within(self, peak: Peak) -> bool:
         """Return whether a peak is between the lowest and the highest frequency of the curve."""
@@ -285,12 +293,16 @@ class _Refined:
 
     def _direction(self, before: int, after: int, y: NDArray) -> tuple[NDArray, NDArray]:
         """Return the unit chord between two points of the curve in scaled unknowns, and the units
-        at ``y``."""
+        at ``y``.
+
+        The chord is along the frequency if both points are the same.
+        """
         n_mean = self.system.n_mean
-        chord = self.y[after] - self.y[before]
-        width = max(abs(float(chord[-1])), 1e-6 * y[-1])
+        step = self.y[after] - self.y[before]
+        # the last unknown is the frequency
+        width = max(abs(float(step[-1])), 1e-6 * y[-1])
         scale = self.system.units(y, width)
-        chord = chord / scale
+        chord = step / scale
         # mean positions may drift along a curve; they give the direction only if nothing else
         # changes
         if np.linalg.norm(chord[n_mean:]) > 0.0:
@@ -311,17 +323,18 @@ class _Refined:
         corrected = self.system.solve(
             y, Plane(normal), scale, tolerance, self.options.max_iterations
         )
-        at = y
+        point = y
         if corrected.status == OK:
-            # the mean positions may move far
+            # without the mean positions, which may move far
             moved = ((corrected.y - y) / scale)[self.system.n_mean :]
             if float(np.linalg.norm(moved)) < REACH:
-                at = corrected.y
+                point = corrected.y
+        omega = point[-1]
         return Peak(
             parameter=self.curve.preload,
-            frequency=float(at[-1] / (2.0 * np.pi)),
-            amplitude=amplitude_at(self.system, at),
-            y=at,
+            frequency=float(omega / (2.0 * np.pi)),
+            amplitude=amplitude_at(self.system, point),
+            y=point,
             tangent=np.zeros(len(y)),
             scale=scale,
             slope=0.0,
@@ -419,7 +432,10 @@ class AtPreload:
         return Ending()
 
     def record(self) -> dict[str, Any]:
-        """Return all data as numbers, texts, lists and arrays."""
+        """Return all data as numbers, texts, lists and arrays.
+
+        "index" identifies the preload in a results file, with all digits.
+        """
         return {"index": repr(self.preload), **asdict(self)}
 
     @staticmethod
@@ -429,8 +445,11 @@ class AtPreload:
         n_points = len(restored.curve)
         curve = replace(
             restored.curve,
+            # the unknowns of the points are not stored
             unknowns=np.zeros((n_points, 0)),
+            # mean and first harmonic
             harmonics=restored.curve.harmonics.reshape(n_points, 2),
+            # stick, slip, separation
             shares=restored.curve.shares.reshape(n_points, 3),
         )
         return replace(restored, curve=curve)
@@ -472,6 +491,7 @@ def found_at(
     case = problem.at(preload)
     if case.static.ok:
         meter.watch(case.equations)  # the curves use the same equations
+    # complete curve of coarse steps of which a path ended in a tangle of folds
     coarse: tuple[ResponseCurve, Highest] | None = None
     for continuation in (coarse_options(), ContinuationOptions()):
         if budget is not None:
@@ -490,12 +510,11 @@ def found_at(
                 curve = replace(curve, status=INCOMPLETE, reason=str(error))
         if coarse is not None:
             coarse_curve, coarse_top = coarse
-            height = 0.0
+            # a complete curve counts before an incomplete one, and the higher one of two
+            fine_amplitude = 0.0
             if curve.complete and top is not None:
-                height = (1.0 + LEVEL) * top.peak.amplitude
-            # of two complete curves the higher one counts, and a complete one before an incomplete
-            # one
-            if coarse_top.peak.amplitude > height:
+                fine_amplitude = top.peak.amplitude
+            if coarse_top.peak.amplitude > (1.0 + LEVEL) * fine_amplitude:
                 curve = coarse_curve
                 top = coarse_top
         # default steps are shorter: with the same budget they would cover less
@@ -511,7 +530,9 @@ def found_at(
         note = _resonance_apart(case, frequency, top.peak)
         if note:
             top = replace(top, note=note)
-    return AtPreload(preload, curve, top, np.nan, "", meter.read())
+    return AtPreload(
+        preload=preload, curve=curve, top=top, slope=np.nan, rattles="", cost=meter.read()
+    )
 
 
 def _resonance_apart(case: LoadCase, frequency: tuple[float, float], peak: Peak) -> str:

@@ -267,11 +267,16 @@ def unchecked(name: str) -> list[Row]:
 
 
 def vibration_width(y: NDArray, tangent: NDArray, scale: NDArray, n_mean: int) -> float:
-    """Return the change of frequency (rad/s) over which the vibration changes by its size."""
+    """Return the change of frequency (rad/s) over which the vibration changes by its size.
+
+    It is limited to 1e-7 and 0.2 of the frequency.  ``n_mean`` is the number of unknowns of the
+    mean, which are first; the last unknown is the frequency.
+    """
     direction = tangent * scale
     change_of_vibration = max(norm2(direction[n_mean:-1]), 1e-300)
     vibration = norm2(y[n_mean:-1])
-    width = abs(float(direction[-1])) * vibration / change_of_vibration
+    change_of_omega = abs(float(direction[-1]))
+    width = change_of_omega * vibration / change_of_vibration
     omega = float(y[-1])
     return min(max(width, 1e-7 * omega), 0.2 * omega)
 
@@ -282,10 +287,12 @@ def amplitude_and_phase(system: Equations, u: NDArray) -> tuple[NDArray, NDArray
     The third value is the amplitude (m) of the first harmonic of the response.
     """
     row = system.response_rows[1]
-    x = system.layout.amplitudes(u, 1) @ row
+    x = system.layout.amplitudes(u, harmonic=1) @ row
     amplitude = float(abs(x))
-    grow, turn = system.layout.parts(np.conj(x) * row / max(amplitude, 1e-300))
-    return grow, turn, amplitude
+    # a change dx of the response changes |x| + i |x| phase(x) by conj(x) dx / |x|
+    by_modes = np.conj(x) * row / max(amplitude, 1e-300)
+    amplitude_gradient, phase_gradient = system.layout.parts(by_modes)
+    return amplitude_gradient, phase_gradient, amplitude
 
 
 def amplitude_at(system: Equations, y: NDArray) -> float:
@@ -333,7 +340,10 @@ class _Search:
         """Return the peak by Newton's method from a close guess, or None."""
         options = self.options
         condition = equations.Maximum(
-            tangent, curvature, options.position_tolerance, 0.5 * options.max_step
+            tangent,
+            curvature,
+            tolerance=options.position_tolerance,
+            max_step=0.5 * options.max_step,
         )
         c = self.solve(y, condition)
         if c is None:
@@ -345,10 +355,12 @@ class _Search:
         # distance to a peak, relative to the vibration, below which secants do not give its
         # curvature: an error of 0.3**3 on the reference disk from a guess at a distance of 1e-7
         short = 1e-3
-        if moved > short or c.curvature < -JUMP:
+        at_corner = c.curvature < -JUMP
+        if moved > short or at_corner:
             return c
-        row, _ = self.system.slope_gradient(c.y, c.tangent, self.scale, DIFFERENCE)
-        c = replace(c, curvature=float(row @ c.tangent))
+        slope_gradient, _ = self.system.slope_gradient(c.y, c.tangent, self.scale, DIFFERENCE)
+        c = replace(c, curvature=float(slope_gradient @ c.tangent))
+        # a minimum, or NaN
         if not c.curvature < 0.0:
             return None
         slope = slope_along(self.system, c.y, c.tangent, self.scale)
@@ -359,11 +371,15 @@ class _Search:
         return self.solve(c.y, with_curvature)
 
     def first(self, y: NDArray, tangent: NDArray | None) -> Correction | None:
-        """Return a point of the curve near a guess."""
-        # sufficient residual of a first point
-        nearby = 1e-6
-        condition = equations.Fixed() if tangent is None else equations.Plane(tangent)
-        return self.solve(y, condition, nearby)
+        """Return a point of the curve near a guess, or None.
+
+        It is in the plane normal to ``tangent``, or at the frequency of the guess.
+        """
+        condition: equations.Condition = equations.Fixed()
+        if tangent is not None:
+            condition = equations.Plane(tangent)
+        # a starting point needs no smaller residual
+        return self.solve(y, condition, tolerance=1e-6)
 
     def in_local_units(self, c: Correction) -> Correction:
         """Return the same point with the unit of frequency from the direction of the curve."""
@@ -374,12 +390,17 @@ class _Search:
         return replace(c, tangent=tangent / norm2(tangent), scale=self.scale)
 
     def uphill(self, start: Correction) -> Correction | None:
-        """Follow the curve uphill until the slope changes sign, and locate the maximum there."""
+        """Follow the curve uphill until the slope changes sign, and locate the maximum there.
+
+        Return None with ``reason`` if there is none.
+        """
         options = self.options
         slope = slope_along(self.system, start.y, start.tangent, self.scale)
         sense = float(np.copysign(1.0, slope))
         along_curve = ContinuationOptions(tolerance=options.tolerance, max_step=options.max_step)
-        follower = Follower(self.system, (0.0, np.inf), along_curve)
+        any_frequency = (0.0, np.inf)
+        follower = Follower(self.system, any_frequency, along_curve)
+        # sign of det [J; tangent] for the tangent that points uphill
         follower.sign = int(sense) * start.orientation
         here = replace(start, tangent=sense * start.tangent)
         step = along_curve.step
@@ -397,9 +418,10 @@ class _Search:
                 last_step = Step(here, new, end)
                 top = follower.events.locate(last_step, "maximum", options.position_tolerance)
                 self.iterations += follower.events.iterations
-                # holds if the result is None
+                # only read if the result is None
                 self.reason = "the maximum of a step could not be located"
                 return top
+            # angle between the unit tangents
             turn = float(np.arccos(np.clip(new.tangent @ here.tangent, -1.0, 1.0)))
             step = follower.longer(step, turn, new.iterations)
             here = new
@@ -409,9 +431,11 @@ class _Search:
 
 def rounding(system: Equations, y: NDArray) -> float:
     """Return the relative residual that rounding of its terms can cause at a point."""
-    _, J, _ = system.evaluate(y[:-1], y[-1])
+    u = y[:-1]
+    omega = y[-1]
+    _, J, _ = system.evaluate(u, omega)
     # size of the terms of each equation, relative to the excitation
-    terms = np.abs(J) @ np.abs(y[:-1]) * system.row_scale
+    terms = np.abs(J) @ np.abs(u) * system.row_scale
     return float(np.finfo(float).eps * terms.max())
 
 
@@ -449,11 +473,16 @@ def find_peak(
     Returns
     -------
     Peak
-        ``status`` is "complete", or gives the reason of failure.
+        With status "not found" and a reason if no maximum was found; it is then the last point of
+        the curve, or the guess.
     """
     options = options or PeakOptions()
     guess = np.asarray(guess, float)
-    units = system.units(guess, 0.01 * guess[-1]) if scale is None else scale
+    units = scale
+    if units is None:
+        # until the direction of the curve is known, the unit of frequency is 1 %
+        omega = guess[-1]
+        units = system.units(guess, width=0.01 * omega)
     search = _Search(system, units, options, reach)
     top: Correction | None = None
     start: Correction | None = None
@@ -472,7 +501,8 @@ def find_peak(
             if top is None:
                 top = search.uphill(start)
     if top is None and start is not None and options.tolerance < LOOSEST:
-        # rounding alone may exceed the tolerance, and its estimate by a factor of some units
+        # rounding may be the cause: the residual that remains is some times its estimate; search
+        # with the estimate as tolerance, and with the loosest tolerance if that has failed too
         estimate = min(rounding(system, start.y), LOOSEST)
         looser = estimate if options.tolerance < estimate else LOOSEST
         if options.tolerance < BELOW_ROUNDING * estimate:
@@ -488,11 +518,19 @@ def find_peak(
             )
     last = top or start
     if last is None:
-        no_tangent = np.zeros(len(guess))
-        last = Correction(NOT_CONVERGED, guess, no_tangent, search.scale, 0, np.nan, 0)
+        last = Correction(
+            status=NOT_CONVERGED,
+            y=guess,
+            tangent=np.zeros(len(guess)),
+            scale=search.scale,
+            iterations=0,
+            residual=np.nan,
+            rank_deficiency=0,
+        )
+    omega = last.y[-1]
     return Peak(
         parameter=parameter,
-        frequency=float(last.y[-1] / (2.0 * np.pi)),
+        frequency=float(omega / (2.0 * np.pi)),
         amplitude=amplitude_at(system, last.y),
         y=last.y,
         tangent=last.tangent,
@@ -534,8 +572,12 @@ def check_peak(problem: Problem, peak: Peak, name: str = "peak") -> None:
 
 def sign_of_jacobian(system: Equations, y: NDArray) -> int:
     """Return the sign of det J at a solution, which changes at every fold; 0 if unknown."""
-    scale = system.units(y, y[-1])
-    return system.correct_at(y[:-1], float(y[-1]), scale, LOOSEST, 2).orientation
+    u = y[:-1]
+    omega = y[-1]
+    scale = system.units(y, width=omega)
+    # the point is a solution already; the core returns the sign with it
+    c = system.correct_at(u, float(omega), scale, tolerance=LOOSEST, max_iterations=2)
+    return c.orientation
 
 
 def phase_row(system: Equations, y: NDArray) -> tuple[NDArray, NDArray]:
@@ -543,8 +585,11 @@ def phase_row(system: Equations, y: NDArray) -> tuple[NDArray, NDArray]:
 
     A correction in these units leaves the phase unchanged if its product with the gradient is zero.
     """
-    scale = system.units(y, y[-1])
-    _, phase_gradient, _ = amplitude_and_phase(system, y[:-1])
+    u = y[:-1]
+    omega = y[-1]
+    scale = system.units(y, width=omega)
+    _, phase_gradient, _ = amplitude_and_phase(system, u)
+    # the frequency does not change the phase at constant unknowns
     row = np.append(phase_gradient, 0.0) * scale
     return row / max(norm2(row), 1e-300), scale
 
@@ -583,13 +628,13 @@ def peak_of_sign(
     row, scale = phase_row(system, guess)
     iterations = 0
     reason = ""
-    # at the phase 151 guesses needed up to 18 iterations; at the frequency with more harmonics up
-    # to 37
+    # conditions with the largest number of iterations: at constant phase 151 guesses needed up to
+    # 18; at constant frequency with more harmonics up to 37
     attempts: list[tuple[equations.Condition, int]] = [(equations.Plane(row), 20)]
     if patient:
         attempts.append((equations.Fixed(), 40))
     for condition, max_iterations in attempts:
-        c = system.solve(guess, condition, scale, options.tolerance, max_iterations, 2)
+        c = system.solve(guess, condition, scale, options.tolerance, max_iterations, line_search=2)
         iterations += c.iterations
         if c.status != OK:
             reason = STATUS_TEXT[c.status]
