@@ -295,9 +295,10 @@ class SweepResult(WithRowStatus, Plottable, Tabular, Recorded, Storable, kind="b
 
     def _remarks(self) -> list[str]:
         """Return the warnings of all and of single points that the first lines do not name."""
-        # lines are wrapped
+        # printed lines are wrapped, so texts are compared without line breaks
         printed = " ".join(self._statement().text.split())
-        remarks = dict.fromkeys([SEPARATOR.join(self._common_parts()), *self._own_warnings()])
+        of_all = SEPARATOR.join(self._common_parts())
+        remarks = dict.fromkeys([of_all, *self._own_warnings()])  # each once, in this order
         return [remark for remark in remarks if remark and " ".join(remark.split()) not in printed]
 
     @property
@@ -306,7 +307,9 @@ class SweepResult(WithRowStatus, Plottable, Tabular, Recorded, Storable, kind="b
         return names_of(self.values)
 
     def array(self, quantity: str) -> NDArray:
-        """Return a quantity as an array on the grid of settings; NaN at points without a value.
+        """Return a quantity as an array on the grid of settings.
+
+        Points without a value have NaN among numbers, and "" among texts.
 
         Raises
         ------
@@ -319,16 +322,16 @@ class SweepResult(WithRowStatus, Plottable, Tabular, Recorded, Storable, kind="b
         column = self.values[quantity]
         if column.dtype != object:
             return column.astype(float).reshape(self.shape)
+        # an object column has texts, lists of numbers, or None at points without a value
         present = [value for value in column if value is not None]
-        example = np.asarray(present[0]) if present else np.array("")
-        is_number = example.dtype.kind in "fiub"
-        if not is_number:
+        if not present or not _is_numeric(present[0]):
             texts = ["" if value is None else value for value in column]
             # a value may itself be a list, which np.array would turn into a further dimension
             return np.fromiter(texts, object, len(self)).reshape(self.shape)
-        missing = np.full(example.shape, np.nan)
+        shape_of_value = np.shape(present[0])
+        missing = np.full(shape_of_value, np.nan)
         rows = [missing if value is None else np.asarray(value, float) for value in column]
-        return np.array(rows).reshape(*self.shape, *example.shape)
+        return np.array(rows).reshape(*self.shape, *shape_of_value)
 
     def _without_results(self, quantity: str) -> str:
         """Return the error for a quantity if no point has a result, with the first failures."""
@@ -448,14 +451,23 @@ class SweepResult(WithRowStatus, Plottable, Tabular, Recorded, Storable, kind="b
         for name in self.names:
             values = self.points[name].tolist()
             numbers = {value for value in values if isinstance(value, float | int)}
-            if len(numbers) < 2 or len(numbers) < len(set(map(repr, values))):
+            # texts and lists have no order; as text all values can be compared
+            only_numbers = len(numbers) >= len(set(map(repr, values)))
+            if len(numbers) < 2 or not only_numbers:
                 continue
-            if values[i] in (min(numbers), max(numbers)):
-                end = "lower" if values[i] == min(numbers) else "upper"
-                remarks.append(
-                    f"The lowest value is at the {end} end of the range of {spaced(name)}"
-                )
+            if values[i] == min(numbers):
+                end = "lower"
+            elif values[i] == max(numbers):
+                end = "upper"
+            else:
+                continue
+            remarks.append(f"The lowest value is at the {end} end of the range of {spaced(name)}")
         return remarks
+
+
+def _is_numeric(value: Any) -> bool:
+    """Return whether a value is a number, a truth value or a list of them."""
+    return np.asarray(value).dtype.kind in "fiub"
 
 
 def as_words(point: Mapping[str, Any]) -> str:

@@ -58,17 +58,18 @@ def mean_at_ratio(amplitude: ArrayLike, ratio: ArrayLike) -> NDArray:
 
 def _check_ratios(amplitude: NDArray, mean: NDArray, ratio: NDArray) -> None:
     """Raise SettingError if a stress ratio (n,) contradicts amplitude and mean; NaN is not given."""
-    for row, (of_row, a, m) in enumerate(zip(ratio, amplitude, mean), 1):
-        if np.isnan(of_row):
+    for row, (tabulated, a, m) in enumerate(zip(ratio, amplitude, mean), start=1):
+        if np.isnan(tabulated):
             continue
+        lowest = m - a
         highest = m + a
-        of_mean = (m - a) / highest if highest != 0.0 else np.inf
+        computed = lowest / highest if highest != 0.0 else np.inf
         # tables round stress ratios
-        agrees = abs(of_mean - of_row) <= ROUNDED_RATIO * max(1.0, abs(of_row))
+        agrees = abs(computed - tabulated) <= ROUNDED_RATIO * max(1.0, abs(tabulated))
         expected = (
-            f"R = {of_mean:.4g}, that of amplitude and mean (or one of the columns mean and R)"
+            f"R = {computed:.4g}, that of amplitude and mean (or one of the columns mean and R)"
         )
-        validation.check(agrees, f"Haigh table, row {row}", expected, f"R = {of_row:.4g}")
+        validation.check(agrees, f"Haigh table, row {row}", expected, f"R = {tabulated:.4g}")
 
 
 def means_per_amplitude(ratio: ArrayLike) -> NDArray:
@@ -176,12 +177,12 @@ class HaighTable(validation.Checked):
     def _line(self, temperature: float, probability: float) -> tuple[NDArray, NDArray]:
         """Return mean stresses, ascending, and amplitudes of one test series; empty if absent."""
         # equal, not close: near 1 the probabilities of two series may differ by 1e-5
-        at = (np.array(self.temperature) == temperature) & (
-            np.array(self.probability) == probability
-        )
-        mean = np.array(self.mean)[at]
+        at_temperature = np.array(self.temperature) == temperature
+        of_series = at_temperature & (np.array(self.probability) == probability)
+        mean = np.array(self.mean)[of_series]
+        amplitude = np.array(self.amplitude)[of_series]
         order = np.argsort(mean)
-        return mean[order], np.array(self.amplitude)[at][order]
+        return mean[order], amplitude[order]
 
     def at_probability(self, probability: float) -> HaighTable:
         """Return the table at one survival probability.
@@ -201,7 +202,8 @@ class HaighTable(validation.Checked):
         for temperature in self.temperatures:
             of_temperature = np.array(self.temperature) == temperature
             known = np.unique(np.array(self.probability)[of_temperature])
-            lowest, highest = known[0], known[-1]
+            lowest = known[0]
+            highest = known[-1]
             within = lowest * (1.0 - 1e-12) <= wanted <= highest * (1.0 + 1e-12)
             expected = f"{lowest:g} to {highest:g} at {temperature:g} °C"
             validation.check(within, "probability", expected, f"{wanted:g}")
@@ -225,21 +227,26 @@ class HaighTable(validation.Checked):
         if tabulated.any():
             return self._line(temperature, float(known[tabulated][0]))
         upper = int(np.searchsorted(known, probability))
-        mean_0, amplitude_0 = self._line(temperature, float(known[upper - 1]))
-        mean_1, amplitude_1 = self._line(temperature, float(known[upper]))
+        # the two neighbours of the probability in the table
+        below = float(known[upper - 1])
+        above = float(known[upper])
+        mean_0, amplitude_0 = self._line(temperature, below)
+        mean_1, amplitude_1 = self._line(temperature, above)
         match = len(mean_0) == len(mean_1) and (
             np.allclose(mean_0, mean_1, rtol=0.01)
             or np.allclose(mean_0 / amplitude_0, mean_1 / amplitude_1, rtol=0.01)
         )
         differ = (
-            f"the rows at {temperature:g} °C with the survival probabilities {known[upper - 1]:g} and "
-            f"{known[upper]:g} need the same mean stresses or stress ratios"
+            f"the rows at {temperature:g} °C with the survival probabilities {below:g} and "
+            f"{above:g} need the same mean stresses or stress ratios"
         )
         validation.check_sentence(match, "Haigh table", differ)
-        quantiles = ndtri(known[upper - 1 : upper + 1])
-        share = float((ndtri(probability) - quantiles[0]) / (quantiles[1] - quantiles[0]))
+        # linear in the quantile of the normal distribution
+        quantile_0, quantile_1 = ndtri([below, above])
+        share = float((ndtri(probability) - quantile_0) / (quantile_1 - quantile_0))
         means = (1.0 - share) * mean_0 + share * mean_1
-        return means, (1.0 - share) * amplitude_0 + share * amplitude_1
+        amplitudes = (1.0 - share) * amplitude_0 + share * amplitude_1
+        return means, amplitudes
 
     def allowed(
         self, mean: ArrayLike, ultimate_strength: float, temperature: ArrayLike | None = None
@@ -276,7 +283,8 @@ class HaighTable(validation.Checked):
             missing = f"give the temperature of the points, {span}"
             validation.check_sentence(len(known) == 1, "temperature", missing)
             temperature = known[0]
-        shape, of_points = np.shape(temperature), np.shape(mean)
+        shape = np.shape(temperature)
+        of_points = np.shape(mean)
         one_for_each = shape in ((), of_points) or of_points == ()
         expected = f"one value or one for each point, shape {of_points}"
         validation.check_value(one_for_each, "temperature", expected, f"shape {shape}")
@@ -286,19 +294,28 @@ class HaighTable(validation.Checked):
         within = (degrees >= known[0] - 1e-9) & (degrees <= known[-1] + 1e-9)
         outside = np.ravel(degrees[~within])[:1]
         validation.check(within.all(), "temperature", f"{span}, as in the table", outside)
+        # endurable amplitudes (...) at each temperature of the table
         amplitudes = [self._allowed_at(t, means, ultimate_strength) for t in known]
         if len(known) == 1:
             return amplitudes[0]
+
+        # linear between the temperatures below and above each point
         upper = np.clip(np.searchsorted(known, degrees), 1, len(known) - 1)
-        share = (degrees - known[upper - 1]) / (known[upper] - known[upper - 1])
-        stacked = np.array(amplitudes)
-        below = np.take_along_axis(stacked, (upper - 1)[None], axis=0)[0]
-        above = np.take_along_axis(stacked, upper[None], axis=0)[0]
+        lower = upper - 1
+        share = (degrees - known[lower]) / (known[upper] - known[lower])
+        of_temperatures = np.array(amplitudes)
+        below = np.take_along_axis(of_temperatures, lower[None], axis=0)[0]
+        above = np.take_along_axis(of_temperatures, upper[None], axis=0)[0]
         return np.asarray((1.0 - share) * below + share * above)
 
     def _allowed_at(self, temperature: float, mean: NDArray, ultimate_strength: float) -> NDArray:
-        """Return the endurable amplitudes (...) at a temperature of the table."""
-        means, amplitudes = self._line(temperature, self.probability[0])
+        """Return the endurable amplitudes (...) at a temperature of the table.
+
+        They are constant below the lowest mean stress of the table, and fall to 0 at the ultimate
+        strength.
+        """
+        only_probability = self.probability[0]
+        means, amplitudes = self._line(temperature, only_probability)
         means = np.append(means, ultimate_strength)
         amplitudes = np.append(amplitudes, 0.0)
         return np.asarray(np.interp(mean, means, amplitudes))
@@ -329,8 +346,8 @@ def at_points(
         values = []
         for name in names:
             # a name consists of the set, "node" or "point", and a number
-            of_set = temperature.get(name.rsplit(" ", 2)[0])
-            value = temperature.get(name, of_set)
+            set_name, *_ = name.rsplit(" ", 2)
+            value = temperature.get(name, temperature.get(set_name))
             missing = f"the value for '{name}' or its stress set is missing"
             validation.check_sentence(value is not None, "temperature", missing)
             values.append(value)

@@ -121,6 +121,8 @@ class StressCycle(
         return int(np.where(self.counted, self.amplitude, -1.0).argmax())
 
     def _order(self) -> NDArray:
+        """Return the indices of the points by decreasing amplitude, those that do not count
+        last."""
         return np.lexsort((-self.amplitude, ~self.counted))
 
     def _statement(self) -> Statement:
@@ -184,20 +186,26 @@ def gauge_stress(
     elastic: Sequence[float] | None = None,
 ) -> NDArray:
     """See :meth:`bdamper.Study.gauge_stress`."""
+    # refuses a model without stress sets
     chosen_sets(problem)
-    stress_set, k = gauge_point(problem.coupling.model.stress, gauge)
+    stress_set, point = gauge_point(problem.coupling.model.stress, gauge)
     coefficients = coefficients_of(problem, solutions_of(problem, result), (stress_set,))
+    # weights of the six stress components, for m solutions and their harmonics l
     weights = gauge_weights(direction, elastic)
-    return np.asarray(np.einsum("c,mcl->ml", weights, coefficients[:, k]))
+    return np.asarray(np.einsum("c,mcl->ml", weights, coefficients[:, point]))
 
 
 def _highest(result: Any, solutions: Solutions) -> int:
-    # an optimal curve is best at its minimum
-    is_optimal_curve = np.ndim(result.preload)
-    sign = -1.0 if is_optimal_curve else 1.0
-    height = sign * np.asarray(result.amplitude)
-    solved = np.isfinite(height) & np.isfinite(solutions.unknowns).all(axis=1)
-    return int(np.where(solved, height, -np.inf).argmax())
+    """Return the index of the best point: highest of a response curve, lowest of an optimal curve.
+
+    Points without a solution do not count.
+    """
+    amplitude = np.asarray(result.amplitude)
+    solved = np.isfinite(amplitude) & np.isfinite(solutions.unknowns).all(axis=1)
+    is_optimal_curve = np.ndim(result.preload) > 0
+    if is_optimal_curve:
+        return int(np.where(solved, amplitude, np.inf).argmin())
+    return int(np.where(solved, amplitude, -np.inf).argmax())
 
 
 DOUBTED_LOAD = "the centrifugal stress belongs to a preload of "
@@ -224,6 +232,7 @@ def speeds(problem: Problem, frequency: NDArray, speed: float | None = None) -> 
     if speed is not None:
         speed = validation.number("speed", speed, least=0.0, unit="rad/s")
         return np.full(len(frequency), speed)
+    # engine order times speed is the excitation frequency; without an engine order nothing rotates
     per_frequency = 0.0
     if problem.model.n_blades > 1 and problem.engine_order:
         per_frequency = 2.0 * np.pi / problem.engine_order
@@ -324,9 +333,11 @@ def coefficients_of(
 ) -> NDArray:
     """Return mean and harmonics (m, n, 6, H + 1) of the stress of m solutions, Pa."""
     n_points = sum(len(s) for s in sets)
-    n_harmonics = problem.harmonic_numbers[-1]
-    shape = (len(solutions.unknowns), n_points, 6, n_harmonics + 1)
+    highest_harmonic = problem.harmonic_numbers[-1]
+    shape = (len(solutions.unknowns), n_points, 6, highest_harmonic + 1)
+    # NaN without a solution
     stress = np.full(shape, np.nan, complex)
+    # at unit rotor speed, (n, 6)
     centrifugal = np.concatenate(
         [np.zeros((len(s), 6)) if s.static is None else s.static for s in sets]
     )
@@ -353,6 +364,7 @@ def coefficients_of(
                 q = state.q
                 force = state.force.ravel()
                 coordinates = problem.static_basis.coordinates
+            # values of the retained modes, by body and index of the mode
             by_body: dict[str, dict[int, complex]] = {}
             for coordinate, value in zip(coordinates, q):
                 by_body.setdefault(coordinate.body, {})[coordinate.index] = value
@@ -361,7 +373,8 @@ def coefficients_of(
                 retained = by_body.get(rows.body.name, {})
                 of_sets.append(rows.stress(retained, force, omega))
             stress[i, ..., l] = np.concatenate(of_sets)
-        stress[i, ..., 0] = stress[i, ..., 0].real + rotor_speed[i] ** 2 * centrifugal
+        mean = stress[i, ..., 0].real
+        stress[i, ..., 0] = mean + rotor_speed[i] ** 2 * centrifugal
     return stress
 
 
@@ -398,11 +411,13 @@ def _contact_forces(
     axes = _contact_axes(problem, preload)
 
     def forces_of_contact(u: NDArray) -> list[NDArray]:
-        F = system.contact(u)[1]
+        _, force, _ = system.contact(u)
         # mean, then cosine and sine of each harmonic
-        mean = F[..., :1]
-        amplitudes = F[..., 1::2] - 1j * F[..., 2::2]
-        harmonics = np.concatenate([mean, amplitudes], axis=-1)
+        mean = force[..., :1]
+        cosine = force[..., 1::2]
+        sine = force[..., 2::2]
+        # (n_system, 3, H + 1); from points p and directions d to components k of harmonic l
+        harmonics = np.concatenate([mean, cosine - 1j * sine], axis=-1)
         return list(np.einsum("pdk,pdl->lk", axes, harmonics))
 
     return forces_of_contact
@@ -419,6 +434,7 @@ def _contact_axes(problem: Problem, preload: float) -> NDArray:
     separation = problem.settings.separation
     variable_load = problem.settings.variable_normal_load
     if separation and variable_load:
+        # the equations have the axes of the model
         return np.asarray(units.G.real)
     points = PointArrays(
         kt=np.ones((n, 2)),
@@ -462,11 +478,20 @@ class _Rows:
 
     @classmethod
     def make(cls, problem: Problem, chosen: StressSet, harmonic: int) -> _Rows:
+        """Return the matrices of a stress set in a harmonic.
+
+        Raises
+        ------
+        SettingError
+            If the set has no modes of the nodal diameter of this harmonic.
+        """
         model = problem.coupling.model
         wave = 1 if problem.settings.fundamental_modes_only else harmonic
+        # a wave in the opposite direction has the complex conjugate modes
         d, conjugate = model.folded_nodal_diameter(problem.engine_order * wave)
         body = model.bodies[chosen.body]
         if body.kind != "constrained":
+            # free bodies have the same modes in every wave
             d = 0
             conjugate = False
         if d not in chosen.modes:
@@ -530,13 +555,15 @@ class _Rows:
                 shape = direction @ basis.locations[location]
                 modal_force = modal_force + shape.conj() * excitation
 
+        # response of the modes that are not retained
         ratio = basis.damping_ratio
         if settings.damping_ratio is not None:
             ratio = np.full(basis.n_modes, settings.damping_ratio)
         w = self.harmonic * omega
-        dynamic = basis.omega2 - w**2 + 2j * ratio * np.sqrt(basis.omega2) * w
-        no_response = np.zeros_like(modal_force)
-        q = np.divide(modal_force, dynamic, out=no_response, where=dynamic != 0.0)
+        dynamic_stiffness = basis.omega2 - w**2 + 2j * ratio * np.sqrt(basis.omega2) * w
+        # rigid-body modes do not respond to the mean force
+        q = np.zeros_like(modal_force)
+        np.divide(modal_force, dynamic_stiffness, out=q, where=dynamic_stiffness != 0.0)
         for index, value in retained.items():
             q[index] = value
 

@@ -123,7 +123,7 @@ def first_point(system: DiskSystem, omega: float) -> NDArray | None:
 
     Return None if both fail.
     """
-    # holding springs relative to the stuck stiffness
+    # holding springs relative to the stuck stiffness; each solution is the guess of the next
     free = (0.0,)
     weaker = (1.0, 0.1, 0.01, 0.0)
     for sequence in (free, weaker):
@@ -131,9 +131,12 @@ def first_point(system: DiskSystem, omega: float) -> NDArray | None:
         for springs in sequence:
             held = system.structure.held(springs) if springs else system
             scale = held.structure.units_about(y, omega)
-            c = held.solve(y, Fixed(), scale, 1e-9, 60, 2)
-            y = c.y
-        if c.status == OK:
+            solution = held.solve(
+                y, Fixed(), scale, tolerance=1e-9, max_iterations=60, line_search=2
+            )
+            y = solution.y
+        # the last solution has free dampers
+        if solution.status == OK:
             return np.asarray(y)
     return None
 
@@ -200,8 +203,12 @@ def frequency_response(
 
 
 def highest_blade(blades: NDArray) -> NDArray:
-    """Return the response of the highest blade at each point (n, n_harmonics + 1)."""
-    highest = np.abs(blades[..., 1]).argmax(axis=1)
+    """Return the response (n, n_harmonics + 1) of the highest blade at each point.
+
+    ``blades`` (n, n_blades, n_harmonics + 1) contains the responses of all blades.
+    """
+    first_harmonic = np.abs(blades[..., 1])
+    highest = first_harmonic.argmax(axis=1)
     return np.asarray(blades[np.arange(len(blades)), highest])
 
 
@@ -231,34 +238,45 @@ class OneStructure:
         damping_matrix = _all_sectors(np.zeros_like(s.mass), s.damping)
         damping = np.einsum("ik,ik->k", phi, damping_matrix @ phi)
 
-        # the unknowns are the coordinates of these modes, then those of all dampers
+        # the unknowns are the coordinates of these modes, then those of all dampers; motion
+        # (n_blades, n_sector) of each of them
+        n_modes = N * n
+        n_unknowns = N * size
         self.system = system
-        self.modes = np.zeros((N, size, N * size))
-        self.modes[:, :n, : N * n] = phi.reshape(N, n, -1)
-        self.modes[:, n:, N * n :] = np.eye(N * s.n_damper).reshape(N, s.n_damper, -1)
+        self.modes = np.zeros((N, size, n_unknowns))
+        self.modes[:, :n, :n_modes] = phi.reshape(N, n, -1)
+        self.modes[:, n:, n_modes:] = np.eye(N * s.n_damper).reshape(N, s.n_damper, -1)
+        # (mass phi)^T is the inverse of the mass-normalised modes
         self.inverse = self.modes.copy()
-        self.inverse[:, :n, : N * n] = (mass @ phi).reshape(N, n, -1)
+        self.inverse[:, :n, :n_modes] = (mass @ phi).reshape(N, n, -1)
 
-        motion = np.stack([s.motion(x) for x in self.modes.transpose(2, 0, 1)], axis=-1)
+        of_unknowns = self.modes.transpose(2, 0, 1)
+        motion = np.stack([s.motion(x) for x in of_unknowns], axis=-1)
         basis = HarmonicBasis(
             coordinates=(),
             omega2=np.append(squares, np.tile(s.damper_stiffness, N)),
-            damping_ratio=np.zeros(N * size),
-            G=motion.reshape(-1, 3, N * size),
+            damping_ratio=np.zeros(n_unknowns),
+            G=motion.reshape(-1, 3, n_unknowns),
             nodal_diameter=0,
-            mass=np.append(np.ones(N * n), s.damper_mass),
+            mass=np.append(np.ones(n_modes), s.damper_mass),
             drag=np.append(damping, np.tile(s.damper_damping, N)),
         )
         rows = np.einsum("i,bik->bk", scene.response_row, self.modes[:, :n])
         force = self._projected(scene.force, self.modes)
-        n_harmonics = n_coef // 2 + 1
-        one = SectorData([basis] * n_harmonics, scene.points, force, [rows[blade]] * n_harmonics)
-        self.sectors = AllSectors(one.equations, 1, 0, rows=np.hstack([rows, np.zeros_like(rows)]))
+        # the same modes and the same response in the mean and in all harmonics
+        n_bases = n_coef // 2 + 1
+        one = SectorData([basis] * n_bases, scene.points, force, [rows[blade]] * n_bases)
+        # the coordinates are real, so that their imaginary parts do not respond
+        rows_of_both_parts = np.hstack([rows, np.zeros_like(rows)])
+        self.sectors = AllSectors(
+            one.equations, n_blades=1, engine_order=0, rows=rows_of_both_parts
+        )
 
     def _projected(self, u: NDArray, rows: NDArray) -> NDArray:
         """Return unknowns from unknowns of the disk and rows (n_blades, n_sector, n_modes)."""
+        # (n_coefficients, n_blades, n_sector), summed over blades and their coordinates
         by_coefficient = self.system.structure.array(u).transpose(1, 0, 2)
-        return np.asarray(np.tensordot(by_coefficient, rows, 2).ravel())
+        return np.asarray(np.tensordot(by_coefficient, rows, axes=2).ravel())
 
     def start(self, u: NDArray) -> NDArray:
         """Return the unknowns of this structure for unknowns ``u`` of the bladed disk."""
@@ -276,10 +294,11 @@ def _all_sectors(of_blade: NDArray, waves: NDArray) -> NDArray:
     first = n - waves.shape[1]
     sectors = np.arange(N)
     distance = (sectors[:, None] - sectors) % N
-    # the coupling of two sectors depends on their distance alone
+    # the coupling of two sectors, (N, N, r, r), depends on their distance alone
     coupling = np.fft.ifft(waves, axis=0).real[distance]
-    matrix = np.zeros((N, n, N, n))
+    matrix = np.zeros((N, n, N, n))  # blade and coordinate, twice
     matrix[:, first:, :, first:] = coupling.transpose(0, 2, 1, 3)
+    # the blocks on the diagonal
     matrix[sectors, :, sectors] += of_blade
     return matrix.reshape(N * n, N * n)
 
@@ -290,7 +309,7 @@ def time_response(
     disk: DiskProblem, peak: DiskPeak, *, steps_per_period: int | None = None
 ) -> TimeResponse:
     """Compute the largest steady-state blade amplitude by time integration of all blades from the
-        peak.
+    peak.
 
     After Ctrl-C there is no result.
 

@@ -537,7 +537,9 @@ class DiskScene:
     @property
     def shape(self) -> tuple[int, int, int]:
         """Numbers of blades, Fourier coefficients and coordinates per sector."""
-        return self.structure.n_blades, 2 * max(1, *self.harmonics) + 1, self.structure.n_sector
+        highest_harmonic = max(1, *self.harmonics)
+        n_coefficients = 2 * highest_harmonic + 1
+        return self.structure.n_blades, n_coefficients, self.structure.n_sector
 
     @cached_property
     def layout(self) -> Layout:
@@ -550,15 +552,19 @@ class DiskScene:
     @cached_property
     def active(self) -> NDArray:
         """Whether each Fourier coefficient is an unknown, (n_coefficients,) bool."""
-        return np.repeat(self.layout.n_mode > 0, 2)[1:]
+        # two coefficients for each harmonic, but one for the mean
+        is_unknown = self.layout.n_mode > 0
+        return np.repeat(is_unknown, 2)[1:]
 
     @cached_property
     def force(self) -> NDArray:
         """Static load and excitation, (n_unknowns,)."""
+        # coefficient 0 is the mean, 1 and 2 are cosine and sine of the first harmonic
         force = np.zeros(self.shape)
         force[:, 0] = self.load
         force[:, 1] = self.excitation.real
         force[:, 2] = -self.excitation.imag
+        # no forces on missing dampers
         force[self.missing, :, self.structure.n :] = 0.0
         return self.flat(force)
 
@@ -604,9 +610,11 @@ class DiskScene:
         """Stiffness (n_blades, n_damper) of the stuck contacts of each damper for its own
         coordinates."""
         s = self.structure
-        stiffness = np.concatenate([self.points.kt, self.points.kn[:, None]], axis=1)
-        stiffness = stiffness.reshape(s.n_blades, 3 * len(s.sector))
-        damper_rows = s.rows[..., s.n :].reshape(stiffness.shape[1], s.n_damper)
+        of_points = np.concatenate([self.points.kt, self.points.kn[:, None]], axis=1)
+        n_springs = 3 * len(s.sector)  # of one sector
+        stiffness = of_points.reshape(s.n_blades, n_springs)
+        damper_rows = s.rows[..., s.n :].reshape(n_springs, s.n_damper)
+        # diagonal of rows^T stiffness rows for each sector
         springs = stiffness @ damper_rows**2
         # missing dampers and coordinates without contact get weak springs
         return np.maximum(springs, 1e-6 * springs.max(initial=1e-300))
@@ -669,6 +677,7 @@ class DiskScene:
         N, _, size = self.shape
         row = np.zeros((N, size))
         row[blade, : self.structure.n] = self.response_row
+        # empty for harmonics that are no unknowns
         response_rows = [row.ravel() if n > 0 else np.zeros(0) for n in self.layout.n_mode]
         first_harmonic = np.zeros((2, self.layout.n_unknowns))
         if self.layout.n_mode[1] > 0:

@@ -102,7 +102,8 @@ def static_disk(
     shift = loading.shift.reshape(-1, 3)
     n_points = len(points.kn)
 
-    # contact with interference: its normal load is applied as a motion of the points
+    # contact with interference: its normal load is applied as a motion of the points (normal
+    # direction 2)
     bonded = points.law == LAW_BONDED
     free = np.logical_not(bonded)
     pressed = free & (points.n0 > 0.0) & (points.kn > 0.0)
@@ -124,6 +125,7 @@ def static_disk(
     targets = [(1.0, factor) for factor in loading.history]
     if pressed.any() or np.any(constant):
         targets.insert(0, (1.0, 0.0))
+    # the state at the end of the last step: unknowns, motion and sliders of the points, forces
     u = np.zeros(load.size)
     x = np.zeros((n_points, 3))
     slider = np.zeros((n_points, 2))
@@ -132,7 +134,7 @@ def static_disk(
     longest = 1.0 / STEPS
     for target in np.array(targets):
         begin = applied
-        part = 0.0
+        part = 0.0  # of the way from begin to target
         step = longest
         while part < 1.0 and np.any(target != begin):
             step = min(step, longest)
@@ -161,7 +163,10 @@ def static_disk(
             else:
                 start = u + factor * alike.ravel()
             unit = np.full(len(u) + 1, max(float(np.abs(start).max()), 1e-9))
-            solution = system.correct_at(start, 1.0, unit, LEFT, 60, 2)
+            # the static state does not depend on the frequency, here 1 rad/s
+            solution = system.correct_at(
+                start, 1.0, unit, tolerance=LEFT, max_iterations=60, line_search=2
+            )
             if solution.status != OK:
                 step *= 0.5
                 if step < longest / 64.0:
@@ -172,8 +177,10 @@ def static_disk(
                     )
                 continue
 
-            # the step must end at the first change of a contact state
+            # the step must end at the first change of a contact state: within is its place in
+            # this step and beyond its place after it, both 1 at the end of the step
             motion, forces, _ = system.contact(solution.y[:-1])
+            mean_force = forces[..., 0]
             new_x = motion[..., 0]
             distance = np.abs(x) + np.abs(new_x) + np.abs(total_shift)
             close = AT_LIMIT * float((springs * distance).max(initial=0.0))
@@ -189,7 +196,7 @@ def static_disk(
             applied = now
             part = end
             x = new_x
-            force = forces[..., 0]
+            force = mean_force
             has_spring = points.kt > 0.0
             stretch = force[:, :2] / np.where(has_spring, points.kt, 1.0)
             slider = np.where(has_spring, x[:, :2] - stretch, x[:, :2])
@@ -212,13 +219,16 @@ def disk_points(structure: DiskMatrices, dampers: DamperVariation) -> PointArray
         return np.where(on_damper, of_damper[:, None], elsewhere)
 
     # missing dampers have no stiffness and no friction
-    present = at_points(np.where(dampers.missing, 0.0, 1.0), 1.0)
-    stiffness = at_points(dampers.contact_stiffness, 1.0) * present
+    present = at_points(np.where(dampers.missing, 0.0, 1.0), elsewhere=1.0)
+    factor = at_points(dampers.contact_stiffness, elsewhere=1.0) * present
     has_friction = tuned.point_laws != LAW_NORMAL
-    kn = stiffness * tuned.point_stiffness[:, 2]
-    kt = stiffness[..., None] * tuned.point_stiffness[:, :2] * has_friction[:, None]
-    mu = at_points(dampers.friction_coefficient, 1.0) * present * tuned.friction
-    gap = tuned.point_gaps + at_points(dampers.gap, 0.0)
+    # stiffness (n_points, 3) in both tangential directions and the normal one
+    normal_stiffness = tuned.point_stiffness[:, 2]
+    tangential_stiffness = tuned.point_stiffness[:, :2]
+    kn = factor * normal_stiffness
+    kt = factor[..., None] * tangential_stiffness * has_friction[:, None]
+    mu = at_points(dampers.friction_coefficient, elsewhere=1.0) * present * tuned.friction
+    gap = tuned.point_gaps + at_points(dampers.gap, elsewhere=0.0)
     return PointArrays(
         kt=kt.reshape(-1, 2),
         kn=kn.ravel(),
@@ -290,21 +300,23 @@ def loaded(structure: DiskMatrices, preload: float, dampers: DamperVariation | N
     # the preload of a damper is proportional to its mass
     modal_load, motion_by_load = tuned.damper_load
     mass_factor = np.where(pinned, 0.0, variation.mass)
-    load = np.tile(local_vector(structure, preload * modal_load, True), (N, 1))
+    # loads (n_blades, n_sector): the first n coordinates belong to the blade, others to the damper
+    load = np.tile(local_vector(structure, preload * modal_load, force=True), (N, 1))
     load[:, n:] *= mass_factor[:, None]
-    constant = np.tile(local_vector(structure, tuned.fixed_load[0], True), (N, 1))
+    modal_constant, _ = tuned.fixed_load
+    constant = np.tile(local_vector(structure, modal_constant, force=True), (N, 1))
     constant[pinned, n:] = 0.0
     shift = preload * mass_factor[:, None, None] * motion_by_load
 
     tuned_state = tuned.at(preload).equilibrium
-    mean = np.tile(local_vector(structure, tuned_state.q, False), (N, 1))
+    mean = np.tile(local_vector(structure, tuned_state.q, force=False), (N, 1))
     if dampers is None:
         slider = np.tile(tuned_state.slider, (N, 1))
         force = np.tile(tuned_state.force, (N, 1))
     else:
         mean[pinned, n:] = 0.0
         loading = Loading(load, constant, shift, tuned.settings.load_history)
-        mean, slider, force = static_disk(structure, points, loading, pinned, mean)
+        mean, slider, force = static_disk(structure, points, loading, pinned, alike=mean)
     bonded = np.tile(tuned.bonded_points, N)
     slider = np.where(bonded[:, None], 0.0, slider)
     return Loaded(
@@ -482,20 +494,22 @@ class DiskProblem(Summarised):
         It is NaN if one of both peaks is unknown.
         """
         if preload not in self._tuned_changes:
-            tuned = self.structure.tuned
-            n_harmonics = tuned.harmonic_numbers[-1] + MORE_HARMONICS
-            change = np.nan
-            if n_harmonics <= MAX_HARMONIC:
-                try:
-                    richer = highest_peak(tuned.replace(harmonics=n_harmonics), preload)
-                # sampled contact forces may be too coarse for more harmonics
-                except SettingError:
-                    pass
-                else:
-                    # an amplitude without a complete search is NaN
-                    change = richer.amplitude / self.tuned_peak(preload).amplitude - 1.0
-            self._tuned_changes[preload] = change
+            self._tuned_changes[preload] = self._computed_change(preload)
         return self._tuned_changes[preload]
+
+    def _computed_change(self, preload: float) -> float:
+        """See :meth:`tuned_change`."""
+        tuned = self.structure.tuned
+        n_harmonics = tuned.harmonic_numbers[-1] + MORE_HARMONICS
+        if n_harmonics > MAX_HARMONIC:
+            return np.nan
+        try:
+            richer = highest_peak(tuned.replace(harmonics=n_harmonics), preload)
+        # sampled contact forces may be too coarse for more harmonics
+        except SettingError:
+            return np.nan
+        # an amplitude without a complete search is NaN
+        return richer.amplitude / self.tuned_peak(preload).amplitude - 1.0
 
     def record(self) -> dict[str, Any]:
         """Return the settings and the model hash that all results store."""

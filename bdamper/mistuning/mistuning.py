@@ -199,8 +199,9 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         SettingError
             If deviations are given for more modes than the model has.
         """
-        # stiffness is proportional to the squared frequency: (1 + eps)**2 - 1
-        change = (self.deviation * (2.0 + self.deviation)).reshape(self.n_blades, -1)
+        # stiffness is proportional to the squared frequency: (1 + eps)**2 - 1 = eps (2 + eps)
+        change_of_stiffness = self.deviation * (2.0 + self.deviation)
+        change = change_of_stiffness.reshape(self.n_blades, -1)
         n_given = change.shape[1]
         if n_given > n_modes:
             raise SettingError(
@@ -245,6 +246,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         if self.seed:
             seed = f", seed {' '.join(map(str, self.seed))}"
         percents = 100.0 * self.deviation
+        # a mean that is zero but for rounding has no sign: -0.0 + 0.0 is 0.0
         mean = percents.mean().round(9) + 0.0
         return (
             f"frequency deviations of {self.n_blades} blades clamped at the root{modes} "
@@ -254,10 +256,11 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
 
     def _statement(self) -> Statement:
         percents = 100.0 * self.deviation
-        # a mean that is zero but for rounding has no sign
+        # a mean that is zero but for rounding has no sign: -0.0 + 0.0 is 0.0
         mean = percents.mean().round(9) + 0.0
         of_blade = percents.reshape(self.n_blades, -1)
-        lowest, highest = int(of_blade.min(axis=1).argmin()), int(of_blade.max(axis=1).argmax())
+        lowest = int(of_blade.min(axis=1).argmin())
+        highest = int(of_blade.max(axis=1).argmax())
         blades = f"blade {lowest} lowest, blade {highest} highest"
         verdict = (
             f"Standard deviation {percents.std():.3g} %: frequencies of "
@@ -377,9 +380,11 @@ class DamperVariation(Summarised, Storable, kind="bdamper-damper-variation"):
                 full[name] = mean * generator.standard_exponential(n)
                 continue
             deviation = validation.number(f"standard deviation of {name}", value, least=0.0)
-            # lognormal distribution with mean 1
+            # lognormal distribution with mean 1: sigma is the standard deviation of the logarithm
             sigma = np.sqrt(np.log1p(deviation**2))
-            full[name] = np.exp(sigma * generator.standard_normal(n) - 0.5 * sigma**2)
+            logarithm = sigma * generator.standard_normal(n) - 0.5 * sigma**2
+            full[name] = np.exp(logarithm)
+        # names that are left in spread are unknown, and refused by of
         return cls.of(n, missing=missing, **full, **spread)
 
     @property
@@ -409,7 +414,9 @@ class DamperVariation(Summarised, Storable, kind="bdamper-damper-variation"):
             which = f"damper number{plural} {numbers} (counted from 0)"
             rows.append(Row("Missing dampers", str(len(missing)), which))
         for name in _LIMITS:
-            low, high = getattr(self, name).min(), getattr(self, name).max()
+            values = getattr(self, name)
+            low = values.min()
+            high = values.max()
             title = sentence(name.replace("_", " "))
             nominal = 0.0 if name == "gap" else 1.0
             if low == high == nominal:
@@ -435,6 +442,7 @@ def _by_blade(name: str, value: ArrayLike, above: float, expected: str) -> NDArr
     try:
         values = np.array(value, float)
     except (TypeError, ValueError):
+        # a value without dimension, which the check of the shape refuses
         values = np.array(np.nan)
     has_shape = values.ndim in (1, 2) and 0 not in values.shape
     if not has_shape or not np.isfinite(values).all() or not (values > above).all():
@@ -443,6 +451,7 @@ def _by_blade(name: str, value: ArrayLike, above: float, expected: str) -> NDArr
 
 
 def _seed(seed: Any) -> tuple[int, ...]:
+    """Return a seed, one number or a sequence of numbers, as a tuple."""
     is_sequence = isinstance(seed, Sequence) and not isinstance(seed, str | bytes)
     seeds = seed if is_sequence else [seed]
     return tuple(validation.integer("seed", s) for s in seeds)
@@ -463,8 +472,9 @@ def _read_frequencies(path: FilePath) -> NDArray:
         table = np.loadtxt(lines[1:], delimiter=separator, ndmin=2, quotechar='"')
     except ValueError as error:
         raise mismatch(str(path), "one row of frequencies for each blade", error) from error
-    modes = [k for k, name in enumerate(head) if name != "blade"]
-    factors = [_hertz_per_unit(path, head[k]) for k in modes]
+    # every column but "blade" contains the frequencies of one mode
+    modes = [column for column, name in enumerate(head) if name != "blade"]
+    factors = [_hertz_per_unit(path, head[column]) for column in modes]
     if len(head) != table.shape[1]:
         raise mismatch(str(path), f"{len(head)} columns as in the header", table.shape[1])
     if "blade" in head:

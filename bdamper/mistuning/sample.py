@@ -67,10 +67,12 @@ from bdamper.util.tables import (
 def highest_disks(height: NDArray, audit: float) -> NDArray:
     """Return the mask (n_disks, ...) of the fraction ``audit`` of the disks with the highest
     amplitudes in each cell."""
+    # rounded up, but 0.1 of 30 disks are 3 in spite of rounding
     n = int(np.ceil(audit * len(height) - 1e-9))
     has_peak = np.isfinite(height)
-    descending = -np.nan_to_num(height, nan=-np.inf)
-    order = np.argsort(descending, axis=0, kind="stable")
+    # ascending in the negative heights, disks without a peak last
+    negative_height = -np.nan_to_num(height, nan=-np.inf)
+    order = np.argsort(negative_height, axis=0, kind="stable")
     # the inverse of the order is the rank of each disk, 0 for the highest
     rank = np.argsort(order, axis=0, kind="stable")
     return np.asarray((rank < n) & has_peak)
@@ -332,8 +334,10 @@ class MistunedSample(
         """
         names = ("amplification", "amplitude", "frequency")
         values = getattr(self, validation.choice("quantity", quantity, names))
-        # the error estimates belong to the amplitudes
-        error = 0.0 * self.error if quantity == "frequency" else self.error
+        error = self.error
+        if quantity == "frequency":
+            # the error estimates belong to the amplitudes; unknown ones remain NaN
+            error = 0.0 * self.error
         _, n_deviations, n_preloads = values.shape
         intervals = np.zeros((3, n_deviations, n_preloads))
         for i, j in np.ndindex(n_deviations, n_preloads):
@@ -402,12 +406,15 @@ class MistunedSample(
         # preloads that may be the best of each bootstrap sample, for amplitudes within their errors
         n_bootstrap = 2000
         generator = np.random.default_rng(0)
+        # lower and upper bounds of the amplitudes, (2, n, n_preloads)
         bounds = np.stack([height * (1.0 - error), height * (1.0 + error)])[:, complete]
         lowest_best = []
         highest_best = []
         for _ in range(n_bootstrap):
             resample = bounds[:, generator.integers(n, size=n)]
+            # percentiles (n_preloads,) of both bounds
             lower, upper = np.quantile(resample, q / 100.0, axis=1, method="median_unbiased")
+            # a preload may be the best if its lower bound is below all upper bounds
             possible = self.preload[lower <= upper.min()]
             lowest_best.append(possible.min())
             highest_best.append(possible.max())
@@ -484,8 +491,9 @@ class MistunedSample(
         for i, deviation in enumerate(self.standard_deviation):
             for j, preload in enumerate(self.preload):
                 name = f"factor at {100.0 * deviation:g} %, {preload:g} N"
-                high = Interval(*upper[:, i, j])
-                cells.append(Fact(name, f"median {middle[i, j]:.4g}, 95 % {high}"))
+                low_end, estimate, high_end = upper[:, i, j]
+                interval = Interval(low=low_end, value=estimate, high=high_end)
+                cells.append(Fact(name, f"median {middle[i, j]:.4g}, 95 % {interval}"))
         audits = []
         for audit in (self.audit(), self.audit(tail=True)):
             missed = f"{audit.missed.sum()} of {len(audit.disk)}"
@@ -502,7 +510,7 @@ class MistunedSample(
         )
 
     def _statement(self) -> Statement:
-        # the last cell: largest standard deviation and preload
+        # lower end, estimate and upper end in the last cell (standard deviation and preload)
         _, median, _ = self.percentile(50.0)[:, -1, -1]
         low, upper, high = self.percentile(95.0)[:, -1, -1]
         deviation = f"{100.0 * float(self.standard_deviation[-1]):.3g} %"
@@ -521,7 +529,12 @@ class MistunedSample(
         checks = []
         for audit in (self.audit(), self.audit(tail=True)):
             n_missed = int(audit.missed.sum())
-            outcome = "uncertain" if n_missed else "pass" if len(audit.disk) else "not run"
+            if n_missed:
+                outcome = "uncertain"
+            elif len(audit.disk):
+                outcome = "pass"
+            else:
+                outcome = "not run"
             found = f"higher peak in {n_missed} of {len(audit.disk)} ({audit.kind})"
             checks.append(Row("Thorough search", outcome, found))
         missed = any(check.value == "uncertain" for check in checks)
@@ -535,12 +548,12 @@ class MistunedSample(
         table: list[tuple[str, ...]] = [("Deviation", "Preload", "Median", "95th percentile")]
         for i, deviation in enumerate(self.standard_deviation):
             for j, preload in enumerate(self.preload):
-                high = str(Interval(*upper[:, i, j]))
+                low_end, estimate, high_end = upper[:, i, j]
                 cells = (
                     f"{100.0 * deviation:g} %",
                     amount(preload, "N"),
                     f"{middle[i, j]:.4g}",
-                    high,
+                    str(Interval(low=low_end, value=estimate, high=high_end)),
                 )
                 table.append(cells)
         return table
@@ -601,10 +614,13 @@ class _Sample:
         return [int(i) for i in np.flatnonzero(chosen & np.isfinite(height))]
 
     def __call__(self, settings: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Search for the highest peak of one disk at one preload, thoroughly if an interval is
-        given."""
+        """Search for the highest peak of one disk at one preload.
+
+        The settings are the disk, the standard deviation and the preload.  For the audit they also
+        contain an interval (Hz), in which the search is thorough.
+        """
         interval = settings.get("interval")
-        options = thorough(self.options) if interval else self.options
+        options = self.options if interval is None else thorough(self.options)
         disk = self.draw(settings["disk"], settings["standard_deviation"])
         peak = disk.peak(settings["preload"], interval, options=options)
         return answers(peak) | {"interval": list(peak.interval)}

@@ -39,12 +39,17 @@ class Interval(NamedTuple):
         if np.isnan(self.value):
             return "not known"
         value = amount(self.value, unit, 4)
-        low, high = amount(self.low, unit, 4), amount(self.high, unit, 4)
-        if np.isfinite([self.low, self.high]).all():
+        low = amount(self.low, unit, 4)
+        high = amount(self.high, unit, 4)
+        has_low = np.isfinite(self.low)
+        has_high = np.isfinite(self.high)
+        if has_low and has_high:
             return f"{value} ({low} to {high})"
-        if np.isfinite(self.low):
+        if has_low:
             return f"{value} (at least {low})"
-        return f"{value} (at most {high})" if np.isfinite(self.high) else f"{value} (no bounds)"
+        if has_high:
+            return f"{value} (at most {high})"
+        return f"{value} (no bounds)"
 
 
 def percentile(values: NDArray, q: float, error: NDArray | float = 0.0) -> Interval:
@@ -66,10 +71,10 @@ def percentile(values: NDArray, q: float, error: NDArray | float = 0.0) -> Inter
         The value is the median-unbiased estimate from the known values, within the sample; NaN
         without known values.
     """
-    q = validation.number("percentile", q, above=0.0, below=100.0) / 100.0
+    probability = validation.number("percentile", q, above=0.0, below=100.0) / 100.0
     known = values[np.isfinite(values)]
     if not len(known):
-        return Interval(np.nan, np.nan, np.nan)
+        return Interval(low=np.nan, value=np.nan, high=np.nan)
 
     def bounds(side: float) -> Any:
         """Return the interval for all values at the lower (-1) or upper (1) end of their errors.
@@ -78,7 +83,7 @@ def percentile(values: NDArray, q: float, error: NDArray | float = 0.0) -> Inter
         """
         moved = values * (1.0 + side * error)
         moved = np.where(np.isnan(moved), side * np.inf, moved)
-        return scipy.stats.quantile_test(moved, p=q).confidence_interval(0.95)
+        return scipy.stats.quantile_test(moved, p=probability).confidence_interval(0.95)
 
     low = float(bounds(-1.0).low)
     high = float(bounds(1.0).high)
@@ -87,17 +92,17 @@ def percentile(values: NDArray, q: float, error: NDArray | float = 0.0) -> Inter
         low = -np.inf
     if np.isnan(high):
         high = np.inf
-    value = float(np.quantile(known, q, method="median_unbiased"))
-    return Interval(low, value, high)
+    value = float(np.quantile(known, probability, method="median_unbiased"))
+    return Interval(low=low, value=value, high=high)
 
 
 def share(count: int, n: int) -> Interval:
     """Estimate a probability from ``count`` successes in ``n`` independent trials, with the
     Clopper-Pearson interval."""
     if n == 0:
-        return Interval(0.0, np.nan, 1.0)
+        return Interval(low=0.0, value=np.nan, high=1.0)
     low, high = scipy.stats.binomtest(count, n).proportion_ci(0.95)
-    return Interval(float(low), count / n, float(high))
+    return Interval(low=float(low), value=count / n, high=float(high))
 
 
 @short_repr
@@ -144,14 +149,15 @@ class WeibullTail(Summarised):
         SettingError
             If the percentile lies below the threshold.
         """
-        q = validation.number("percentile", q, above=0.0, below=100.0) / 100.0
+        probability = validation.number("percentile", q, above=0.0, below=100.0) / 100.0
         lowest = 1.0 - self.n_tail / self.n
-        if q < lowest:
+        if probability < lowest:
             raise SettingError(
-                f"percentile {100.0 * q:g} lies below the fitted tail; give one of at least "
-                f"{100.0 * lowest:g}"
+                f"percentile {100.0 * probability:g} lies below the fitted tail; give one of at "
+                f"least {100.0 * lowest:g}"
             )
-        return float(scipy.stats.weibull_max.ppf(q, self.shape, self.bound, self.scale))
+        law = scipy.stats.weibull_max
+        return float(law.ppf(probability, self.shape, self.bound, self.scale))
 
     _states_all = True
 
@@ -188,6 +194,7 @@ def weibull_tail(values: NDArray, tail: float = 0.5) -> WeibullTail:
     tail = validation.number("tail", tail, above=0.0, most=1.0)
     known = np.sort(values[np.isfinite(values)])
     n = len(known)
+    # probabilities (n,) of the sorted values in the empirical distribution
     probability = (np.arange(n) + 0.5) / max(n, 1)
     x = known[n - round(tail * n) :]
     least_values = 10  # for a fit of three parameters
@@ -195,41 +202,51 @@ def weibull_tail(values: NDArray, tail: float = 0.5) -> WeibullTail:
         expected = f"at least {least_values} different values in the tail"
         raise SettingError(f"tail: expected {expected}, found {len(np.unique(x))} of {n}")
     n_below = n - len(x)
-    low = x[0]
-    top = x[-1]
-    unit = top - low
+    threshold = x[0]
+    highest = x[-1]
+    unit = highest - threshold
     law = scipy.stats.weibull_max
 
     def parameters(p: NDArray) -> tuple[float, float, float]:
-        """Return the shape, the bound, and the most likely scale for them (in closed form)."""
-        k = 1.0 + float(np.exp(p[0]))
-        b = top + unit * float(np.exp(p[1]))
-        width = b - low  # powers of values relative to the width of the tail do not overflow
-        power = np.sum(((b - x) / width) ** k) + n_below
-        return k, b, width * float((power / len(x)) ** (1.0 / k))
+        """Return the shape, the bound, and the most likely scale for them (in closed form).
+
+        ``p`` (2,) are the logarithms of the shape above 1, and of the bound above the highest
+        value.
+        """
+        log_shape, log_bound = p
+        shape = 1.0 + float(np.exp(log_shape))
+        bound = highest + unit * float(np.exp(log_bound))
+        # powers of values relative to the width of the tail do not overflow
+        width = bound - threshold
+        power = np.sum(((bound - x) / width) ** shape) + n_below
+        scale = width * float((power / len(x)) ** (1.0 / shape))
+        return shape, bound, scale
 
     def negative_log_likelihood(p: NDArray) -> float:
         if np.abs(p).max() > 12.0:  # beyond these limits the likelihood does not change
             return np.inf
-        k, b, s = parameters(p)
-        of_tail = law.logpdf(x, k, b, s).sum()
-        of_others = n_below * law.logcdf(low, k, b, s)
+        shape, bound, scale = parameters(p)
+        of_tail = law.logpdf(x, shape, bound, scale).sum()
+        # the other values are known to lie below the threshold
+        of_others = n_below * law.logcdf(threshold, shape, bound, scale)
         return -float(of_tail + of_others)
 
-    starts = [np.array([np.log(k), np.log(0.3 * k)]) for k in (1.0, 3.0, 7.0)]
     options = {"maxiter": 4000, "xatol": 1e-6, "fatol": 1e-8}
-    fits = [
-        scipy.optimize.minimize(negative_log_likelihood, p, method="Nelder-Mead", options=options)
-        for p in starts
-    ]
+    fits = []
+    for k in (1.0, 3.0, 7.0):
+        start = np.array([np.log(k), np.log(0.3 * k)])
+        fit = scipy.optimize.minimize(
+            negative_log_likelihood, start, method="Nelder-Mead", options=options
+        )
+        fits.append(fit)
     best = min(fits, key=lambda fit: fit.fun)
-    k, b, s = parameters(best.x)
-    distance = np.abs(law.cdf(x, k, b, s) - probability[n_below:]).max()
+    shape, bound, scale = parameters(best.x)
+    distance = np.abs(law.cdf(x, shape, bound, scale) - probability[n_below:]).max()
     return WeibullTail(
-        shape=k,
-        bound=b,
-        scale=s,
-        threshold=float(low),
+        shape=shape,
+        bound=bound,
+        scale=scale,
+        threshold=float(threshold),
         n=n,
         n_tail=len(x),
         distance=float(distance),

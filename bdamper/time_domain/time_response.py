@@ -223,12 +223,14 @@ def _first_elastic(problem: Problem, frequency: float) -> dict[str, float]:
     elastic modes.
     """
     ratios = {}
+    n_rigid = len(RIGID_NAMES)
     for name, n_elastic in _all_elastic(problem).items():
         if n_elastic <= 0:
             ratios[name] = float("inf")
             continue
+        # lowest over the nodal diameters; the rigid-body modes have the lowest frequencies
         bases = problem.model.bodies[name].bases.values()
-        squared = min(np.sort(basis.omega2)[len(RIGID_NAMES)] for basis in bases)
+        squared = min(np.sort(basis.omega2)[n_rigid] for basis in bases)
         first_elastic = np.sqrt(squared)
         ratios[name] = float(first_elastic / (TWO_PI * frequency))
     return ratios
@@ -358,7 +360,12 @@ def _integrate(
     starts: int,
     progress: bool,
 ) -> _Integrations:
-    """Search for the highest motion, and refine it."""
+    """Search for the highest motion, and refine it.
+
+    ``blades`` is the number of blades of the ring (None for the smallest), ``starts`` the number of
+    initial states.  After Ctrl-C, a failure or the end of the processor time the result has the
+    motions so far.
+    """
     runs: dict[str, SteadyPoint] = {}
     others: dict[str, float] = {}
     richer: _RicherRing | None = None
@@ -366,8 +373,9 @@ def _integrate(
     time_spent = ""
     what = f"time integration at {amount(preload, 'N')}, {counted(search.sectors.n, 'blade')}"
     with LongWork() as work, progress_stages(progress, what, "step") as report:
-        # the search, shorter steps, the more detailed structure, and one run for each start
-        search.on_frequency = lambda frequency: report(f"{frequency:.6g} Hz", len(runs), 2 + starts)
+        # the search, shorter steps, the more detailed structure, and one run for each other start
+        n_runs = 2 + starts
+        search.on_frequency = lambda frequency: report(f"{frequency:.6g} Hz", len(runs), n_runs)
         try:
             search.run()
             best = search.best
@@ -387,12 +395,19 @@ def _integrate(
             # motions from before the failure still count
             if isinstance(failed, EnergyGained) or search.best is None:
                 error = str(failed)
-    # the order in which they ended depends on the threads
+    # the order in which they ended depends on the threads: first those with steps as names
     names = [_steps_name(search, factor) for factor in (1, 4)]
     names += [name for name in runs if name not in names]
     in_order = {name: runs[name] for name in names if name in runs}
-    cost = Cost() if richer is None else richer.sectors.cost
-    return _Integrations(search, in_order, others, error, time_spent, work.interrupted, cost)
+    return _Integrations(
+        search=search,
+        runs=in_order,
+        starts=others,
+        step_error=error,
+        time_spent=time_spent,
+        interrupted=work.interrupted,
+        cost=Cost() if richer is None else richer.sectors.cost,
+    )
 
 
 @dataclass(frozen=True)
@@ -421,20 +436,20 @@ def _add_refinements(
     Finished motions stay there after Ctrl-C or a failure.
     """
     runs[_steps_name(search, 1)] = best
-    # refinements are tried from three motions
+    # refinements start from the highest motion; if it does not stay, from the next two
     lower = [point for point in search.points if point is not best]
     highest_first = sorted(lower, key=lambda point: -point.mean)
     points = [best, *highest_first[:2]]
 
     def with_shorter_steps() -> None:
-        runs[_steps_name(search, 4)] = _refine(search, points, search.sectors, 4)
+        runs[_steps_name(search, 4)] = _refine(search, points, search.sectors, step_factor=4)
 
     def from_other_starts() -> None:
         others.update(_other_starts(search, best, starts))
 
     def in_richer_structure() -> None:
         if richer is not None:
-            runs[richer.name] = _refine(search, points, richer.sectors, 1)
+            runs[richer.name] = _refine(search, points, richer.sectors, step_factor=1)
 
     on_threads([with_shorter_steps, in_richer_structure, from_other_starts])
 
@@ -492,6 +507,8 @@ def _with_steps(
 ) -> SteadyPoint:
     """Return the highest motion that stays with ``step_factor`` times the steps, tried from
     ``points`` in this order.
+
+    If none stays, return the last one that was tried.
     """
     for point in points:
         if not point.stays:
@@ -521,13 +538,18 @@ def _at_fall(search: SteadySearch) -> float:
     best = search.best
     if best is None:
         return float("nan")
-    others = [point for point in search.points if point is not best]
     to_fall = search.fall - best.frequency
-    behind = [point for point in others if (point.frequency - best.frequency) * to_fall < 0.0]
-    # a maximum lies between the highest motion and its fall
-    beyond_maximum = bool(search.between(search.fall))
-    if not behind or beyond_maximum:
+    # motions on the side of the highest motion without its fall
+    behind = []
+    for point in search.points:
+        is_behind = (point.frequency - best.frequency) * to_fall < 0.0
+        if is_behind and point is not best:
+            behind.append(point)
+    # with motions between the highest one and its fall, the amplitude has a maximum there
+    has_maximum_before_fall = len(search.between(search.fall)) > 0
+    if not behind or has_maximum_before_fall:
         return best.mean
+    # a straight line through the nearest motion behind and the highest one
     nearest = min(behind, key=lambda point: abs(point.frequency - best.frequency))
     rise = (best.mean - nearest.mean) * to_fall / (best.frequency - nearest.frequency)
     return best.mean + max(0.0, rise)
@@ -705,6 +727,7 @@ def with_time_response(
     progress = shows_progress(progress)
     if preload is None:
         best = curve.optimum.preload
+        # none without an optimum
         preloads = [p for p in (best, NEIGHBOUR * best) if np.isfinite(p)]
     else:
         preloads = [float(p) for p in validation.numbers("preload", preload, above=0.0, unit="N")]
@@ -793,7 +816,8 @@ def compare_with_solution(
 
 def _verdict_so_far(transient: Transient, expected: NDArray, tolerance: float) -> Verdict:
     """Return the verdict on the periods that are known."""
-    return judged(transient.amplitude, float(abs(expected[1])), tolerance, transient.memory)
+    first_harmonic = float(abs(expected[1]))
+    return judged(transient.amplitude, first_harmonic, tolerance, transient.memory)
 
 
 @dataclass(frozen=True)
@@ -1002,9 +1026,9 @@ def _with_decision(
     except TimeSpent as spent:
         time_spent = _spent_after(transient, spent, 1)
         verdict = _verdict_so_far(transient, expected, tolerance)
-    # without the mean, which does not vibrate
-    difference = (transient.response[-1] - expected)[1:]
-    apart = float(np.linalg.norm(difference))
+    # distance of the last period from the solution; without the mean, which does not vibrate
+    last_period = transient.response[-1]
+    apart = float(np.linalg.norm((last_period - expected)[1:]))
     size = float(np.linalg.norm(expected[1:]))
     if interrupted:
         status = INTERRUPTED
