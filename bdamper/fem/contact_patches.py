@@ -25,7 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -190,10 +190,14 @@ def resolved_grid(
     if given[0] <= most_along and given[1] <= most_across and points <= most:
         return given
 
+    # tuples are compared part by part: first by the number of patches, then False before True,
+    # then by the shape of a patch
     def penalty(grid: tuple[int, int]) -> tuple[int, bool, float]:
         n_along, n_across = grid
+        n_patches = n_along * n_across
+        has_few_rows = min(grid) < 3
         slenderness = abs(np.log(length / n_along / (width / n_across)))
-        return -n_along * n_across, min(grid) < 3, slenderness
+        return -n_patches, has_few_rows, slenderness
 
     grids = [
         (n_along, n_across)
@@ -286,15 +290,25 @@ def shape_functions(xi: NDArray, n_nodes: int) -> NDArray:
 def inverse_map(corner: NDArray, x: NDArray) -> NDArray:
     """Return the coordinates on the reference facet of points ``x`` (m, 2) in a facet.
 
-    They are points of the square (m, 2), or barycentric coordinates (m, 3) of the triangle.
+    Parameters
+    ----------
+    corner : (3 | 4, 2) float
+        Corners of the facet.
+    x : (m, 2) float
+
+    Returns
+    -------
+    (m, 3) or (m, 2) float
+        Barycentric coordinates of a triangle, or coordinates from -1 to 1 of a quadrilateral.
     """
     if len(corner) == 3:
         edges = np.stack([corner[1] - corner[0], corner[2] - corner[0]], axis=1)
         along_edges = np.linalg.solve(edges, (x - corner[0]).T).T
         return np.column_stack([1.0 - along_edges.sum(axis=1), along_edges])
-    # Newton's method, with Cramer's rule for the two unknowns
+    # Newton's method for both coordinates of all points, with Cramer's rule for the two unknowns
     xi = np.zeros_like(x)
     for _ in range(20):
+        # derivatives (m, 2) of the position by the first and by the second coordinate
         d_xi = 0.25 * SQUARE[:, 0] * (1 + xi[:, 1:] * SQUARE[:, 1]) @ corner
         d_eta = 0.25 * SQUARE[:, 1] * (1 + xi[:, :1] * SQUARE[:, 0]) @ corner
         residual = x - _bilinear(xi) @ corner
@@ -387,8 +401,11 @@ def polygon_area(polygon: NDArray) -> float:
 
 
 def _quadrature(polygon: NDArray) -> tuple[NDArray, NDArray]:
-    """Return points (m, 2) and weights (m,) of quadrature on a convex polygon."""
-    # triangles from the first corner
+    """Return points (m, 2) and weights (m,) of quadrature on a convex polygon (n, 2).
+
+    The sum of the weights is its area.
+    """
+    # a fan of n - 2 triangles from the first corner: (n - 2, 3, 2)
     first = np.broadcast_to(polygon[0], polygon[2:].shape)
     triangles = np.stack([first, polygon[1:-1], polygon[2:]], axis=1)
     side_1 = triangles[:, 1] - triangles[:, 0]
@@ -459,23 +476,40 @@ def _pieces(flat_a: _Flat, flat_b: _Flat | None) -> list[_Piece]:
     return [_Piece(part, k, m) for k, m, part in overlaps(flat_a.corner, flat_b.corner)]
 
 
-def _lines(pieces: Sequence[_Piece], flat: _Flat, side: int, extent: NDArray) -> MeshLines:
-    """Return the lines of nodes of one face (0 or 1) in the common area with ``extent`` (2,)."""
+def _lines(
+    pieces: Sequence[_Piece], flat: _Flat, side: Literal["a", "b"], extent: NDArray
+) -> MeshLines:
+    """Return the mean numbers of lines of nodes of one face in the common area of both.
+
+    Parameters
+    ----------
+    pieces : sequence of _Piece
+        Common area.
+    flat : _Flat
+        Facets of this face.
+    side : {"a", "b"}
+        Face that ``flat`` is.
+    extent : (2,) float, m
+        Lengths of the common area along t1 and t2.
+    """
     area_of_facet: dict[int, float] = {}
     for piece in pieces:
-        facet = piece.b if side else piece.a
+        facet = piece.a if side == "a" else piece.b
         area_of_facet[facet] = area_of_facet.get(facet, 0.0) + polygon_area(piece.polygon)
+    # distances (2,) between the lines of nodes along t1 and t2 for each facet
     spacing = []
     for facet in area_of_facet:
         corner = flat.corner[facet]
         has_midpoints = len(flat.nodes[facet]) > len(corner)
         spacing.append(np.ptp(corner, axis=0) / (2.0 if has_midpoints else 1.0))
-    # patches of equal sizes meet the coarse parts of a mesh by their area
+    # a coarse part of the mesh counts by its area, which contains a share of the equal patches
     mean_spacing = np.average(spacing, axis=0, weights=list(area_of_facet.values()))
-    # a facet that the area covers in part bends as a whole
     n_intervals = np.maximum(np.rint(extent / mean_spacing), 1.0)
+    # all nodes of a facet count, even if the area covers only a part of it
     nodes = np.unique(np.concatenate([flat.nodes[facet] for facet in area_of_facet]))
-    return MeshLines(int(n_intervals[0]) + 1, int(n_intervals[1]) + 1, len(nodes))
+    return MeshLines(
+        along_1=int(n_intervals[0]) + 1, along_2=int(n_intervals[1]) + 1, nodes=len(nodes)
+    )
 
 
 def _cells(
@@ -483,9 +517,10 @@ def _cells(
 ) -> list[list[_Piece]]:
     """Return the parts of the pieces in each rectangle with an area larger than ``above`` (m2)."""
     cells: list[list[_Piece]] = [[] for _ in windows]
-    for k, m, part in overlaps([piece.polygon for piece in pieces], windows, SIDES):
+    polygons = [piece.polygon for piece in pieces]
+    for piece_number, window_number, part in overlaps(polygons, windows, SIDES):
         if polygon_area(part) > above:
-            cells[m].append(pieces[k]._replace(polygon=part))
+            cells[window_number].append(pieces[piece_number]._replace(polygon=part))
     return cells
 
 
@@ -509,36 +544,56 @@ def _means(
     flats: tuple[_Flat, _Flat | None],
     bodies: tuple[NDArray, NDArray | None],
 ) -> PatchMeans:
-    """Integrate the shape functions of both bodies over the pieces of each cell."""
+    """Integrate the shape functions of both bodies over the pieces of each cell.
+
+    Parameters
+    ----------
+    cells : list of n lists of pieces
+    frames : (n, 3, 3) float
+        Axes t1, t2, n of each cell as rows.
+    flats, bodies
+        Projected facets, and nodes (n_nodes, 3), of bodies a and b; None without body b.
+    """
     n = len(cells)
     area = np.zeros(n)
-    of_body: tuple[list[_Entries], list[_Entries]] = ([], [])
+    entries_a: list[_Entries] = []
+    entries_b: list[_Entries] = []
+    flat_a, flat_b = flats
+
+    def integrals(i: int, flat: _Flat, facet: int, points: NDArray, weights: NDArray) -> _Entries:
+        """Integrate the shape functions of a facet over a piece of cell i."""
+        facet_nodes = flat.nodes[facet]
+        xi = inverse_map(flat.corner[facet], points)
+        values = weights @ shape_functions(xi, len(facet_nodes))
+        return _Entries(np.full(len(facet_nodes), i), facet_nodes, values)
+
     for i, pieces in enumerate(cells):
         for piece in pieces:
             points, weights = _quadrature(piece.polygon)
             area[i] += weights.sum()
-            for entries, flat, facet in zip(of_body, flats, (piece.a, piece.b)):
-                if flat is None:
-                    continue
-                row = flat.nodes[facet]
-                xi = inverse_map(flat.corner[facet], points)
-                values = weights @ shape_functions(xi, len(row))
-                entries.append(_Entries(np.full(len(row), i), row, values))
+            entries_a.append(integrals(i, flat_a, piece.a, points, weights))
+            if flat_b is not None:
+                entries_b.append(integrals(i, flat_b, piece.b, points, weights))
     turn_rows = sp.block_diag(list(frames), format="csr")
 
     def on_body(entries: list[_Entries], nodes: NDArray) -> tuple[NDArray, sp.csr_matrix]:
-        rows, columns, values = (np.concatenate(part) for part in zip(*entries))
+        """Return the mean positions (n, 3), and the matrix (3 n, 3 n_nodes) of mean motion along
+        the axes of the cells."""
+        rows = np.concatenate([entry.cell for entry in entries])
+        columns = np.concatenate([entry.node for entry in entries])
+        values = np.concatenate([entry.integral for entry in entries])
         integral = sp.csr_matrix((values, (rows, columns)), shape=(n, len(nodes)))
         # weights of the sum 1 leave a rigid motion unchanged
         mean = sp.diags(1.0 / (integral @ np.ones(len(nodes)))) @ integral
         matrix = (turn_rows @ sp.kron(mean, sp.identity(3), format="csr")).tocsr()
         return mean @ nodes, matrix
 
-    points_a, matrix_a = on_body(of_body[0], bodies[0])
+    nodes_a, nodes_b = bodies
+    points_a, matrix_a = on_body(entries_a, nodes_a)
     points_b = None
     matrix_b = None
-    if bodies[1] is not None:
-        points_b, matrix_b = on_body(of_body[1], bodies[1])
+    if nodes_b is not None:
+        points_b, matrix_b = on_body(entries_b, nodes_b)
     return PatchMeans(area, frames, points_a, points_b, matrix_a, matrix_b)
 
 
@@ -568,7 +623,9 @@ def patches_on_rectangles(
     """
     origin = patches.centre[0]
     frame = patches.frame[0]
-    height = np.abs((nodes - origin) @ frame[2])
+    in_plane_axes = frame[:2]
+    normal = frame[2]
+    height = np.abs((nodes - origin) @ normal)
     in_plane = height < 1e-7 * float(np.ptp(nodes, axis=0).max())
     groups = []
     for group, corners in zip(facets.groups, facets.corners):
@@ -578,8 +635,9 @@ def patches_on_rectangles(
     flat = _flatten(Facets(tuple(groups)), nodes, origin, frame, what)
     windows = []
     for centre, size in zip(patches.centre, patches.size):
-        middle = (centre - origin) @ frame[:2].T
+        middle = (centre - origin) @ in_plane_axes.T
         windows.append(rectangle(middle - 0.5 * size, middle + 0.5 * size))
+    # without a second face, each facet is a piece
     cells = _cells(_pieces(flat, None), windows)
     for i, (cell, area) in enumerate(zip(cells, patches.area)):
         covered = sum(polygon_area(piece.polygon) for piece in cell)
@@ -636,18 +694,20 @@ def patches_on_faces(
     # rectangle around the common area
     low = np.min([piece.polygon.min(axis=0) for piece in pieces], axis=0)
     high = np.max([piece.polygon.max(axis=0) for piece in pieces], axis=0)
-    lines = [_lines(pieces, flat_a, 0, high - low)]
+    extent = high - low
+    lines = [_lines(pieces, flat_a, "a", extent)]
     if flat_b is not None:
-        lines.append(_lines(pieces, flat_b, 1, high - low))
-    length, width = (high - low).tolist()
+        lines.append(_lines(pieces, flat_b, "b", extent))
+    length, width = extent.tolist()
     n_1, n_2 = resolved_grid(points, length, width, lines)
     require(min(n_1, n_2) >= 1, f"points must be at least 1 along both edges, not ({n_1}, {n_2})")
     edges_1 = np.linspace(low[0], high[0], n_1 + 1)
     edges_2 = np.linspace(low[1], high[1], n_2 + 1)
     corners = np.stack(np.meshgrid(edges_1, edges_2, indexing="ij"), axis=-1)
     windows = [rectangle(corners[i, j], corners[i + 1, j + 1]) for i, j in np.ndindex(n_1, n_2)]
-    cells = _cells(pieces, windows, 1e-13 * common_area)
-    full_cell = float((high - low).prod()) / len(windows)
+    # without slivers that rounding leaves along the edges of a cell
+    cells = _cells(pieces, windows, above=1e-13 * common_area)
+    full_cell = float(extent.prod()) / len(windows)
     cells = _without_small(cells, full_cell, n_2)
     frames = np.broadcast_to(frame, (len(cells), 3, 3)).copy()
     bodies = (nodes_a, nodes_b if flat_b is not None else None)
@@ -656,16 +716,20 @@ def patches_on_faces(
 
 
 def _without_small(cells: list[list[_Piece]], full: float, n_2: int) -> list[list[_Piece]]:
-    """Merge almost uncovered cells of a grid with the nearest other cells.
+    """Return the cells of a grid, with almost uncovered cells merged with the nearest other cells.
 
-    ``full`` is the area of a cell (m2), and ``n_2`` the number of cells along t2.
+    Empty cells are dropped.  ``full`` is the area of a whole cell (m2), and ``n_2`` the number of
+    cells along t2, which follow each other in ``cells``.
     """
     area = np.array([sum(polygon_area(piece.polygon) for piece in cell) for cell in cells])
     large = np.flatnonzero(area > SMALL_CELL * full)
     if len(large) == 0:
         large = np.array([int(area.argmax())])
+    # row and column of each cell in the grid: (n_cells, 2)
     place = np.stack(np.divmod(np.arange(len(cells)), n_2), axis=1)
-    for small in np.setdiff1d(np.flatnonzero(area > 0.0), large):
+    small_cells = np.setdiff1d(np.flatnonzero(area > 0.0), large)
+    for small in small_cells:
         steps_apart = np.abs(place[large] - place[small]).sum(axis=1)
-        cells[large[steps_apart.argmin()]].extend(cells[small])
+        nearest = large[steps_apart.argmin()]
+        cells[nearest].extend(cells[small])
     return [cells[k] for k in large]

@@ -59,13 +59,14 @@ SHEARS = ((0, 1), (1, 2), (0, 2))
 _FIRST = {4: ElementTetP1(), 6: ElementWedge1(), 8: ElementHex1()}
 _SECOND = {10: ElementTetP2(), 20: ElementHexS2()}
 _TRIANGLE = np.array([[0, 0], [1, 0], [0, 1]], float)
-_COMMON = {
+_USUAL_CORNERS = {
     4: np.vstack([np.zeros(3), np.eye(3)]),
     6: np.array([[*xy, z] for z in (0.0, 1.0) for xy in _TRIANGLE]),
     8: np.array([[*xy, z] for z in (0.0, 1.0) for xy in 0.5 * (SQUARE + 1.0)]),
 }
-"""Corners of tetrahedron, wedge and hexahedron in the usual order, on the reference elements of
-scikit-fem."""
+"""Positions of the corners of tetrahedron, wedge and hexahedron on the reference elements of
+scikit-fem.  The order is that of the programs, in which elements are given; the order of
+scikit-fem differs."""
 
 
 @dataclass(frozen=True)
@@ -218,8 +219,11 @@ def _samples(kind: str, n_nodes: int) -> tuple[NDArray, NDArray]:
 
 
 def in_reference_order(elements: NDArray, nodes: NDArray) -> NDArray:
-    """Return the nodes of elements in the order of :func:`_places`; positions identify the midside
-    nodes.
+    """Return the nodes of elements (n_elements, n) in the order of the reference element.
+
+    That is the order of :func:`_places`.  The corners are given in the usual order and only change
+    places.  The midside nodes are given in any order; their positions ``nodes`` (n_nodes, 3)
+    identify the edges.
 
     Raises
     ------
@@ -229,50 +233,66 @@ def in_reference_order(elements: NDArray, nodes: NDArray) -> NDArray:
     n = elements.shape[1]
     n_corners = N_CORNER[n]
     places = _places(n)
-    distance = np.linalg.norm(_COMMON[n_corners] - places[:n_corners, None], axis=2)
-    corner_nodes = elements[:, distance.argmin(axis=1)]
+    corner_places = places[:n_corners]
+    midside_places = places[n_corners:]
+
+    # for each reference corner, the place in the usual order with the same position
+    to_usual = _USUAL_CORNERS[n_corners] - corner_places[:, None]  # (reference, usual, 3)
+    usual_index = np.linalg.norm(to_usual, axis=2).argmin(axis=1)
+    corner_nodes = elements[:, usual_index]
     if n == n_corners:
         return corner_nodes
-    # the edge of each midside node of the reference element
+
+    # for each reference midside node, the pair of corners with the node in the middle
     pairs = np.array(list(combinations(range(n_corners), 2)))
-    middles = 0.5 * (places[pairs[:, 0]] + places[pairs[:, 1]])
-    distance = np.linalg.norm(middles - places[n_corners:, None], axis=2)
-    edges = pairs[distance.argmin(axis=1)]
-    # the midside node nearest to the middle of this edge in each element
-    ends = nodes[corner_nodes[:, edges]]
-    midside = elements[:, n_corners:]
-    middles = ends.mean(axis=2)
-    distance = np.linalg.norm(nodes[midside][:, None] - middles[:, :, None], axis=3)
-    length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
-    if np.any(distance.min(axis=2) > 0.3 * length + 1e-9 * length.max()):
+    pair_middles = 0.5 * (corner_places[pairs[:, 0]] + corner_places[pairs[:, 1]])
+    to_middle = pair_middles - midside_places[:, None]  # (midside, pair, 3)
+    edges = pairs[np.linalg.norm(to_middle, axis=2).argmin(axis=1)]
+
+    # for each edge of each element, the midside node nearest to its middle
+    ends = nodes[corner_nodes[:, edges]]  # (element, edge, 2, 3)
+    edge_middles = ends.mean(axis=2)
+    given = elements[:, n_corners:]
+    to_given = nodes[given][:, None] - edge_middles[:, :, None]  # (element, edge, given, 3)
+    distance = np.linalg.norm(to_given, axis=3)
+    edge_length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
+    # the second term allows rounding on collapsed edges
+    if np.any(distance.min(axis=2) > 0.3 * edge_length + 1e-9 * edge_length.max()):
         raise ValueError("second-order element: no midside node between two corners")
-    ordered = np.take_along_axis(midside, distance.argmin(axis=2), axis=1)
-    return np.hstack([corner_nodes, ordered])
+    midside_nodes = np.take_along_axis(given, distance.argmin(axis=2), axis=1)
+    return np.hstack([corner_nodes, midside_nodes])
 
 
 def _gradients(group: Solids, x: NDArray) -> tuple[NDArray, NDArray | None]:
     """Return gradients of all shape functions at the nodes of elements ``x`` (n_elements, n, 3).
 
+    The gradients are computed at the integration points and extrapolated to the nodes.
+
     Returns
     -------
-    gradient : (n_elements, n, n, 3), for C3D8I (n_elements, 8, 11, 3) with the bubbles last
-    bubbles : (n_elements, 9, 24), only for C3D8I
-        Bubble amplitudes for nodal displacements.
+    gradient : (n_elements, n, n, 3)
+        By element, node, shape function and coordinate.  For C3D8I (n_elements, 8, 11, 3), with
+        three bubbles after the eight shape functions.
+    bubbles : (n_elements, 9, 24) or None
+        Bubble amplitudes for nodal displacements; None unless the elements are C3D8I.
     """
     n = x.shape[1]
     bubbles = None
     points, extrapolation = _samples(group.kind, n)
     _, local = _shape_functions(n, points)
+    # e element, p integration point, a shape function, i coordinate, j coordinate of the
+    # reference element
     jacobian = np.einsum("eai,ajp->epij", x, local, optimize=True)
     gradient = np.einsum("ajp,epji->epai", local, np.linalg.inv(jacobian), optimize=True)
     volume = np.abs(np.linalg.det(jacobian))
     if group.kind == "C3D8R":
-        # one point, with the mean gradient over the volume
+        # reduced integration: all points have the mean gradient over the volume
         share = volume / volume.sum(axis=1, keepdims=True)
         mean = np.einsum("ep,epai->eai", share, gradient)
-        gradient = np.repeat(mean[:, None], len(points.T), axis=1)
+        gradient = np.repeat(mean[:, None], points.shape[1], axis=1)
     elif group.kind == "C3D8I":
         gradient, bubbles = _with_bubbles(group, x, points, gradient, volume)
+    # L is the node to which the gradient is extrapolated
     at_nodes = np.einsum("Lp,epai->eLai", extrapolation, gradient, optimize=True)
     return at_nodes, bubbles
 
@@ -310,16 +330,18 @@ def nodal_integrals(elements: NDArray, nodes: NDArray) -> tuple[NDArray, NDArray
     else:
         points, weight = get_quadrature(_FIRST[N_CORNER[n]], 4)
     values, local_gradient = _shape_functions(n, points)
+    # e element, p quadrature point, a shape function, i coordinate, j reference coordinate
     jacobian = np.einsum("eai,ajp->epij", nodes[ordered], local_gradient, optimize=True)
-    # the cofactors are finite where a collapsed element has no inverse
+    # determinant times transposed inverse: these cofactors are finite where a collapsed element
+    # has no inverse
     columns = []
     for k in range(3):
-        next_column = jacobian[..., (k + 1) % 3]
-        last_column = jacobian[..., (k + 2) % 3]
-        columns.append(np.cross(next_column, last_column))
+        column_after = jacobian[..., (k + 1) % 3]
+        second_after = jacobian[..., (k + 2) % 3]
+        columns.append(np.cross(column_after, second_after))
     cofactor = np.stack(columns, axis=-1)
     determinant = np.einsum("epi,epi->ep", jacobian[..., 0], cofactor[..., 0])
-    # the sign is negative for corners in the opposite turn
+    # the determinant is negative for corners in the opposite sense of rotation
     signed = weight * np.sign(determinant)
     gradient = np.einsum("ep,ajp,epij->eai", signed, local_gradient, cofactor, optimize=True)
     volume = (signed * determinant) @ values.T
@@ -333,18 +355,36 @@ def _with_bubbles(
 
     As in CalculiX 2.20 their gradients use the map at the centre.  Other programs scale them by its
     volume, which changes the stress of a distorted block by 5 %.
+
+    Parameters
+    ----------
+    x : (n_elements, 8, 3) float, m
+    points : (3, n_points)
+        Integration points on the reference element.
+    gradient : (n_elements, n_points, 8, 3)
+    volume : (n_elements, n_points)
+
+    Returns
+    -------
+    gradient : (n_elements, n_points, 11, 3)
+        Gradients of the shape functions, then of the bubbles.
+    bubbles : (n_elements, 9, 24)
+        Bubble amplitudes for nodal displacements.
     """
     _, centre_gradient = _values(_FIRST[8], np.full((3, 1), 0.5))
     centre = np.einsum("eai,ajp->eij", x, centre_gradient)
-    # the derivative of the bubble 4 s (1 - s) along each axis
-    local = 4.0 * (1.0 - 2.0 * points.T)[:, :, None] * np.eye(3)
+    # bubble k is 4 s (1 - s) in the reference coordinate s = k and depends on no other
+    local = 4.0 * (1.0 - 2.0 * points.T)[:, :, None] * np.eye(3)  # (point, bubble, coordinate)
     bubble_gradient = np.einsum("pkj,eji->epki", local, np.linalg.inv(centre), optimize=True)
     gradient = np.concatenate([gradient, bubble_gradient], axis=2)
     lame, shear = lame_constants(group.youngs_modulus, group.poisson_ratio)
+    # stiffness of isotropic elasticity, by element, bubble k, component i, function b, component j:
+    # lame h_kibj + shear h_kjbi + shear delta_ij sum_l h_klbl
     h = np.einsum("ep,epki,epbj->ekibj", volume, bubble_gradient, gradient, optimize=True)
     stiffness = lame * h + shear * h.transpose(0, 1, 4, 3, 2)
     stiffness[:, :, range(3), :, range(3)] += shear * np.einsum("ekibi->ekb", h)
     stiffness = stiffness.reshape(len(x), 9, 33)
+    # no force acts on the bubbles: of_nodes @ displacements + of_bubbles @ amplitudes = 0
     of_nodes = stiffness[:, :, :24]
     of_bubbles = stiffness[:, :, 24:]
     return gradient, -np.linalg.solve(of_bubbles, of_nodes)
@@ -382,10 +422,12 @@ def element_rows(
         If an element has no volume at an integration point, or lacks a midside node.
     """
     parts, owners = [], []
+    # index of each node in wanted, -1 if it is not wanted
     position = np.full(len(nodes), -1)
     position[wanted] = np.arange(len(wanted))
     for group in solids:
-        touched = group.nodes[(position[group.nodes] >= 0).any(axis=1)]
+        has_wanted_node = (position[group.nodes] >= 0).any(axis=1)
+        touched = group.nodes[has_wanted_node]
         if not len(touched):
             continue
         ordered = in_reference_order(touched, nodes)
@@ -395,36 +437,45 @@ def element_rows(
             raise ValueError(
                 f"elements {group.kind} without volume at one of their points"
             ) from None
-        # element and local number of each wanted node
+        # element and local number of each occurrence of a wanted node
         e, local = np.nonzero(position[ordered] >= 0)
-        blocks = _stress(group, gradient[e, local])
+        n_found = len(e)
+        blocks = _stress(group, gradient[e, local])  # (n_found, 6, 3 n)
         if bubbles is not None:
             # the nodal displacements determine the bubbles
             blocks = blocks[..., :24] + blocks[..., 24:] @ bubbles[e]
-        dof = (3 * ordered[e][:, :, None] + np.arange(3)).reshape(len(e), 1, -1)
+        # the displacements of all nodes of the element, the same for its six stress components
+        dof = (3 * ordered[e][:, :, None] + np.arange(3)).reshape(n_found, 1, -1)
         columns = np.broadcast_to(dof, blocks.shape)
-        lines = np.repeat(np.arange(6 * len(e)), dof.shape[2])
-        shape = (6 * len(e), 3 * len(nodes))
+        lines = np.repeat(np.arange(6 * n_found), dof.shape[2])
+        shape = (6 * n_found, 3 * len(nodes))
         rows = sp.csr_matrix((blocks.ravel(), (lines, columns.ravel())), shape=shape)
-        # one number for each pair of element and node; a collapsed element has a node repeatedly
+        # a collapsed element has a node repeatedly: average over the pairs of element and node,
+        # whose number also contains the node
         pair_number = e * len(nodes) + position[ordered[e, local]]
-        pairs, pair = np.unique(pair_number, return_inverse=True)
-        parts.append(node_average(pair, len(pairs)) @ rows)
+        pairs, pair_of_row = np.unique(pair_number, return_inverse=True)
+        parts.append(node_average(pair_of_row, len(pairs)) @ rows)
         owners.append(pairs % len(nodes))
     return sp.vstack(parts, format="csr"), np.concatenate(owners)
 
 
-def _stress(group: Solids, g: NDArray) -> NDArray:
-    """Return the stress (m, 6, 3 n) for shape functions with the gradients ``g`` (m, n, 3)."""
-    m, n, _ = g.shape
+def _stress(group: Solids, gradient: NDArray) -> NDArray:
+    """Return the stress (m, 6, 3 n) for unit displacements of ``n`` nodes at ``m`` places.
+
+    ``gradient`` (m, n, 3) has the gradients of the shape functions at these places.  The stress
+    components are xx, yy, zz, xy, yz, xz.
+    """
+    m, n, _ = gradient.shape
     lame, shear = lame_constants(group.youngs_modulus, group.poisson_ratio)
+    # by place, stress component, node, direction of its displacement
     blocks = np.zeros((m, 6, n, 3))
     for i in range(3):
-        blocks[:, :3, :, i] += lame * g[:, None, :, i]
-        blocks[:, i, :, i] += 2.0 * shear * g[..., i]
-    for row, (i, j) in enumerate(SHEARS, 3):
-        blocks[:, row, :, i] += shear * g[..., j]
-        blocks[:, row, :, j] += shear * g[..., i]
+        # the dilation contributes to all normal stresses
+        blocks[:, :3, :, i] += lame * gradient[:, None, :, i]
+        blocks[:, i, :, i] += 2.0 * shear * gradient[..., i]
+    for row, (i, j) in enumerate(SHEARS, start=3):
+        blocks[:, row, :, i] += shear * gradient[..., j]
+        blocks[:, row, :, j] += shear * gradient[..., i]
     return blocks.reshape(m, 6, 3 * n)
 
 
@@ -438,8 +489,12 @@ def von_mises_size(stress: NDArray) -> NDArray:
 
 
 def node_average(owner: NDArray, n: int) -> sp.csr_matrix:
-    """Return the sparse matrix (6 n, 6 m) of the mean over the pairs of each node."""
-    share = 1.0 / np.bincount(owner, minlength=n)[owner]
+    """Return the sparse matrix (6 n, 6 m) of the mean over the pairs of each node.
+
+    Pair i has six rows and belongs to node ``owner[i]`` (m,); there are ``n`` nodes.
+    """
+    pairs_of_node = np.bincount(owner, minlength=n)
+    share = 1.0 / pairs_of_node[owner]
     mean = sp.csr_matrix((share, (owner, np.arange(len(owner)))), shape=(n, len(owner)))
     return sp.kron(mean, sp.identity(6), format="csr")
 
@@ -521,15 +576,21 @@ class StressRows:
         self._contact[d] = self._kept(contact_stress)
         if d == 0:
             self._static = (self._rows @ spin_displacement(sector).real).reshape(-1, 6)
-        # in the lowest mode of the first nodal diameter other than 0, if there is one; diameter 0
-        # precedes it
+        # the lowest mode of the first nodal diameter other than 0 determines the spread; only if
+        # there is none, that of nodal diameter 0, which comes first
         is_first_other = d > 0 and len(self._modes) <= 2
         if is_first_other or self._spread is None:
-            self._spread = self._spread_of(shapes[:, 0])
+            lowest_shape = shapes[:, 0]
+            self._spread = self._spread_of(lowest_shape)
 
     def _spread_of(self, shape: NDArray) -> NDArray:
-        """Return the largest relative difference of an element from the mean at each node."""
+        """Return the largest relative difference (n,) of an element from the mean at each node.
+
+        Relative means divided by the von Mises stress of the mean over the elements of the node.
+        ``shape`` (3 n_nodes,) is the displacement.
+        """
         mean = (self._rows @ shape).reshape(-1, 6)
+        # of each pair of node and element
         of_pair = (self._pairs @ shape).reshape(-1, 6)
         difference = von_mises_size(of_pair - mean[self._owner])
         largest = np.zeros(len(self.nodes))

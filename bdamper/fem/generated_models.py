@@ -117,12 +117,12 @@ def wedge_patches(g: Geometry, side: str, points: int | tuple[int, int]) -> Patc
     They are in the axes of blade 0.
     """
     n_s, n_z = patch_grid(points, g.face_length, g.face_width)
-    # centres of the patches, below the ridge and along the axis
+    # centres of the patches: distances s down the slope from the ridge, z along the axis
     s = (np.arange(n_s) + 0.5) * g.face_length / n_s
     z = ((np.arange(n_z) + 0.5) / n_z - 0.5) * g.face_width
     # left and right face are mirror images
     mirror = [1.0, 1.0] if side == "left" else [-1.0, 1.0]
-    in_section = g.face_points(s) * mirror
+    in_section = g.face_points(s) * mirror  # x and y: (n_s, 2)
     centre = np.empty((n_s, n_z, 3))
     centre[..., :2] = in_section[:, None]
     centre[..., 2] = z
@@ -180,8 +180,14 @@ def damper_body(
     g: Geometry,
 ) -> Body:
     """Return the damper of sector 0 with the patches of its faces and locations at ``nodes``."""
-    contact = averaging_matrix(damper.body, *faces)
-    wanted = Wanted(DAMPER_PORTS, contact, nodes, n_modes, damping_ratio)
+    wanted = Wanted(
+        ports=DAMPER_PORTS,
+        contact=averaging_matrix(damper.body, *faces),
+        locations=nodes,
+        n_modes=n_modes,
+        damping_ratio=damping_ratio,
+    )
+    # blade 0 is along Y, and the damper half a pitch from it
     radial = turn(0.5 * g.pitch)[:, 1]
     return free_body("damper", wanted, damper, radial)
 
@@ -436,13 +442,22 @@ def bladed_disk(
     if isinstance(rotation, int | float):
         rotation = fe.rotation(rotation)
     reported = with_progress(diameters, progress, "finite element model", "nodal diameter")
-    wanted = Wanted(BLADE_PORTS, contact, nodes, n_modes, damping_ratio)
+    wanted = Wanted(
+        ports=BLADE_PORTS,
+        contact=contact,
+        locations=nodes,
+        n_modes=n_modes,
+        damping_ratio=damping_ratio,
+    )
     blade = constrained_body("blade", wanted, fe.cyclic, reported, rotation)
     if wheel is not None:
         blade = replace(blade, local=fe.local_basis(wanted, interfaces, wheel))
     centre = {"damper": fe.damper.body.nearest_node(fe.damper.centre)}
     damper = damper_body(fe.damper, patches, centre, n_damper_modes, damping_ratio, g)
-    pictured = {d: fe.cyclic(d).modes(n_modes)[1] for d in pictures}
+    pictured = {}
+    for d in pictures:
+        _, shapes = fe.cyclic(d).modes(n_modes)
+        pictured[d] = shapes
     stress_sets = {}
     if stress:
         stress_sets = blade_stress(fe, contact, (left, right), diameters, n_modes)
@@ -537,18 +552,31 @@ def blade_to_ground(
     g = geometry or Geometry()
     body, structure = blade_structure(g, MeshDensity.preset(mesh), material or ElasticMaterial())
 
-    # underside in the axes of the blade: t1 up the slope as on the damper, normal toward the ground
-    face = wedge_patches(g, "left", points)
-    patches = Patches(face.centre, face.frame * np.array([1.0, -1.0, -1.0])[:, None], face.size)
+    # the blade touches with the face opposite the damper: t1 stays, t2 and the normal are reversed
+    damper_face = wedge_patches(g, "left", points)
+    reverse_t2_and_normal = np.array([1.0, -1.0, -1.0])[:, None]
+    frame = damper_face.frame * reverse_t2_and_normal  # rows t1, t2, n
+    patches = Patches(damper_face.centre, frame, damper_face.size)
     nodes = blade_nodes(body, g)
-    contact = averaging_matrix(body, patches)
-    wanted = Wanted((("platform", "a"),), contact, nodes, n_modes, damping_ratio)
-    blade = constrained_body("blade", wanted, lambda _: structure, (0,))
+    wanted = Wanted(
+        ports=(("platform", "a"),),
+        contact=averaging_matrix(body, patches),
+        locations=nodes,
+        n_modes=n_modes,
+        damping_ratio=damping_ratio,
+    )
+
+    # a single blade has the same structure at any nodal diameter
+    def structure_at(nodal_diameter: int) -> CyclicSector:
+        return structure
+
+    blade = constrained_body("blade", wanted, sector=structure_at, nodal_diameters=(0,))
+    _, shapes = structure.modes(n_modes)
     return Model(
         n_blades=1,
         bodies={"blade": blade, "ground": Body("ground", "ground", (("platform", "b"),))},
         interfaces={"platform": interface("platform", patches, "blade", "ground")},
         locations=locations("blade", body, nodes),
-        meshes={"blade": surface_mesh(body, {0: structure.modes(n_modes)[1]})},
+        meshes={"blade": surface_mesh(body, {0: shapes})},
         provenance=provenance("bdamper.fem.generated_models.blade_to_ground", body),
     )

@@ -287,7 +287,7 @@ HEXAHEDRON = (
 
 
 def join_blocks(blocks: list[NDArray]) -> MeshHex:
-    """Join structured blocks of node positions to one mesh.
+    """Join structured blocks of node positions to one mesh of hexahedra.
 
     Parameters
     ----------
@@ -295,30 +295,36 @@ def join_blocks(blocks: list[NDArray]) -> MeshHex:
         Common positions of two blocks must be equal to 1e-9 m.
     """
     points, cells = [], []
-    start = 0
+    n_nodes = 0
+    # an element begins at every node but the last along an edge, and ends at every node but the
+    # first
+    begin_and_end = (slice(None, -1), slice(1, None))
     for block in blocks:
         shape = block.shape[:3]
-        number = start + np.arange(np.prod(shape)).reshape(shape)
-        # the first or the last node of each element along an edge
-        ends = (slice(None, -1), slice(1, None))
-        corners = [number[ends[a], ends[b], ends[c]].ravel() for a, b, c in HEXAHEDRON]
-        cells.append(np.array(corners))
+        node_number = n_nodes + np.arange(np.prod(shape)).reshape(shape)
+        corners = []
+        for at_i, at_j, at_k in HEXAHEDRON:
+            corner = node_number[begin_and_end[at_i], begin_and_end[at_j], begin_and_end[at_k]]
+            corners.append(corner.ravel())
+        cells.append(np.array(corners))  # (8, n_elements)
         points.append(block.reshape(-1, 3))
-        start += number.size
-    p = np.concatenate(points)
-    t = np.concatenate(cells, axis=1)
+        n_nodes += node_number.size
+    nodes = np.concatenate(points)
+    elements = np.concatenate(cells, axis=1)
     # nodes of adjacent blocks at the same position become one
-    rounded = np.round(p / 1e-9).astype(np.int64)
-    _, first, number = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
-    joined = number.reshape(-1)[t]
-    return MeshHex(np.ascontiguousarray(p[first].T), np.ascontiguousarray(joined))
+    rounded = np.round(nodes / 1e-9).astype(np.int64)
+    _, first, joined_number = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+    joined_elements = joined_number.reshape(-1)[elements]
+    # scikit-fem has a column for each node and each element
+    return MeshHex(np.ascontiguousarray(nodes[first].T), np.ascontiguousarray(joined_elements))
 
 
 def _layers(bottom: NDArray, top: NDArray, n: int) -> NDArray:
     """Interpolate linearly in ``n`` steps between two sheets (ni, nk, 3) to a block
     (ni, n + 1, nk, 3)."""
-    w = np.linspace(0.0, 1.0, n + 1)[None, :, None, None]
-    block = (1.0 - w) * bottom[:, None] + w * top[:, None]
+    # along the second axis of the block
+    height = np.linspace(0.0, 1.0, n + 1)[None, :, None, None]
+    block = (1.0 - height) * bottom[:, None] + height * top[:, None]
     # exactly the sheets, which adjacent blocks share
     block[:, 0] = bottom
     block[:, -1] = top
@@ -351,10 +357,16 @@ def _sheet(section: NDArray, z: NDArray) -> NDArray:
 
 
 def sector_blocks(g: Geometry, n: MeshDensity) -> list[NDArray]:
-    """Return the blocks of disk segment, shank, platform and airfoil of blade 0, in this order."""
+    """Return the blocks of disk segment, shank, platform and airfoil of blade 0, in this order.
+
+    Each block (ni, nj, nk, 3) has its nodes (m) along X, along Y (radially) and along Z (axially).
+    Adjacent blocks share the nodes of a sheet (ni, nk, 3).
+    """
     half = 0.5 * g.pitch
-    xi = np.linspace(-1.0, 1.0, n.chord + 1)
+    # across the thickness and along the chord of the airfoil
     zeta = np.linspace(-1.0, 1.0, n.centre + 1)
+    xi = np.linspace(-1.0, 1.0, n.chord + 1)
+    # the platform is longer than the chord at both ends
     z = np.concatenate([[-0.5 * g.axial_length], 0.5 * g.root_chord * xi, [0.5 * g.axial_length]])
     # the columns of the shank, between those of both wings of the platform
     n_wing = n.contact + n.fillet
@@ -365,27 +377,31 @@ def sector_blocks(g: Geometry, n: MeshDensity) -> list[NDArray]:
     under_fillet = np.linspace(shank, g.face_length, n.fillet + 1)
     under_contact = np.linspace(g.face_length, edge, n.contact + 1)
     s = np.concatenate([under_fillet[:-1], under_contact])
-    wing = g.underside_points(s)
+    right_wing = g.underside_points(s)  # x and y, from the shank to the edge
+    left_wing = right_wing[::-1] * [-1.0, 1.0]
+    # the ends of the shank belong to the wings
     flat_x = 0.5 * g.shank_width * zeta[1:-1]
-    flat = np.stack([flat_x, np.full(n.centre - 1, wing[0, 1])], axis=-1)
-    left_wing = wing[::-1] * [-1.0, 1.0]
-    bottom = _sheet(np.concatenate([left_wing, flat, wing]), z)
+    flat_y = np.full(n.centre - 1, right_wing[0, 1])
+    flat = np.stack([flat_x, flat_y], axis=-1)
+    bottom = _sheet(np.concatenate([left_wing, flat, right_wing]), z)
 
     # top of the platform: the root of the airfoil in the middle, straight lines from there to the
     # edges
     edge_radius = g.ridge_radius + g.platform_edge_thickness
-    corner = turn(half)[:2, :2] @ [-0.5 * g.platform_clearance, edge_radius]
-    root = airfoil_points(g, zeta[:, None], xi, 0.0, corner[1])
-    # the platform is longer than the chord at both ends
-    root = np.concatenate([root[:, :1], root, root[:, -1:]], axis=1)
+    edge_x, edge_y = turn(half)[:2, :2] @ [-0.5 * g.platform_clearance, edge_radius]
+    root_x = airfoil_points(g, zeta[:, None], xi, 0.0, edge_y)[..., 0]
+    # beyond the chord, x stays that of the leading and trailing edge
+    root_x = np.concatenate([root_x[:, :1], root_x, root_x[:, -1:]], axis=1)
+    # from 0 at the shank to 1 at the edge
     fraction = ((shank - s) / (shank - edge))[:, None]
-    right = slice(middle.stop - 1, None)
     left = slice(0, middle.start + 1)
+    right = slice(middle.stop - 1, None)
     top = np.empty_like(bottom)
-    top[middle, :, 0] = root[..., 0]
-    top[right, :, 0] = (1.0 - fraction) * root[-1, :, 0] + fraction * corner[0]
-    top[left, :, 0] = ((1.0 - fraction) * root[0, :, 0] - fraction * corner[0])[::-1]
-    top[..., 1] = corner[1]
+    top[middle, :, 0] = root_x
+    top[right, :, 0] = (1.0 - fraction) * root_x[-1] + fraction * edge_x
+    from_shank_to_left_edge = (1.0 - fraction) * root_x[0] - fraction * edge_x
+    top[left, :, 0] = from_shank_to_left_edge[::-1]
+    top[..., 1] = edge_y
     top[..., 2] = z
 
     # disk: radial columns, spaced at the rim like the columns of the platform
@@ -397,7 +413,7 @@ def sector_blocks(g: Geometry, n: MeshDensity) -> list[NDArray]:
     bore = _sheet(g.bore_radius * direction, z)
 
     heights = np.linspace(0.0, 1.0, n.airfoil + 1)
-    sections = [airfoil_points(g, zeta[:, None], xi, eta, corner[1]) for eta in heights]
+    sections = [airfoil_points(g, zeta[:, None], xi, eta, edge_y) for eta in heights]
     return [
         _layers(bore, rim, n.disk),
         _layers(rim[middle], bottom[middle], n.shank),
@@ -431,12 +447,13 @@ def damper_mesh(g: Geometry, n: MeshDensity) -> MeshHex:
 
 def local_order() -> NDArray:
     """Return the numbers in scikit-fem of the 20 nodes in the order of CalculiX and Abaqus."""
-    ours = 2.0 * ElementHexS2().doflocs - 1.0
+    # positions on the cube from -1 to 1; scikit-fem has the cube from 0 to 1
+    in_scikit_fem = 2.0 * ElementHexS2().doflocs - 1.0
     middles = 0.5 * (SQUARE + np.roll(SQUARE, -1, axis=0))
-    # on the cube from -1 to 1
+    # corners below and above, middles of their edges, middles of the upright edges
     layers = ((SQUARE, -1.0), (SQUARE, 1.0), (middles, -1.0), (middles, 1.0), (SQUARE, 0.0))
-    theirs = np.concatenate([np.column_stack([xy, np.full(4, z)]) for xy, z in layers])
-    distance = np.abs(theirs[:, None] - ours[None]).max(axis=2)
+    in_abaqus = np.concatenate([np.column_stack([xy, np.full(4, z)]) for xy, z in layers])
+    distance = np.abs(in_abaqus[:, None] - in_scikit_fem[None]).max(axis=2)
     return distance.argmin(axis=1)
 
 
@@ -465,6 +482,7 @@ class Discretisation(Structure):
 def _assembled(blocks: NDArray, rows: NDArray, n: int) -> sp.coo_matrix:
     """Assemble the matrix (n, n) from element matrices (n_elements, ...) and their degrees of
     freedom (n_elements, m)."""
+    # every pair of degrees of freedom of each element
     m = rows.shape[1]
     line = np.repeat(rows, m, axis=1).ravel()
     column = np.tile(rows, (1, m)).ravel()
@@ -472,33 +490,38 @@ def _assembled(blocks: NDArray, rows: NDArray, n: int) -> sp.coo_matrix:
 
 
 def discretise(mesh: MeshHex, material: ElasticMaterial) -> Discretisation:
-    """Assemble stiffness and mass of ``mesh``."""
+    """Assemble stiffness and mass of ``mesh`` with hexahedra of 20 nodes."""
     basis = Basis(mesh, ElementHexS2(), intorder=5)
     n_elements = mesh.t.shape[1]
-    # (3, 20, n_elements, n_points)
-    gradient = np.stack([b[0].grad for b in basis.basis], axis=1)
+    # gradients of the shape functions: (3, 20, n_elements, n_points)
+    gradient = np.stack([field.grad for (field,) in basis.basis], axis=1)
     lame, shear = lame_constants(material.youngs_modulus, material.poisson_ratio)
 
-    # integrals of g_ai g_bj, by component, node, component, node
+    # h_iajb, the integral of the gradients of shape functions a along i and b along j:
+    # (n_elements, 3, 20, 3, 20)
     weighted = (gradient * basis.dx).transpose(2, 0, 1, 3).reshape(n_elements, 60, -1)
     plain = gradient.transpose(2, 0, 1, 3).reshape(n_elements, 60, -1)
     h = (weighted @ plain.transpose(0, 2, 1)).reshape(-1, 3, 20, 3, 20)
-    k = lame * h + shear * h.transpose(0, 3, 2, 1, 4)
+    # isotropic elasticity: lame h_iajb + shear h_jaib + shear delta_ij sum_l h_lalb
+    element_stiffness = lame * h + shear * h.transpose(0, 3, 2, 1, 4)
     trace = shear * np.einsum("eiaib->eab", h)
     for i in range(3):
-        k[:, i, :, i, :] += trace
+        element_stiffness[:, i, :, i, :] += trace
     # by node, component, node, component
-    k = k.transpose(0, 2, 1, 4, 3)
+    element_stiffness = element_stiffness.transpose(0, 2, 1, 4, 3)
 
-    # (n_elements, 20, n_points)
-    v = np.stack([np.broadcast_to(b[0], basis.dx.shape) for b in basis.basis]).transpose(1, 0, 2)
-    m = material.density * (v * basis.dx[:, None]) @ v.transpose(0, 2, 1)
+    # shape functions at the integration points: (n_elements, 20, n_points)
+    values = np.stack([np.broadcast_to(field, basis.dx.shape) for (field,) in basis.basis])
+    values = values.transpose(1, 0, 2)
+    # the mass of one component of displacement, the same for all three
+    weighted_values = material.density * (values * basis.dx[:, None])
+    element_mass = weighted_values @ values.transpose(0, 2, 1)
 
     elements = basis.element_dofs.T
     n_nodes = basis.N
     dof = (3 * elements[:, :, None] + np.arange(3)).reshape(len(elements), 60)
-    stiffness = _assembled(k, dof, 3 * n_nodes).tocsr()
-    mass = sp.kron(_assembled(m, elements, n_nodes), sp.identity(3), format="csr")
+    stiffness = _assembled(element_stiffness, dof, 3 * n_nodes).tocsr()
+    mass = sp.kron(_assembled(element_mass, elements, n_nodes), sp.identity(3), format="csr")
     # the Hermitian solvers need exact symmetry, which rounding disturbs
     stiffness = (0.5 * (stiffness + stiffness.T)).tocsr()
     return Discretisation(
@@ -552,7 +575,18 @@ def interface(
     gap = np.full(len(patches.size), clearance or 0.0)
     points = patches.centre.copy()
     frame = np.array(patches.frame)
-    return Interface(name, kind, body_a, 0, body_b, sector_b, points, patches.area, frame, gap)
+    return Interface(
+        name=name,
+        kind=kind,
+        body_a=body_a,
+        sector_a=0,
+        body_b=body_b,
+        sector_b=sector_b,
+        points=points,
+        area=patches.area,
+        frame=frame,
+        gap=gap,
+    )
 
 
 def blade_nodes(body: Discretisation, g: Geometry) -> dict[str, int]:
@@ -602,19 +636,22 @@ def geometric_stiffness(body: Discretisation, displacement: NDArray) -> sp.csr_m
     """Return the symmetric matrix (3 n_nodes, 3 n_nodes) for the stress of a displacement
     (3 n_nodes,), linear in it."""
     basis = Basis(body.mesh, ElementHexS2(), intorder=5)
-    # (20, 3, n_elements, n_points)
-    gradient = np.stack([b[0].grad for b in basis.basis])
-    # (n_elements, 20, 3)
+    # gradients of the shape functions: (20, 3, n_elements, n_points)
+    gradient = np.stack([field.grad for (field,) in basis.basis])
+    # displacements of the nodes of each element: (n_elements, 20, 3)
     moved = displacement.reshape(-1, 3)[body.elements]
+    # e element, p integration point, a and b nodes, i and j coordinates
     slope = np.einsum("eai,ajep->ijep", moved, gradient, optimize=True)
     strain = 0.5 * (slope + slope.swapaxes(0, 1))
     lame, shear = lame_constants(body.material.youngs_modulus, body.material.poisson_ratio)
     dilation = np.einsum("iiep->ep", strain)
     identity = np.eye(3)[:, :, None, None]
     stress = 2.0 * shear * strain + lame * dilation * identity
+    # the integral of gradient_a . stress . gradient_b, the same for all components of displacement
     pulled = np.einsum("ijep,bjep->biep", stress * basis.dx, gradient, optimize=True)
-    scalar = np.einsum("aiep,biep->eab", gradient, pulled, optimize=True)
-    matrix = _assembled(scalar, body.elements, len(body.nodes))
+    of_elements = np.einsum("aiep,biep->eab", gradient, pulled, optimize=True)
+    matrix = _assembled(of_elements, body.elements, len(body.nodes))
+    # exact symmetry, which rounding disturbs
     matrix = 0.5 * (matrix + matrix.T)
     return sp.kron(matrix, sp.identity(3), format="csr")
 

@@ -70,9 +70,9 @@ from bdamper.util.progress import Report, no_report
 
 
 def isostatic_dofs(nodes: NDArray, corner: int = 0) -> NDArray:
-    """Return six degrees of freedom that constrain rigid-body motion.
+    """Return the indices (6,) of six degrees of freedom that constrain rigid-body motion.
 
-    They are 3 + 2 + 1 components at three distant nodes.
+    They are components of three distant nodes: three of one, two of another and one of the third.
 
     Parameters
     ----------
@@ -84,9 +84,10 @@ def isostatic_dofs(nodes: NDArray, corner: int = 0) -> NDArray:
     second = int(np.argmax(np.linalg.norm(from_corner, axis=1)))
     length = np.linalg.norm(nodes[second] - nodes[corner])
     direction = (nodes[second] - nodes[corner]) / length
-    off_line = from_corner - np.outer(from_corner @ direction, direction)
-    third = int(np.argmax(np.linalg.norm(off_line, axis=1)))
+    from_line = from_corner - np.outer(from_corner @ direction, direction)
+    third = int(np.argmax(np.linalg.norm(from_line, axis=1)))
     candidates = np.concatenate([3 * node + np.arange(3) for node in (corner, second, third)])
+    # three translations and three rotations at the nine candidates, all of similar size: (9, 6)
     motion = rigid_motions(nodes, nodes[corner], np.eye(3))[candidates]
     motion[:, 3:] /= length
     # choose six rows by pivoting: the largest component orthogonal to the previous rows
@@ -333,13 +334,15 @@ class RingSector:
             # choose rows by pivoting: the largest component orthogonal to the previous rows
             constrained = qr(rigid.conj().T, mode="r", pivoting=True)[1][:n_rigid]
         if radial is not None and nodal_diameter == 0:
-            # the radial translation of the sector is one more coordinate
+            # the radial translation of the sector is one more coordinate, the last one
             translation = np.tile(radial, n_nodes)[:, None]
             n = to_nodes.shape[1]
             to_nodes = sp.hstack([to_nodes, translation]).tocsr()
             constrained = np.append(constrained, n)
-            others = np.vstack([rigid, np.zeros((1, n_rigid))])
-            rigid = np.hstack([np.eye(n + 1, 1, -n), others])
+            radial_motion = np.zeros((n + 1, 1))
+            radial_motion[n] = 1.0
+            other_motions = np.vstack([rigid, np.zeros((1, n_rigid))])
+            rigid = np.hstack([radial_motion, other_motions])
         self.transformation = to_nodes
         adjoint = to_nodes.conj().T
         stiffness = (adjoint @ body.stiffness @ to_nodes).tocsr()
@@ -455,11 +458,14 @@ def picture_mesh(surface: Facets, nodes: NDArray, shapes: Mapping[int, NDArray])
     groups = []
     for facets in surface.groups:
         is_quadrilateral = corner_count(facets.shape[1]) == 4
-        groups.append(facets[:, [0, 1, 2, 3 if is_quadrilateral else 2]])
+        corners = [0, 1, 2, 3] if is_quadrilateral else [0, 1, 2, 2]
+        groups.append(facets[:, corners])
     quads = np.concatenate(groups)
-    used, compact = np.unique(quads, return_inverse=True)
+    # renumber the nodes of the surface from 0
+    used, new_number = np.unique(quads, return_inverse=True)
+    renumbered = new_number.reshape(quads.shape).astype(np.int32)
     modes = {d: values[used] for d, values in shapes.items()}
-    return SurfaceMesh(nodes[used].copy(), compact.reshape(quads.shape).astype(np.int32), modes)
+    return SurfaceMesh(nodes[used].copy(), renumbered, modes)
 
 
 @dataclass(frozen=True)
@@ -624,10 +630,10 @@ def constrained_body(
         if rotation.omega_ref == 0.0:
             theory = "linear"
         spin = SpinStatic(
-            (wanted.contact @ displacement).reshape(-1, 3),
-            location_rows(wanted.locations, displacement),
-            theory,
-            rotation.omega_ref,
+            contact=(wanted.contact @ displacement).reshape(-1, 3),
+            locations=location_rows(wanted.locations, displacement),
+            theory=theory,
+            omega=rotation.omega_ref,
         )
     return Body(name, "constrained", wanted.ports, bases, spin=spin)
 

@@ -94,10 +94,8 @@ one face shifted by one position has 0, the most distorted element of the refere
 def twisted(corners: NDArray, nodes: NDArray) -> NDArray:
     """Return whether the corners of hexahedra or wedges have another order than usual.
 
-    Both senses of rotation are usual.
-
-    Some face then intersects itself or is bent by a right angle, so its corner normals point to
-    different sides.
+    In another order, some face intersects itself or is bent by a right angle, so the normals at its
+    corners point to different sides.  Both senses of rotation are usual.
 
     Parameters
     ----------
@@ -122,6 +120,7 @@ def twisted(corners: NDArray, nodes: NDArray) -> NDArray:
     size = np.ptp(x, axis=(1, 2)).max(axis=1)
     has_normal = length > 1e-9 * size[:, None, None, None] ** 2
     unit = np.where(has_normal, normal / np.maximum(length, 1e-300), np.nan)
+    # between the normals of corners i and j of face f of element e; a comparison with NaN is False
     cosine = np.einsum("efic,efjc->efij", unit, unit)
     return np.asarray((cosine < LEAST_COSINE).any(axis=(1, 2, 3)))
 
@@ -263,13 +262,14 @@ def oriented_facet(corner: NDArray, element: NDArray, nodes: NDArray) -> NDArray
     if len(unique) > 3 and unique[0] == unique[-1]:
         unique = unique[:-1]
     n_corner = N_CORNER[len(element)]
-    inside = nodes[np.unique(element[:n_corner])].mean(axis=0)
+    centre_of_element = nodes[np.unique(element[:n_corner])].mean(axis=0)
     x = nodes[unique]
     if len(x) == 3:
         normal = np.cross(x[1] - x[0], x[2] - x[0])
     else:
+        # the product of the diagonals
         normal = np.cross(x[2] - x[0], x[3] - x[1])
-    outward = x.mean(axis=0) - inside
+    outward = x.mean(axis=0) - centre_of_element
     if normal @ outward < 0.0:
         unique = unique[::-1]
         x = x[::-1]
@@ -277,11 +277,12 @@ def oriented_facet(corner: NDArray, element: NDArray, nodes: NDArray) -> NDArray
         return unique
 
     # the midside node of an edge is the one nearest to its middle
-    between = np.unique(element[n_corner:])
+    midside = np.unique(element[n_corner:])
     x_next = np.roll(x, -1, axis=0)
     middle = 0.5 * (x + x_next)
     length = np.linalg.norm(x_next - x, axis=1)
-    distance = np.linalg.norm(nodes[between][None] - middle[:, None], axis=2)
+    to_midside = nodes[midside][None] - middle[:, None]  # (edge, midside node, 3)
+    distance = np.linalg.norm(to_midside, axis=2)
     nearest = distance.argmin(axis=1)
     too_far = np.any(distance.min(axis=1) > 0.3 * length)
     shared = len(np.unique(nearest)) < len(nearest)
@@ -290,7 +291,7 @@ def oriented_facet(corner: NDArray, element: NDArray, nodes: NDArray) -> NDArray
             "second-order element: no midside node between two corners of the face at "
             f"{x.mean(axis=0)} m; the corners are in the wrong order, or the node is missing"
         )
-    return np.concatenate([unique, between[nearest]])
+    return np.concatenate([unique, midside[nearest]])
 
 
 def facets_on_nodes(boundary: Facets, wanted: NDArray) -> Facets:
