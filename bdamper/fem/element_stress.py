@@ -576,8 +576,8 @@ class StressRows:
         self._contact[d] = self._kept(contact_stress)
         if d == 0:
             self._static = (self._rows @ spin_displacement(sector).real).reshape(-1, 6)
-        # the lowest mode of the first nodal diameter other than 0 determines the spread; only if
-        # there is none, that of nodal diameter 0, which comes first
+        # the lowest mode of the first nodal diameter other than 0 determines the spread; nodal
+        # diameter 0 comes first and is replaced
         is_first_other = d > 0 and len(self._modes) <= 2
         if is_first_other or self._spread is None:
             lowest_shape = shapes[:, 0]

@@ -45,6 +45,7 @@ from bdamper.importers.fe_body import (
     ElementKind,
     FEBody,
     Lines,
+    Modes,
     data_lines,
     mesh_body,
     modes_by_diameter,
@@ -106,15 +107,17 @@ def _triplets(path: Path, n: int) -> sp.csr_matrix:
     """Read a symmetric matrix (n, n) from lines of row, column, value."""
     table = np.loadtxt(path, ndmin=2, encoding="ascii", comments=None)
     check(table.shape[1] == 3, str(path), "three numbers a line", f"{table.shape[1]}")
+    # the file counts from 1
     row = as_integers(table[:, 0], f"{path}: column 1") - 1
     column = as_integers(table[:, 1], f"{path}: column 2") - 1
+    value = table[:, 2]
     lowest = table[:, :2].min(initial=n)
     highest = table[:, :2].max(initial=0)
     within = lowest >= 1 and highest <= n
     expected = f"rows and columns 1 to {n}, as many as lines of the .dof file"
     check(within and len(table), str(path), expected, f"{lowest:g} to {highest:g}")
-    check_all(np.isfinite(table[:, 2]), table[:, 2], "finite numbers", str(path))
-    return triangle_to_full(row, column, table[:, 2], n)
+    check_all(np.isfinite(value), value, "finite numbers", str(path))
+    return triangle_to_full(row, column, value, n)
 
 
 def _condensed(
@@ -197,13 +200,15 @@ def read_calculix(
         stiffness, mass = _condensed(stiffness, mass, internal, body)
         dofs = dofs[~internal]
     result_files = (modes,) if isinstance(modes, str | os.PathLike) else modes
-    compared_modes = tuple(mode for path in result_files for mode in read_frd(path).modes)
+    modes_of_files: list[Modes] = []
+    for path in result_files:
+        modes_of_files += read_frd(path).modes
     return replace(
         body,
         stiffness=stiffness,
         mass=mass,
         dofs=dofs,
-        modes=compared_modes,
+        modes=tuple(modes_of_files),
         source=f"{base} (.sti, .mas, .dof), {mesh}",
         element_kinds=_as_integrated(body),
     )
@@ -227,6 +232,8 @@ def _labelled(path: Path, deck: Deck) -> tuple[sp.csr_matrix, NDArray]:
     dofs : (n, 2) int
         Code of the node and component of each row.
     """
+    # a line of the file has the label and the component of a row, those of a column, and a value;
+    # a label without a node of the deck has the code None
     code_of: dict[Any, int | None] = {}
     if _has_numbers(path):
         table = number_table(path, 5)
@@ -355,10 +362,10 @@ def _matrix_of_nodes(
         Node number and component of each row.
     """
     matrix, coded_dofs = _labelled(file, deck)
-    # Abaqus holds a component by a large number on the diagonal
-    held = coded_dofs[matrix.diagonal() > 1e30][:1]
+    # Abaqus holds a component by a large number on the diagonal; the message has the first one
+    first_held = coded_dofs[matrix.diagonal() > 1e30][:1]
     expected = "a job without *BOUNDARY (Sector.fixed holds nodes)"
-    check(not len(held), str(file), expected, f"held: {held}")
+    check(not len(first_held), str(file), expected, f"held: {first_held}")
     wanted = np.isin(coded_dofs[:, 0], list(number_of_code))
     n_coupled = matrix[wanted][:, ~wanted].nnz
     expected = f"instance {instance} without contact or ties"
@@ -378,13 +385,18 @@ def _check_numbering(matrix: sp.csr_matrix, dofs: NDArray, body: FEBody, item: s
     check(not len(missing), body.source, "elements with existing nodes", found)
 
     # pairs of nodes that share an element
-    elements = [np.searchsorted(ascending, nodes) for nodes in body.elements]
-    n_elements = sum(map(len, elements))
-    nodes_per_element = [nodes.shape[1] for nodes in elements for _ in nodes]
-    row = np.repeat(np.arange(n_elements), nodes_per_element)
-    column = np.concatenate([nodes.ravel() for nodes in elements])
-    touching = sp.csr_matrix((np.ones(len(row)), (row, column)), shape=(n_elements, n_nodes))
-    sharing = touching.T @ touching
+    row, column = [], []
+    n_elements = 0
+    for nodes in body.elements:
+        n_of_kind, n_nodes_of_element = nodes.shape
+        numbers = n_elements + np.arange(n_of_kind)
+        row.append(np.repeat(numbers, n_nodes_of_element))
+        column.append(np.searchsorted(ascending, nodes).ravel())
+        n_elements += n_of_kind
+    # an entry for each element and each of its nodes
+    places = (np.concatenate(row), np.concatenate(column))
+    touching = sp.csr_matrix((np.ones(len(places[0])), places), shape=(n_elements, n_nodes))
+    n_shared_elements = touching.T @ touching  # (n_nodes, n_nodes)
 
     # pairs of nodes that the matrix couples
     entries = matrix.tocoo()
@@ -394,7 +406,7 @@ def _check_numbering(matrix: sp.csr_matrix, dofs: NDArray, body: FEBody, item: s
     coupled.setdiag(0.0)
     coupled.eliminate_zeros()
 
-    n_apart = coupled.nnz - coupled.multiply(sharing > 0).nnz
+    n_apart = coupled.nnz - coupled.multiply(n_shared_elements > 0).nnz
     cure = "use *MATRIX OUTPUT, FORMAT=LABELS or one job for each instance"
     expected = "coupled nodes that share an element of the deck"
     found = f"{n_apart} of {coupled.nnz} pairs that do not share an element; {cure}"
@@ -554,11 +566,13 @@ class _Frd:
                 mode = int(line[10:].split()[0])
             elif key.startswith("100C"):
                 self._result(line, diameter, mode)
-        # the modal mass is one over the sector
-        listed = [
-            (shape.diameter, shape.frequency, 1.0, shape.numbers, shape.values)
-            for shape in self.results["DISP"]
-        ]
+        listed = []
+        for shape in self.results["DISP"]:
+            # the modal mass is one over the sector
+            modal_mass = 1.0
+            listed.append(
+                (shape.diameter, shape.frequency, modal_mass, shape.numbers, shape.values)
+            )
         return mesh_body(
             self.source,
             "a block of nodes (2C)",
@@ -569,6 +583,11 @@ class _Frd:
         )
 
     def _result(self, head: str, diameter: int, mode: int) -> None:
+        """Read a block of displacements or stress, and skip blocks of other results.
+
+        The imaginary part of a complex result follows in another block.  It is added to the real
+        part of the same mode.
+        """
         with parsing(self.lines.item, "a frequency in columns 13 to 24", head):
             frequency = float(head[12:24])
         name = ""
@@ -585,7 +604,7 @@ class _Frd:
             numbers, values = self._rows(head, n_values)
             blocks.append(_Result(diameter, mode, frequency, numbers, values))
             return
-        # the imaginary part follows the real one
+        # an imaginary part without a real part of the same mode before it is skipped
         if not blocks:
             return
         real = blocks[-1]

@@ -189,12 +189,14 @@ def _add_array(
     item = f"{item}: {name!r}"
     if len(flags) == 0 or len(size) != 2:
         return
+    # the lowest byte is the class of the array, the next one contains the flags
     kind = int(flags[0]) & 0xFF
     is_complex = int(flags[0]) >> 8 & _COMPLEX
     if is_complex or not (kind == _SPARSE or kind in _NUMERIC):
         return
     n_rows = check_count(int(size[0]), item, "a size")
     n_columns = check_count(int(size[1]), item, "a size")
+    # the elements after the head
     numbers = [_numbers(part, order, item) for part in parts]
     if kind != _SPARSE:
         expected = f"{n_rows} x {n_columns} numbers"
@@ -206,9 +208,10 @@ def _add_array(
     complete = len(numbers) == 3 and len(numbers[1]) > 0
     expected = "rows, pointers and numbers of a sparse matrix"
     check(complete, item, expected, [len(part) for part in numbers])
-    row = numbers[0].astype(np.int64)
-    pointer = numbers[1].astype(np.int64)
-    value = numbers[2].astype(float)
+    stored_row, stored_pointer, stored_value = numbers
+    row = stored_row.astype(np.int64)
+    pointer = stored_pointer.astype(np.int64)
+    value = stored_value.astype(float)
     n_entries = max(int(pointer[-1]), 0)  # the arrays may be longer
     entries = (value[:n_entries], row[:n_entries], pointer)
     # square_matrix checks the indices
@@ -377,7 +380,7 @@ def number_table(source: Path, *columns: int, separators: str | None = None) -> 
 def _plain_table(source: Path) -> NDArray:
     """Return a table of numbers between commas, read in a tenth of the time of other forms.
 
-    A file of another form gives an array without columns.
+    A file of another form, or without numbers, gives an empty array (0, 0).
     """
     with suppress(ValueError), open(source, encoding="ascii") as file:
         lines = (line for line in file if line.strip() and not line.startswith(COMMENTS))
@@ -448,18 +451,22 @@ def entries_by_node(pairs: NDArray, value: NDArray, path: Path) -> tuple[sp.csr_
     matrix : (n_eq, n_eq) sparse
     dofs : (n_eq, 2) int
     """
-    internal = pairs[pairs[:, :, 0] < 0][:1]
+    node_of_entry = pairs[:, :, 0]
+    component_of_entry = pairs[:, :, 1]
+    # nodes that Abaqus adds have negative numbers; the message has the first one
+    first_internal = node_of_entry[node_of_entry < 0][:1].tolist()
     cure = "a job without contact and constraints, with *MATRIX GENERATE, PUBLIC NODES"
-    found = f"internal nodes {internal[:, 0].tolist()}"
-    check(not len(internal), str(path), f"nodes of the mesh: {cure}", found)
-    nodes, node = np.unique(pairs[:, :, 0], return_inverse=True)
-    components, component = np.unique(pairs[:, :, 1], return_inverse=True)
-    # a single number for each pair is faster than np.unique of rows
-    keys, inverse = np.unique(node * len(components) + component, return_inverse=True)
+    found = f"internal nodes {first_internal}"
+    check(not first_internal, str(path), f"nodes of the mesh: {cure}", found)
+    nodes, node_index = np.unique(node_of_entry, return_inverse=True)
+    components, component_index = np.unique(component_of_entry, return_inverse=True)
+    # a single number for each pair of node and component is faster than np.unique of rows
+    key_of_entry = node_index * len(components) + component_index
+    keys, equation = np.unique(key_of_entry, return_inverse=True)
     node_of_key = nodes[keys // len(components)]
     component_of_key = components[keys % len(components)]
     dofs = np.column_stack([node_of_key, component_of_key])
-    row, column = inverse.reshape(-1, 2).T
+    row, column = equation.reshape(-1, 2).T
     check(len(dofs) <= 10 * len(row), str(path), "entries of every row", len(row))
     return triangle_to_full(row, column, value, len(dofs)), dofs
 

@@ -141,24 +141,29 @@ def rotation_of(body: PreparedBody) -> Rotation | None:
 
 
 def _spin_softening(body: PreparedBody, per_squared_speed: NDArray) -> float:
-    """Return the fraction of the mass in the plane of rotation that is missing from the stiffness.
+    """Return the fraction of the mass in the plane of rotation by which the stiffness is softened.
 
-    A translation in this plane causes no force of the elastic and geometric stiffness on inner
-    nodes.  Nodes next to a held node are not inner, with or without held components in the
-    matrices.
+    It is 1 for matrices with full spin softening, and 0 without.  A translation in this plane
+    causes no force of the elastic and geometric stiffness on inner nodes, so that only the
+    softening remains there.  Nodes next to a held node are not inner, with or without held
+    components in the matrices.
     """
     structure = body.structure
+    # along X and Y: (3 n_nodes, 2)
     translations = np.tile(IN_PLANE[:, :2], (len(structure.nodes), 1))
     standstill = structure.stiffness - body.raw.rotor_speed**2 * per_squared_speed
     force = np.abs(standstill @ translations).max(axis=1)
+    # of any displacement with components of at most 1
     largest_force = np.abs(standstill).sum(axis=1).A1
-    loaded = (force > 1e-6 * largest_force).reshape(-1, 3).any(axis=1)
-    inner = np.repeat(~(loaded | body.fixed(None).any(axis=1)), 3)
-    inertia = inner[:, None] * (structure.mass @ translations)
+    is_loaded = (force > 1e-6 * largest_force).reshape(-1, 3).any(axis=1)
+    has_held_component = body.fixed(None).any(axis=1)
+    is_inner = np.repeat(~(is_loaded | has_held_component), 3)
+    inertia = is_inner[:, None] * (structure.mass @ translations)
     squared_mass = float(np.square(inertia).sum())
-    # without inner nodes nothing is missing
+    # without inner nodes there is no comparison, and the softening counts as complete
     if not squared_mass:
         return 1.0
+    # least squares: the stiffness loses this fraction of the mass per squared speed
     return -float((inertia * (per_squared_speed @ translations)).sum()) / squared_mass
 
 
@@ -191,8 +196,9 @@ def basis_from_modes(
     expected = f"{basis.n_modes} modes as at {first:g} rad/s"
     body.require(n_moved == basis.n_modes, item, expected, n_moved)
     has_values = ~(np.isnan(shapes).any(axis=1) | np.isnan(moved).any(axis=1))
-    overlap = np.linalg.lstsq(shapes[has_values], moved[has_values], rcond=None)[0]
-    # a rotation of the modes has singular values of 1
+    # moved = shapes @ overlap
+    overlap, *_ = np.linalg.lstsq(shapes[has_values], moved[has_values], rcond=None)
+    # a rotation of the modes has singular values of 1; they are in descending order
     sizes = svdvals(overlap)
     expected = (
         f"combinations of the modes at {first:g} rad/s "
@@ -200,7 +206,9 @@ def basis_from_modes(
     )
     found = f"{sizes[-1]:.4g} to {sizes[0]:.4g}; use fewer modes, or speeds nearer together"
     body.require(np.abs(sizes - 1.0).max() <= BOUNDS.agreement, item, expected, found)
-    turning = polar(overlap)[0]
+    # the nearest rotation; the stiffness at the higher speed, in the modes of the lower speed, is
+    # turning @ diag(omega2) @ turning^H
+    turning, _ = polar(overlap)
     change = (turning * omega2) @ turning.conj().T - np.diag(basis.omega2)
     per_squared_speed = change / (omega**2 - first**2)
     body.passed(
@@ -239,7 +247,9 @@ def _waves(body: PreparedBody, modes: Modes, ring: CyclicStructure) -> Waves:
     if ring.faces.n_sectors == 1:
         waves = Waves(np.arange(n_modes), shapes.real, np.zeros(n_modes), 0, 0)
     else:
-        has_values = ~np.isnan(shapes[:, 0].real).reshape(-1, 3).any(axis=1)
+        # nodes without values have none in any mode
+        first_mode = shapes[:, 0].real.reshape(-1, 3)
+        has_values = ~np.isnan(first_mode).any(axis=1)
         faces = ring.faces.among(has_values)
         expected = "values at matching nodes of the two sector faces"
         body.require(len(faces.dependent), item, expected, "none")
@@ -358,10 +368,12 @@ def _normalised(
     frequency = np.asarray(modes.frequency, float)[waves.index]
     lowest = frequency.min(initial=np.inf)
     body.require((frequency > 0.0).all(), item, "frequencies > 0 of a held sector", lowest)
-    order = np.argsort(frequency, kind="stable")[:n_modes]
-    normalised = (waves.shapes / np.sqrt(mass))[:, order]
-    every_component = sp.identity(len(waves.shapes), format="csr")
-    return (2.0 * np.pi * frequency[order]) ** 2, fix_phase(normalised, every_component)
+    lowest_first = np.argsort(frequency, kind="stable")[:n_modes]
+    normalised = (waves.shapes / np.sqrt(mass))[:, lowest_first]
+    omega2 = (2.0 * np.pi * frequency[lowest_first]) ** 2
+    # modes alone have no mass matrix; the identity gives all components the same weight
+    equal_weights = sp.identity(len(waves.shapes), format="csr")
+    return omega2, fix_phase(normalised, equal_weights)
 
 
 def constrained_from_modes(
@@ -426,19 +438,23 @@ def free_from_modes(body: PreparedBody, wanted: Wanted) -> Body:
         inertia = units.mass * units.length**2 * to_model @ rigid.inertia @ to_model.T
         moments, principal = np.linalg.eigh(inertia)
     # each moment is at most the sum of the two others
-    is_solid = moments[0] > 0 and moments[2] <= (moments[0] + moments[1]) * (1 + 1e-6)
+    smallest, middle, largest = moments
+    is_solid = smallest > 0 and largest <= (smallest + middle) * (1 + 1e-6)
     expected += " with principal moments > 0, none larger than the sum of the others"
     found = f"{mass} kg, {moments} kg m2"
     body.require(mass > 0 and is_solid and np.isfinite(centre).all(), item, expected, found)
+    # tangential, radial and axial translation, and rotations about the principal axes
     axes = body.damper_axes(centre)
     inertias = [mass, mass, mass, *moments]
     shapes = rigid_motions(body.nodes, centre, axes, principal.T) / np.sqrt(inertias)
-    basis = wanted.basis(np.zeros(6), shapes)
+    basis = wanted.basis(omega2=np.zeros(6), shapes=shapes)
     body.report.missing.append(NO_RECEPTANCE.format(body.name))
     body.report.missing.append(f"elastic deformation of the {body.name} (no matrices)")
-    # the second rigid motion is the translation along the radial direction
-    modal_load = np.eye(6)[1] / np.sqrt(mass)
+    # a radial force of 1 N acts on the second motion, the radial translation, alone
+    radial_motion = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+    modal_load = radial_motion / np.sqrt(mass)
     n_points = wanted.contact.shape[0] // 3
+    # a rigid body has no elastic displacement at its contact points
     load = BodyLoad(axes[1], modal_load, np.zeros((n_points, 3)))
     return Body(
         body.name,
@@ -474,6 +490,7 @@ def held_components(
         without_rows = np.setdiff1d(without_rows, held)
     check_reached(body, wanted, without_rows, "rows in the matrices")
     mask = body.fixed(held)
+    # the images of each of the three components
     with_images = np.stack([ring.faces.images(component) for component in mask.T], axis=1)
     n_added = int((with_images & ~mask).any(axis=1).sum())
     if n_added:
@@ -555,10 +572,12 @@ def constrained_from_matrices(
     pictures: dict[int, NDArray] = {}
 
     def seen(made: CyclicSector, omega2: NDArray, shapes: NDArray) -> None:
+        """Use the modes of a nodal diameter; ``omega2`` and ``shapes`` include static shapes."""
         d = made.nodal_diameter
-        compare_known(body, d, made.modes(n_modes)[0], ring)
+        modal_omega2, mode_shapes = made.modes(n_modes)
+        compare_known(body, d, modal_omega2, ring)
         if d in ring.pictured:
-            pictures.update(_pictures(body, d, made.modes(n_modes)[1]))
+            pictures.update(_pictures(body, d, mode_shapes))
         for rows in stress:
             rows.add(made, wanted.contact, omega2, shapes)
 
@@ -568,8 +587,9 @@ def constrained_from_matrices(
         rotation = rotation_of(body)
         built = constrained_body(body.name, fewer, at_diameter, ring.diameters, rotation, seen)
     for d, basis in built.bases.items():
-        # six squared frequencies of a body that is not held are rounding errors
-        low, high = basis.omega2[[0, -1]]
+        # six squared frequencies of a body that is not held are rounding errors, of either sign
+        low = basis.omega2[0]
+        high = basis.omega2[-1]
         held = low > max(1e-10 * high, 0.0)
         found = f"squared frequencies {low:.3g} to {high:.3g} rad2/s2"
         body.require(held, f"nodal diameter {d}", "a sector that is held (fixed nodes)", found)
@@ -587,9 +607,12 @@ def constrained_from_matrices(
 def _check_held(body: PreparedBody, sector: CyclicSector, held: bool) -> None:
     """Raise ModelError if the factorisation shows an indefinite stiffness or a body that is not
     fixed.
+
+    ``held`` tells whether any component is fixed or has no row in the matrices.
     """
     item = f"stiffness matrix, nodal diameter {sector.nodal_diameter}"
     pivots = sector.solver.pivots
+    # a motion without force has a pivot of the size of rounding errors
     if held:
         least = 1e-13 * np.median(np.abs(sector.stiffness.diagonal()))
     else:
@@ -619,7 +642,9 @@ def free_from_matrices(body: PreparedBody, wanted: Wanted) -> Body:
     n_modes = min(wanted.n_modes, max(6, structure.n_dof // 2))
     wanted = replace(wanted, n_modes=n_modes)
     with body.refusing("matrices", "a stiffness matrix with six rigid-body motions and no others"):
-        built = free_body(body.name, wanted, free, free.axes[1])
+        _, radial, _ = free.axes
+        built = free_body(body.name, wanted, free, radial)
+    # after the six rigid-body motions
     elastic = built.bases[0].omega2[6:]
     expected = "six rigid-body motions and no others"
     found = f"omega2 = {elastic.min(initial=np.inf):.3g}"
@@ -630,11 +655,12 @@ def free_from_matrices(body: PreparedBody, wanted: Wanted) -> Body:
 
 def _free_in_space(body: PreparedBody) -> FreeBody:
     """Return a body without supports, with its tangential, radial and axial direction."""
-    wrong = body.raw.numbers[body.fixed(None).any(axis=1)]
-    some_node = ", ".join(map(str, wrong[:1]))
+    incomplete = body.raw.numbers[body.fixed(None).any(axis=1)]
+    # empty if all nodes are complete
+    first_node = ", ".join(map(str, incomplete[:1]))
     expected = "rows for all three components of every node of a free body"
-    found = f"rows missing at {len(wrong)} nodes, such as node {some_node}"
-    body.require(not len(wrong), "matrices", expected, found)
+    found = f"rows missing at {len(incomplete)} nodes, such as node {first_node}"
+    body.require(not len(incomplete), "matrices", expected, found)
     body.report.steps.begin(body.name)
     check_rigid_motion(body)
     with body.refusing("mass matrix", "a positive definite matrix"):
@@ -677,10 +703,12 @@ def ring_from_matrices(
     def sector(d: int) -> RingSector:
         steps = body.report.steps
         steps.begin(f"{body.name}, nodal diameter {d}")
+        # only the sectors of a split ring move radially
         radial = whole.axes[1] if split else None
         return RingSector(body.structure, ring.faces, d, radial, steps.report_pass)
 
     def seen(made: RingSector, omega2: NDArray, shapes: NDArray) -> None:
+        """Check that all modes after the rigid-body motions are elastic, and keep pictures."""
         d = made.nodal_diameter
         expected = f"a ring with {made.n_rigid} rigid-body motions at nodal diameter {d}"
         lowest = omega2[made.n_rigid :].min(initial=np.inf)

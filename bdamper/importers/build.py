@@ -118,8 +118,11 @@ def force_fields(fields: Mapping[str, object] | None, body: PreparedBody) -> dic
 def _table(item: str, value: Any) -> tuple[NDArray, NDArray]:
     """Return node numbers (n,) and complex forces (n, 3) from arrays or from a file."""
     if isinstance(value, str | os.PathLike):
+        # node number, then real and imaginary part along each axis
         table = number_table(Path(value), 7)
-        return as_integers(table[:, 0], item), table[:, 1::2] + 1j * table[:, 2::2]
+        real = table[:, 1::2]
+        imaginary = table[:, 2::2]
+        return as_integers(table[:, 0], item), real + 1j * imaginary
     is_pair = isinstance(value, tuple) and len(value) == 2
     validation.check_value(is_pair, item, EXPECTED, value)
     try:
@@ -515,7 +518,10 @@ def _sector_faces(body: PreparedBody, sector: Sector) -> SectorFaces:
     matched, problems = _matched_faces(body, pair)
     if matched is not None:
         return matched
-    found = f"{pair.apart}; {problems[0]}; the other way: {problems[1].split(': ')[-1]}"
+    # further pitches give further pairs of problems
+    one_way, other_way = problems[:2]
+    other_found = other_way.split(": ")[-1]
+    found = f"{pair.apart}; {one_way}; the other way: {other_found}"
     body.require(body.elements, "sector faces", pair.expected, found)
     return _tied_faces(body, pair, sector.face_tolerance, why_unmatched=found)
 
@@ -545,24 +551,36 @@ def _face_pair(body: PreparedBody, faces: tuple[NodeSet, NodeSet], sector: Secto
     angle = _angle_between(body, first, second)
     nearest = max(2, round(2.0 * np.pi / angle))
     n_blades = sector.n_blades or nearest
-    exact = sector.n_blades is not None
+    is_given = sector.n_blades is not None
     apart = f"the faces are {np.rad2deg(angle):.6g} degrees apart, nearest are {nearest} sectors"
     deviation = 1.0 - 2.0 * np.pi / n_blades / angle
-    alike = n_blades == nearest and abs(deviation) <= sector.angle_tolerance
+    fits = n_blades == nearest and abs(deviation) <= sector.angle_tolerance
     expected = f"360/N degrees within {100 * sector.angle_tolerance:g} %"
-    body.require(exact or alike, "sector faces", expected, apart)
-    if not exact:
+    body.require(is_given or fits, "sector faces", expected, apart)
+    if not is_given:
         degrees = np.rad2deg(angle)
         body.passed(f"{n_blades} sectors, from the {degrees:.4g} degrees between the sector faces")
     expected = (
         f"two sets of nodes of which a rotation by 2 pi/{n_blades} about the axis carries one "
         "onto the other"
     )
-    return _FacePair(first, second, angle, n_blades, exact, alike, apart, expected)
+    return _FacePair(
+        first=first,
+        second=second,
+        angle=angle,
+        n_blades=n_blades,
+        exact=is_given,
+        alike=fits,
+        apart=apart,
+        expected=expected,
+    )
 
 
 def _matched_faces(body: PreparedBody, pair: _FacePair) -> tuple[SectorFaces | None, list[str]]:
-    """Return faces whose nodes match in pairs, or None, with the reasons why others do not."""
+    """Return faces whose nodes match in pairs, or None, with the reasons why others do not.
+
+    Each pitch that does not match adds two reasons, for both orders of the faces.
+    """
     tolerance = BOUNDS.sector_faces * body.size
     problems = []
     for pitch in pair.pitches:
@@ -718,6 +736,7 @@ def _rings(
         body = bodies[name]
         faces = named.get(name)
         if faces is None:
+            # a body that the user names without faces does not repeat; others are checked
             if name not in named:
                 _check_separate(body, n_blades)
             continue
@@ -798,10 +817,12 @@ def _location(name: str, body: PreparedBody, place: Place) -> Location:
     """Return the location of a node, or of a field of forces at their mean position."""
     if not isinstance(place, np.ndarray):
         return Location(name, body.name, body.nodes[place].copy())
+    # three fields of forces of an accelerated base, or one field
     if place.ndim == 3:
         return Location(name, body.name, body.nodes.mean(axis=0), "base")
     sizes = np.linalg.norm(place, axis=1)
-    return Location(name, body.name, sizes @ body.nodes / sizes.sum(), "forces")
+    mean_position = sizes @ body.nodes / sizes.sum()
+    return Location(name, body.name, mean_position, "forces")
 
 
 # --------------------------------------------------------------------------------------------------
@@ -852,18 +873,18 @@ def _reduced(
     pictures: dict[str, dict[int, NDArray]] = {}
     n_modes = _counts([name for name in bodies if name != "blade"], reduction)
     for name, body in bodies.items():
+        on_body = {key: place for key, (owner, place) in places.items() if owner == name}
         wanted = Wanted(
-            laid.ports[name],
-            laid.rows[name],
-            {key: place for key, (owner, place) in places.items() if owner == name},
-            n_modes[name],
-            reduction.damping_ratio,
+            ports=laid.ports[name],
+            contact=laid.rows[name],
+            locations=on_body,
+            n_modes=n_modes[name],
+            damping_ratio=reduction.damping_ratio,
             static_shapes=True,
         )
         if name in rings:
-            reduced[name], pictures[name] = ring_from_matrices(
-                body, wanted, rings[name], name in sector.split_rings
-            )
+            is_split = name in sector.split_rings
+            reduced[name], pictures[name] = ring_from_matrices(body, wanted, rings[name], is_split)
         elif name != "blade":
             reduce = free_from_matrices if body.has_matrices else free_from_modes
             reduced[name] = reduce(body, wanted)

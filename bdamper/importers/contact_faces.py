@@ -89,14 +89,14 @@ class ContactFaces:
 
 def _points(name: str, points: int | tuple[int, int]) -> int | tuple[int, ...]:
     """Check one or two numbers of contact points."""
-    is_pair = isinstance(points, Sequence | np.ndarray) and not isinstance(points, str | bytes)
-    counts = tuple(points) if is_pair else (points,)  # type: ignore[arg-type]
+    is_sequence = isinstance(points, Sequence | np.ndarray) and not isinstance(points, str | bytes)
+    counts = tuple(points) if is_sequence else (points,)  # type: ignore[arg-type]
     expected = "a number of contact points or two, along t1 and t2"
-    validation.check_value(len(counts) == (2 if is_pair else 1), name, expected, points)
-    counts = tuple(validation.integer(name, n, 1, BOUNDS.points) for n in counts)
+    validation.check_value(not is_sequence or len(counts) == 2, name, expected, points)
+    counts = tuple(validation.integer(name, n, least=1, most=BOUNDS.points) for n in counts)
     expected = f"at most {BOUNDS.points} contact points on a face"
     validation.check_value(np.prod(counts) <= BOUNDS.points, name, expected, points)
-    return counts if is_pair else counts[0]
+    return counts if is_sequence else counts[0]
 
 
 def _gap(name: str, gap: float | str) -> float | str:
@@ -158,6 +158,7 @@ def from_first_sector(
         Contacts with the free body as body a.
     bodies : dict of name to PreparedBody
     """
+    # the ground, which is not among the bodies, stays body b
     contacts = tuple(
         _from_free(contact) if contact.body_b in bodies else contact for contact in contacts
     )
@@ -296,13 +297,15 @@ def _check_other_faces(
     bodies: Mapping[str, PreparedBody],
 ) -> None:
     """Raise ModelError if two contacts are the same pair of faces, in either order of bodies."""
+    # the sector of body b is relative to body a, so its sign changes with the order
     pair = (interface.body_a, interface.body_b, interface.sector_b)
     same = pair == (earlier.body_a, earlier.body_b, earlier.sector_b)
-    turned = pair == (earlier.body_b, earlier.body_a, -earlier.sector_b)
+    exchanged = pair == (earlier.body_b, earlier.body_a, -earlier.sector_b)
     expected = f"other faces than those of contact '{earlier_contact.name}'"
     if contact.patches is not None or earlier_contact.patches is not None:
         # several patches may lie on one face, but not in the same place
-        apart = np.linalg.norm(interface.points[:, None] - earlier.points[None], axis=2)
+        difference = interface.points[:, None] - earlier.points[None]  # (point, earlier point, 3)
+        apart = np.linalg.norm(difference, axis=2)
         near = 1e-6 * np.sqrt(min(interface.area.min(), earlier.area.min()))
         n_repeated = int((apart < near).any(axis=1).sum())
         found = f"{n_repeated} contact points in the same places"
@@ -310,7 +313,7 @@ def _check_other_faces(
         return
     if same:
         _check_sides(contact, earlier_contact, ("a", "b"), bodies, expected)
-    if turned:
+    if exchanged:
         _check_sides(contact, earlier_contact, ("b", "a"), bodies, expected)
 
 
@@ -321,7 +324,11 @@ def _check_sides(
     bodies: Mapping[str, PreparedBody],
     expected: str,
 ) -> None:
-    """Raise ModelError if faces a and b share elements with ``sides`` of an earlier contact."""
+    """Raise ModelError if two contacts share elements of both faces.
+
+    Sides a and b are compared with ``sides`` of the earlier contact.  One shared face is permitted.
+    ``expected`` is the text of the error.
+    """
     n_shared = []
     for side, earlier_side in zip(("a", "b"), sides):
         body = contact.body_a if side == "a" else contact.body_b
@@ -343,7 +350,11 @@ def _elements_of(
         assert contact.faces_b is not None
         body, faces = contact.body_b, contact.faces_b
     facets = bodies[body].faces(faces, contact.item)
-    return {tuple(sorted(corners)) for group in facets.corners for corners in group.tolist()}
+    sorted_corners: set[tuple[int, ...]] = set()
+    # one array of faces for each number of corners
+    for group in facets.corners:
+        sorted_corners.update(tuple(sorted(corners)) for corners in group.tolist())
+    return sorted_corners
 
 
 def _user_stiffness(contact: ContactFaces, n_points: int) -> ContactStiffness:
@@ -390,17 +401,18 @@ def _laid(
     else:
         gap = np.full(len(means.area), float(contact.gap))
     interface = Interface(
-        contact.name,
-        contact.kind,
-        body_a,
-        0,
-        body_b,
-        sector,
-        means.points_a,
-        means.area,
-        means.frame,
-        gap,
+        name=contact.name,
+        kind=contact.kind,
+        body_a=body_a,
+        sector_a=0,
+        body_b=body_b,
+        sector_b=sector,
+        points=means.points_a,
+        area=means.area,
+        frame=means.frame,
+        gap=gap,
     )
+    # a grid of 0 rows consists of the rectangles of the user
     rolls = body_a != "blade" and not along_ring
     if contact.kind == "friction" and rolls and 0 < means.grid[0] < ROWS:
         expected = (
@@ -455,21 +467,25 @@ def _means(
     if contact.patches is None:
         what = (what_a, what_b)
         return patches_on_faces(contact.points, nodes_a, face_a, nodes_b, face_b, what=what)
-    a = patches_on_rectangles(contact.patches, nodes_a, face_a, what_a)
+    on_face_a = patches_on_rectangles(contact.patches, nodes_a, face_a, what_a)
     if nodes_b is None or face_b is None:
-        return a
-    b = patches_on_rectangles(contact.patches, nodes_b, face_b, what_b)
-    return replace(a, points_b=b.points_a, matrix_b=b.matrix_a)
+        return on_face_a
+    # means over one face, here face b, have the names of body a
+    on_face_b = patches_on_rectangles(contact.patches, nodes_b, face_b, what_b)
+    return replace(on_face_a, points_b=on_face_b.points_a, matrix_b=on_face_b.matrix_a)
 
 
 def _along_circumference(means: PatchMeans) -> PatchMeans:
     """Turn the axes of each patch about the axis of rotation, from the middle of the face to the
     patch.
     """
-    middle = means.area @ means.points_a
-    of_middle = np.arctan2(middle[0], middle[1])
-    angle = np.arctan2(means.points_a[:, 0], means.points_a[:, 1]) - of_middle
-    frame = np.array([axes @ turn(a).T for axes, a in zip(means.frame, angle)])
+    # in the direction of the middle of the face; the total area does not change the direction
+    middle_x, middle_y, _ = means.area @ means.points_a
+    angle_of_middle = np.arctan2(middle_x, middle_y)
+    x = means.points_a[:, 0]
+    y = means.points_a[:, 1]
+    angles = np.arctan2(x, y) - angle_of_middle
+    frame = np.array([axes @ turn(angle).T for axes, angle in zip(means.frame, angles)])
     # components along the new axes from components along the old ones
     change = sp.block_diag(frame @ means.frame.transpose(0, 2, 1), format="csr")
     matrix_b = None if means.matrix_b is None else (change @ means.matrix_b).tocsr()
@@ -491,17 +507,19 @@ def _check_touching(contact: ContactFaces, means: PatchMeans, areas: Sequence[fl
     area = float(means.area.sum())
     width = np.sqrt(area)
     share = area / min(areas)
-    is_measured = contact.patches is None and len(areas) == 2
+    # rectangles of the user, or a face toward the ground, need not cover a whole face
+    overlap_counts = contact.patches is None and len(areas) == 2
     expected = f"faces that have at least {100 * BOUNDS.overlap:.0f} % of the smaller one in common"
     found = f"{area:.4g} m2 of {' and '.join(f'{whole:.4g}' for whole in areas)} m2"
-    check(not is_measured or share >= BOUNDS.overlap, item, expected, found)
+    check(not overlap_counts or share >= BOUNDS.overlap, item, expected, found)
+    # with its sign
     farthest = distance[np.abs(distance).argmax()]
     found = f"a distance of {farthest:.4g} m with faces {width:.4g} m wide"
     close = abs(farthest) <= BOUNDS.distance * width
     check(close, item, "faces that lie on each other", found)
     if not isinstance(contact.gap, str):
         _check_gap(contact, contact.gap, distance, width, two_faces=len(areas) == 2)
-    equal_areas = is_measured and max(areas) <= (1.0 + BOUNDS.agreement) * min(areas)
+    equal_areas = overlap_counts and max(areas) <= (1.0 + BOUNDS.agreement) * min(areas)
     if equal_areas and share < 1.0 - BOUNDS.misfit:
         shift = (1.0 - share) * width
         expected = f"faces of equal areas that match to {100 * BOUNDS.misfit:g} %"
