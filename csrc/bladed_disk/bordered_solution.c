@@ -42,7 +42,12 @@ static double dot(const double *x, const double *y, size_t n) {
     return sum;
 }
 
-/* Compute column and border_pivot of the matrix or its transpose. */
+/* Prepare solutions with M, the matrix P of the elimination with the border (C: derivative with
+ * respect to omega, N: row of the border), or with its transpose, in which C and N exchange roles:
+ *
+ *     column v = P^-1 C,    border_pivot s = N_omega - N_u . v.
+ *
+ * Return 0 if s vanishes or is not finite. */
 static int find_column(bd_wheel *w, int transposed) {
     const size_t n = (size_t)w->vector_size;
     const double *column = transposed ? w->border : w->C;
@@ -53,7 +58,12 @@ static int find_column(bd_wheel *w, int transposed) {
     return isfinite(w->border_pivot) && w->border_pivot != 0.0;
 }
 
-/* Matrices of the elimination at the present frequency, harmonic after harmonic. */
+/* Matrices of the elimination at the present frequency. For each harmonic l, with f = l omega,
+ *
+ *     common (n_blade, n_blade)       K - f^2 (M + M_blade)     disk and inertia of all blades
+ *     damping (n_blade, n_blade)      f C
+ *     neighbour (n_kept, n_kept)      K - f^2 M                 coupling of neighbours by the disk
+ *     damper (n_sector, 2, n_damper)  k - f^2 m,  f c. */
 static bd_ring_matrix fill_matrices(bd_wheel *w) {
     const bd_wheel_input *in = &w->input;
     const int n_group = in->n_harm + 1, N = in->n_sector, nd = in->n_damper;
@@ -95,6 +105,9 @@ static bd_ring_matrix fill_matrices(bd_wheel *w) {
     return matrix;
 }
 
+/* Factorise the elimination P at the latest point, and prepare the border. The unknowns of the
+ * border row are scaled: row/scale belongs to unscaled unknowns. The sign of the determinant is a
+ * first value; GMRES completes it in a solution. */
 bd_status bd_wheel_factor(bd_equations *e, const bd_border *border) {
     bd_wheel *w = (bd_wheel *)e;
     const size_t n = (size_t)e->n, n_vector = (size_t)w->vector_size;
@@ -120,7 +133,11 @@ bd_status bd_wheel_factor(bd_equations *e, const bd_border *border) {
     return BD_OK;
 }
 
-/* x = M^-1 b, both a vector and one number. */
+/* x = M^-1 b for the bordered elimination, both a vector (n) and one number mu for the border:
+ *
+ *     mu = (b_n - N_u . P^-1 b)/s,   x = P^-1 b - mu v,   v = P^-1 C,   s = N_omega - N_u . v,
+ *
+ * where C and N_u exchange roles in the transposed equations. */
 static void precondition(bd_wheel *w, const double *b, double *x) {
     const size_t n = (size_t)w->vector_size;
     const double *row = w->transposed ? w->C : w->border;
@@ -137,7 +154,8 @@ static void apply_remainder(bd_wheel *w, const double *y, double *b) {
     for (int i = 0; i < w->vector_size; ++i) b[i] = -b[i];
 }
 
-/* Blade part of x over its scale. */
+/* Blade part y (n_sector, n_coef, n_blade) of a vector x (n_sector, n_coef, sector_size), divided
+ * by the scale of the unknowns; entries without an unknown have no scale and become zero. */
 static void scale_blades(const bd_wheel *w, const double *x, double *y) {
     const size_t nb = (size_t)w->input.n_blade, ns = (size_t)w->sector_size;
     const size_t rows = (size_t)(w->input.n_sector * w->n_coef);
@@ -149,8 +167,8 @@ static void scale_blades(const bd_wheel *w, const double *x, double *y) {
     }
 }
 
-/* Orthogonalise v to the preceding vectors V; h (k + 1) are the coefficients.
- * Return the length of v. */
+/* Orthogonalise v (n) to the k + 1 orthonormal vectors V (k + 1, n) by classical Gram-Schmidt in
+ * two passes: h (k + 1) = V v, v -= V^T h. Return the length of v. */
 static double orthogonalise(const bd_wheel *w, const double *V, int k, double *v, size_t n,
                             double *h) {
     enum { PASSES = 2 }; /* the second removes the rounding of the first */
@@ -168,8 +186,9 @@ static double orthogonalise(const bd_wheel *w, const double *V, int k, double *v
     return sqrt(dot(v, v, n));
 }
 
-/* Apply the previous rotations to column k of the Hessenberg matrix, and compute the next one;
- * return the last entry before it. */
+/* Make column h (k + 2) of the Hessenberg matrix of GMRES triangular: apply the k previous Givens
+ * rotations, and compute the next rotation, which removes its last entry, `size`, and also turns
+ * the right-hand side g. Return entry k before this rotation. */
 static double rotate_column(double *h, double *cosine, double *sine, double *g, int k,
                             double size) {
     for (int i = 0; i < k; ++i) {
@@ -199,8 +218,15 @@ static void apply_blade_matrix(bd_wheel *w, const double *u, double *v, double *
     for (size_t i = 0; i < ny; ++i) v[i] = u[i] - v[i];
 }
 
-/* x = B^-1 b to a tolerance; b and x are a vector and one number. M^-1 R y is stored for every y,
- * so x needs no further solution. */
+/* x = B^-1 b with B = M + R by GMRES to a relative tolerance of the blade part; b and x are a
+ * vector and one number. In scaled blade coordinates, with the projection E on the blades,
+ *
+ *     (1 + E M^-1 R E^T) y = E M^-1 b,    x = M^-1 b - M^-1 R y.
+ *
+ * V (k + 1, ny) are the orthonormal vectors, H their triangular Hessenberg matrix, g the rotated
+ * right-hand side, |g_k| the residual. Z_k = -M^-1 R V_k of every vector is stored, so x = M^-1 b +
+ * sum of c_k Z_k with H c = g needs no further solution with M. BD_SINGULAR if the residual has not
+ * even halved. */
 static bd_status solve_once(bd_wheel *w, double tolerance, const double *b, double *x) {
     const size_t ny = n_blade_number(w), n1 = (size_t)w->vector_size + 1;
     double *rest = w->krylov;
@@ -217,7 +243,7 @@ static bd_status solve_once(bd_wheel *w, double tolerance, const double *b, doub
 
     for (size_t i = 0; i < ny; ++i) V[i] /= norm;
     g[0] = norm;
-    int k = 0, sign = 1;
+    int k = 0, sign = 1; /* sign of the determinant of the unrotated Hessenberg matrix */
     for (int done = 0; k < MOST && !done;) {
         const double *u = V + (size_t)k * ny;
         double *v = V + (size_t)(k + 1) * ny, *h = H + k * MOST;
@@ -234,7 +260,7 @@ static bd_status solve_once(bd_wheel *w, double tolerance, const double *b, doub
     if (fabs(g[k]) > 0.5 * norm) return BD_SINGULAR;
     w->base.factored.orientation = w->ring.sign * (w->border_pivot > 0.0 ? sign : -sign);
 
-    /* coefficients of the vectors, by the triangular matrix */
+    /* coefficients of the vectors: solve H g = g, H upper triangular by columns */
     for (int i = k - 1; i >= 0; --i) {
         for (int j = i + 1; j < k; ++j) g[i] -= H[j * MOST + i] * g[j];
         g[i] /= H[i * MOST + i];
@@ -243,7 +269,7 @@ static bd_status solve_once(bd_wheel *w, double tolerance, const double *b, doub
     return BD_OK;
 }
 
-/* Norm of x over its scale. */
+/* Norm of a vector and one number x divided by the scale of the unknowns. */
 static double scaled_norm(const bd_wheel *w, const double *x) {
     double sum = 0.0;
     for (int i = 0; i <= w->vector_size; ++i) {
@@ -254,7 +280,8 @@ static double scaled_norm(const bd_wheel *w, const double *x) {
     return sqrt(sum);
 }
 
-/* b = b - B x, with the full matrix. */
+/* b -= B x with the full bordered matrix B = [J C; N_u N_omega], or its transpose; b and x are a
+ * vector and one number. */
 static void subtract_product(bd_wheel *w, const double *x, double *b) {
     const size_t n = (size_t)w->vector_size;
     const double *column = w->transposed ? w->border : w->C;
@@ -293,6 +320,7 @@ static void divide_by_scale(const bd_wheel *w, double *x) {
     for (int i = 0; i <= w->vector_size; ++i) x[i] = w->scale[i] > 0.0 ? x[i] / w->scale[i] : 0.0;
 }
 
+/* Solve B diag(scale) x = b in place for scaled unknowns, to a tolerance: x = B^-1 b/scale. */
 bd_status bd_wheel_solve(bd_equations *e, double tolerance, double *b) {
     bd_wheel *w = (bd_wheel *)e;
     const size_t n = (size_t)e->n;
@@ -308,7 +336,7 @@ bd_status bd_wheel_solve(bd_equations *e, double tolerance, double *b) {
     return BD_OK;
 }
 
-/* (B diag(scale))^T x = b. */
+/* Solve (B diag(scale))^T x = b in place: x = B^-T (b/scale). */
 bd_status bd_wheel_solve_transposed(bd_equations *e, double *b) {
     bd_wheel *w = (bd_wheel *)e;
     const size_t n = (size_t)e->n;

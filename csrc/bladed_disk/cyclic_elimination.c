@@ -317,8 +317,8 @@ static void add_linear(bd_ring *w, const bd_ring_matrix *m, int n) {
 }
 
 /* Copy the entries for the coordinates [i0, i1) and [j0, j1) of a sector matrix (n_coef,
- * sector_size, n_coef, sector_size), for all pairs of coefficients: to (n_coef, n_i, n_coef, n_j), rows
- * of length ld. */
+ * sector_size, n_coef, sector_size), for all pairs of coefficients, to `to` (n_coef, n_i, n_coef,
+ * n_j) with rows of length ld. */
 static void extract(const bd_ring *w, const double *from, int i0, int i1, int j0, int j1,
                     double *to, int ld) {
     const int nc = w->input.n_coef, ns = w->sector_size, wide = nc * ns;

@@ -16,7 +16,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* C (m, n; ldc) = A B with A (m, k; lda), B (k, n; ldb), or C += A B. */
+/* C = A B, or C += A B with `add`: A (m, k), B (k, n), C (m, n) with rows of length lda, ldb, ldc.
+ * */
 static void multiply(const bd_wheel *w, int m, int n, int k, const double *A, int lda,
                      const double *B, int ldb, int add, double *C, int ldc) {
     if (!add) {
@@ -37,6 +38,8 @@ static int phase(int c) {
 
 /* ---- storage ---- */
 
+/* Internal vector x (n_sector, n_coef, sector_size) from the unknowns u of the equations (active
+ * coefficients, n_sector, sector_size); inactive coefficients are zero. */
 void bd_wheel_to_vector(const bd_wheel *w, const double *u, double *x) {
     const int N = w->input.n_sector, ns = w->sector_size, nc = w->n_coef;
     const size_t sector_bytes = sizeof(double) * (size_t)ns;
@@ -47,6 +50,8 @@ void bd_wheel_to_vector(const bd_wheel *w, const double *u, double *x) {
     }
 }
 
+/* Unknowns u of the equations (active coefficients, n_sector, sector_size) from an internal vector
+ * x (n_sector, n_coef, sector_size). */
 void bd_wheel_to_unknowns(const bd_wheel *w, const double *x, double *u) {
     const int N = w->input.n_sector, ns = w->sector_size, nc = w->n_coef;
     const size_t sector_bytes = sizeof(double) * (size_t)ns;
@@ -74,7 +79,8 @@ typedef struct {
     double *re, *im;
 } complex_array;
 
-/* y += A x, complex; A stored as in bd_waves. */
+/* y (n) += A x (n), complex; A (n, n) is stored by columns, the real part before the imaginary part
+ * (bd_waves). */
 static void add_complex(int n, const double *A, complex_input x, complex_array y) {
     const double *A_imaginary = A + (size_t)n * (size_t)n;
     double *restrict y_re = y.re, *restrict y_im = y.im;
@@ -131,7 +137,10 @@ static void wave_product(const bd_wheel *w, const bd_waves *waves, wave_terms wa
     }
 }
 
-/* to (a vector) += blade part of all sectors from the waves (2, n_wave, n_coef, n_blade). */
+/* to (a vector) += blade part of all sectors from the waves X (2, n_wave, n_coef, n_blade), real
+ * and imaginary parts, in which the weights of the waves are factors:
+ *
+ *     x_n += sum_d Re[X_d exp(i d n phi)] = sum_d Re X_d cos(d n phi) - Im X_d sin(d n phi). */
 static void add_sum_of_waves(bd_wheel *w, const double *wave, double *to) {
     const size_t N = (size_t)w->input.n_sector, D = (size_t)w->n_wave;
     const size_t nc = (size_t)w->n_coef, nb = (size_t)w->input.n_blade, m = nc * nb;
@@ -152,8 +161,13 @@ static double weight_of_wave(int d, int n_sector) {
     return (is_real ? 1.0 : 2.0) / n_sector;
 }
 
-/* Products of all coefficients of the waves of nodal diameter d; see wave_product. Arrays are
- * (2, n_wave, n_coef, n_blade): real and imaginary parts. */
+/* Linear forces of the waves of nodal diameter d: for each active coefficient x of harmonic l,
+ * whose other coefficient is x',
+ *
+ *     lin = K x - (l omega)^2 M x + sign l omega C x',   rate = d lin/domega (unless NULL),
+ *
+ * with sign 1 for a cosine, -1 for a sine, reversed for the transposed matrix. Arrays are (2,
+ * n_wave, n_coef, n_blade), real and imaginary parts. */
 static void products_of_diameter(const bd_wheel *w, const bd_waves *waves, int d, double omega,
                                  int transposed, const double *x, double *lin, double *rate,
                                  double *work) {
@@ -178,21 +192,25 @@ static void products_of_diameter(const bd_wheel *w, const bd_waves *waves, int d
     }
 }
 
-/* out (a vector) += circulant part times the blade coordinates; the derivative with respect to
- * omega is added to `by`, unless NULL. Optionally with the transposed matrix. */
+/* out (a vector) += circulant part times the blade coordinates (n_sector, n_coef, n_blade), and
+ * by += its derivative with respect to omega, unless NULL; optionally with the transposed matrix. A
+ * circulant matrix is diagonal in the waves over the sectors: X_d = sum_n x_n exp(-i d n phi) with
+ * phi = 2 pi/N. After products with the matrices of each wave, x_n = 1/N sum_d Re[X_d exp(i d n
+ * phi)]. */
 void bd_wheel_add_waves(bd_wheel *w, const bd_waves *waves, double omega, int transposed,
                         const double *blade, double *out, double *by) {
     const int N = w->input.n_sector, D = w->n_wave, m = w->n_coef * w->input.n_blade;
     const size_t part_size = (size_t)(D * m); /* real or imaginary part of all waves */
+    /* real and imaginary parts of the waves, their products and rates: (2, n_wave, m) each */
     double *in = w->wave_work;
     double *lin = in + 2 * part_size, *rate = lin + 2 * part_size, *work = rate + 2 * part_size;
 
-    /* Fourier transform over the sectors */
+    /* Fourier transform over the sectors; the sine is stored negative */
     multiply(w, D, m, N, w->cosine, N, blade, m, 0, in, m);
     multiply(w, D, m, N, w->sine, N, blade, m, 0, in + part_size, m);
 
-    /* coefficients that are not active stay zero */
-    memset(lin, 0, sizeof(double) * 4 * part_size);
+    /* lin and rate; coefficients that are not active stay zero */
+    memset(lin, 0, sizeof(double) * (2 + 2) * part_size);
     for (int d = 0; d < D; ++d) {
         products_of_diameter(w, waves, d, omega, transposed, in, lin, by ? rate : NULL, work);
         const double weight = weight_of_wave(d, N);
@@ -210,9 +228,13 @@ void bd_wheel_add_waves(bd_wheel *w, const bd_waves *waves, double omega, int tr
 
 /* ---- linear parts ---- */
 
-/* Add the inertia of the blade of sector n to `out`, which holds the stiffness, and set the
- * equations of its damper, for coefficient c. The derivative with respect to omega is added to
- * `by`, unless NULL. */
+/* Rows of coefficient c of sector n (harmonic l, f = l omega) in the product of linear part and x:
+ *
+ *     blade     out -= f^2 (M x), with inertia = M x; out already contains the stiffness
+ *     damper    out = (k - f^2 m) y + sign f c y',   y' the other coefficient of the harmonic.
+ *
+ * sign is 1 for a cosine, -1 for a sine, reversed for the transposed matrix. The derivative with
+ * respect to omega is added to `by`, unless NULL. */
 static void sector_part(const bd_wheel *w, double omega, int transposed, int n, int c,
                         const double *x, double *out, double *by) {
     const bd_wheel_input *in = &w->input;
@@ -245,8 +267,10 @@ static void sector_part(const bd_wheel *w, double omega, int transposed, int n, 
     }
 }
 
-/* out = linear part times x, by = its derivative with respect to omega, unless NULL. Optionally
- * with the transposed matrix. */
+/* out (a vector) = linear part times x, by = its derivative with respect to omega, unless NULL;
+ * optionally with the transposed matrix. The linear part has individual stiffness of each blade,
+ * inertia, dampers, and the circulant disk and damping. Blade matrices are symmetric, so rows of
+ * coordinates are multiplied from the right. */
 static void linear_part(bd_wheel *w, double omega, int transposed, const double *x, double *out,
                         double *by) {
     const bd_wheel_input *in = &w->input;
@@ -315,46 +339,57 @@ static void shift_blades(const bd_wheel *w, const double *x, double *to) {
  * k (points of a group, 3). */
 static size_t place_of(const bd_wheel *w, const int *point, int row, int k) {
     const int nc = w->n_coef, sector = row / nc, coefficient = row % nc;
-    const int p = sector * w->input.n_point + point[k / 3];
-    return (size_t)((3 * p + k % 3) * nc + coefficient);
+    const int place_in_group = k / BD_N_COMPONENT, component = k % BD_N_COMPONENT;
+    const int p = sector * w->input.n_point + point[place_in_group];
+    return (size_t)((BD_N_COMPONENT * p + component) * nc + coefficient);
 }
 
-/* Motion of all points (n_sector, n_point, 3, n_coef). */
+/* Motion X (n_sector, n_point, 3, n_coef) of all points at the vector x. There are two groups of
+ * points. With the rows R (3 points, sector_size) of a group, all sectors and coefficients at once,
+ *
+ *     motion (n_sector n_coef, 3 points) = x R^T     on the blade of the sector (group 0)
+ *                                        = x' R^T    on the next blade (group 1),
+ *
+ * where x' has the blade of the next sector with the damper of the sector. */
 static void find_motion(bd_wheel *w, const double *x, double *X) {
     const int rows = w->input.n_sector * w->n_coef, ns = w->sector_size;
     const int *point = w->ring.point;
-    const double *R = w->ring.rows_transposed;
+    const double *R_transposed = w->ring.rows_transposed;
     shift_blades(w, x, w->shifted);
-    for (int g = 0; g < 2; ++g) {
-        const int n = w->ring.n_group[g], wide = 3 * n;
-        const double *from = g ? w->shifted : x;
-        multiply(w, rows, wide, ns, from, ns, R, wide, 0, w->motion, wide);
+    for (int group = 0; group < 2; ++group) {
+        const int n = w->ring.n_group[group], wide = BD_N_COMPONENT * n;
+        const double *from = group == 0 ? x : w->shifted;
+        multiply(w, rows, wide, ns, from, ns, R_transposed, wide, 0, w->motion, wide);
         for (int row = 0; row < rows; ++row)
             for (int k = 0; k < wide; ++k)
                 X[place_of(w, point, row, k)] = w->motion[row * wide + k];
-        R += wide * ns;
+        R_transposed += wide * ns;
         point += n;
     }
 }
 
-/* out += forces at the points (n_sector, n_point, 3, n_coef) on the coordinates. */
+/* out (a vector) += forces F (n_sector, n_point, 3, n_coef) at the points on the coordinates. A
+ * group of points has rows R (3 points, sector_size), and its forces (n_sector n_coef, 3 points)
+ * give F R. Group 0 acts on the blade of the sector, group 1 on the blade of the next sector, both
+ * on the damper. */
 static void add_forces(bd_wheel *w, const double *F, double *out) {
     const int N = w->input.n_sector, ns = w->sector_size, nc = w->n_coef, nb = w->input.n_blade;
     const int rows = N * nc;
     const int *point = w->ring.point;
     const double *R = w->ring.rows;
-    for (int g = 0; g < 2; ++g) {
-        const int n = w->ring.n_group[g], wide = 3 * n;
+    for (int group = 0; group < 2; ++group) {
+        const int n = w->ring.n_group[group], wide = BD_N_COMPONENT * n;
+        const int on_own_blade = group == 0;
         for (int row = 0; row < rows; ++row)
             for (int k = 0; k < wide; ++k)
                 w->motion[row * wide + k] = F[place_of(w, point, row, k)];
-        double *to = g ? w->shifted : out;
-        const int add = g == 0;
+        double *to = on_own_blade ? out : w->shifted;
+        const int add = on_own_blade;
         multiply(w, rows, ns, wide, w->motion, wide, R, ns, add, to, ns);
         R += wide * ns;
         point += n;
     }
-    /* the second group acts on the damper and on the blade of the next sector */
+    /* group 1 acts on the damper and on the blade of the next sector */
     for (int row = 0; row < rows; ++row) {
         const int next = (row + nc) % rows;
         const double *from = w->shifted + (size_t)(row * ns);
@@ -364,12 +399,13 @@ static void add_forces(bd_wheel *w, const double *F, double *out) {
     }
 }
 
-/* Set rows and columns of inactive coefficients in the tangent of a point to zero. */
+/* Set rows and columns of inactive coefficients to zero in the tangent (BD_N_BLOCK, n_coef, n_coef)
+ * of a point. */
 static void clear_inactive(const bd_wheel *w, double *tangent) {
     const size_t nc = (size_t)w->n_coef;
     for (size_t c = 0; c < nc; ++c) {
         if (w->input.active[c]) continue;
-        for (size_t k = 0; k < 7; ++k) {
+        for (size_t k = 0; k < BD_N_BLOCK; ++k) {
             double *block = tangent + k * nc * nc;
             for (size_t d = 0; d < nc; ++d) {
                 block[c * nc + d] = 0.0;
@@ -379,55 +415,73 @@ static void clear_inactive(const bd_wheel *w, double *tangent) {
     }
 }
 
-/* Forces and optional tangents of n <= BD_LANES points from `first` on. */
+/* Forces (3, n_coef) and optional tangents (BD_N_BLOCK, n_coef, n_coef) of n <= BD_LANES points
+ * from `first` on, at the motion w->X. Rows and columns of inactive coefficients are zero in a
+ * tangent. */
 static void evaluate_points(bd_wheel *w, int first, int n, int derivative) {
-    const size_t nc = (size_t)w->n_coef, nn = nc * nc;
-    const double *X = w->X + 3 * nc * (size_t)first;
-    double *F = w->F + 3 * nc * (size_t)first, *tangent = w->tangent + 7 * nn * (size_t)first;
+    const size_t block_size = (size_t)(w->n_coef * w->n_coef);
+    const size_t force_size = (size_t)(BD_N_COMPONENT * w->n_coef);
+    const size_t tangent_size = BD_N_BLOCK * block_size;
+    const double *X = w->X + force_size * (size_t)first;
+    double *F = w->F + force_size * (size_t)first;
+    double *tangent = w->tangent + tangent_size * (size_t)first;
     const bd_element *element = w->element + first;
     bd_response out[BD_LANES];
     for (size_t i = 0; i < (size_t)n; ++i) {
-        out[i] = (bd_response){.F = F + 3 * nc * i};
+        out[i] = (bd_response){.F = F + force_size * i};
         if (!derivative) continue;
-        double *block = tangent + 7 * nn * i;
+        double *block = tangent + tangent_size * i;
         for (size_t d = 0; d < 2; ++d) {
-            out[i].dT[d] = block + d * nn;
-            out[i].dTv[d] = block + (2 + d) * nn;
-            out[i].dTc[d] = block + (4 + d) * nn;
+            out[i].dT[d] = block + (BD_DT1_DU1 + d) * block_size;
+            out[i].dTv[d] = block + (BD_DT1_DV + d) * block_size;
+            out[i].dTc[d] = block + (BD_DT1_DU2 + d) * block_size;
         }
-        out[i].dN = block + 6 * nn;
+        out[i].dN = block + BD_DN_DV * block_size;
     }
     bd_contact_evaluate_many(n, element, X, out, w->share + first, &w->evaluator);
     if (!derivative) return;
     for (int i = 0; i < n; ++i) {
         w->form[first + i] = (unsigned char)bd_element_form(out + i);
         bd_element_write_blocks(element + i, w->input.n_harm, out + i);
-        clear_inactive(w, tangent + 7 * nn * (size_t)i);
+        clear_inactive(w, tangent + tangent_size * (size_t)i);
     }
 }
 
-/* Motion, forces and optional tangents of all points. */
+/* Motion, forces and optional tangents of all points at w->x. The static displacement `shift` adds
+ * to the mean, coefficient 0 of each component. */
 static void evaluate_contact(bd_wheel *w, int derivative) {
     const int n_point = w->input.n_sector * w->input.n_point;
+    const int n_component = BD_N_COMPONENT * n_point;
     find_motion(w, w->x, w->X);
-    for (int i = 0; i < 3 * n_point; ++i) w->X[(size_t)(i * w->n_coef)] += w->input.shift[i];
+    for (int i = 0; i < n_component; ++i) w->X[(size_t)(i * w->n_coef)] += w->input.shift[i];
     for (int first = 0; first < n_point; first += BD_LANES) {
         const int left = n_point - first;
         evaluate_points(w, first, left < BD_LANES ? left : BD_LANES, derivative);
     }
 }
 
-/* F = tangents times motions X, or transposed. */
+/* F = T X or T^T X with the tangents T of all points: F and X (n_sector, n_point, 3, n_coef). T has
+ * for each point blocks (n_coef, n_coef), derivatives of a component of force with respect to a
+ * component of motion. */
 static void apply_tangents(const bd_wheel *w, int transposed, const double *X, double *F) {
-    /* components of force and motion of the seven blocks, in the order of bd_response */
-    static const int FORCE[7] = {0, 1, 0, 1, 0, 1, 2}, MOTION[7] = {0, 1, 2, 2, 1, 0, 2};
+    static const struct {
+        int force, motion; /* components: tangential 0 and 1, normal */
+    } BLOCK[BD_N_BLOCK] = {
+        [BD_DT1_DU1] = {0, 0},
+        [BD_DT2_DU2] = {1, 1},
+        [BD_DT1_DV] = {0, BD_NORMAL},
+        [BD_DT2_DV] = {1, BD_NORMAL},
+        [BD_DT1_DU2] = {0, 1},
+        [BD_DT2_DU1] = {1, 0},
+        [BD_DN_DV] = {BD_NORMAL, BD_NORMAL},
+    };
     const size_t nc = (size_t)w->n_coef, n_point = (size_t)(w->input.n_sector * w->input.n_point);
-    memset(F, 0, sizeof(double) * 3 * n_point * nc);
+    memset(F, 0, sizeof(double) * BD_N_COMPONENT * n_point * nc);
     const double *T = w->tangent;
     for (size_t p = 0; p < n_point; ++p) {
-        for (int k = 0; k < 7; ++k, T += nc * nc) {
-            const size_t force = (3 * p + (size_t)FORCE[k]) * nc;
-            const size_t motion = (3 * p + (size_t)MOTION[k]) * nc;
+        for (int k = 0; k < BD_N_BLOCK; ++k, T += nc * nc) {
+            const size_t force = (BD_N_COMPONENT * p + (size_t)BLOCK[k].force) * nc;
+            const size_t motion = (BD_N_COMPONENT * p + (size_t)BLOCK[k].motion) * nc;
             for (size_t c = 0; c < nc; ++c) {
                 for (size_t d = 0; d < nc; ++d) {
                     if (transposed)
@@ -449,6 +503,9 @@ static int all_finite(const double *x, size_t n) {
     return sum == 0.0;
 }
 
+/* Residual at the unknowns and omega y (n + 1): linear part + contact forces + springs of dampers -
+ * excitation. With `derivative`, keep the tangents of the contact points and the derivative with
+ * respect to omega for the factorisation. */
 static bd_status evaluate_wheel(bd_equations *e, const double *y, int derivative) {
     bd_wheel *w = (bd_wheel *)e;
     const bd_wheel_input *in = &w->input;
@@ -481,7 +538,8 @@ static bd_status evaluate_wheel(bd_equations *e, const double *y, int derivative
 
 /* out = J x or J^T x, at the latest point evaluated with derivatives. */
 void bd_wheel_multiply(bd_wheel *w, int transposed, const double *x, double *out) {
-    double *X = w->work, *F = X + 3 * w->input.n_sector * w->input.n_point * w->n_coef;
+    const int n_component = BD_N_COMPONENT * w->input.n_sector * w->input.n_point;
+    double *X = w->work, *F = X + n_component * w->n_coef; /* (n_component, n_coef) */
     linear_part(w, w->omega, transposed, x, out, NULL);
     find_motion(w, x, X);
     apply_tangents(w, transposed, X, F);
@@ -585,7 +643,9 @@ static void extract_coupling(const bd_wheel *w, int n, int n_kept, int behind, d
     }
 }
 
-/* Split the circulant matrices into the part in the elimination and the remainder. */
+/* Split the circulant matrices (stiffness, mass, damping) into the couplings of a sector to itself
+ * (sector_part, in the coordinates of a blade), to its neighbours (neighbour_part of stiffness and
+ * mass, in the kept coordinates), and the remainder. The elimination contains the first two. */
 static void split_couplings(bd_wheel *w) {
     const bd_wheel_input *in = &w->input;
     const size_t D = (size_t)w->n_wave, nb = (size_t)in->n_blade;
@@ -625,6 +685,7 @@ static bd_status memory_create(bd_wheel *w, const part *parts, size_t n_part) {
     return BD_OK;
 }
 
+/* Contact elements of all points of all sectors, from the arrays of the input. */
 static void set_elements(bd_wheel *w, const bd_wheel_input *in) {
     const int n_point = in->n_sector * in->n_point;
     for (int p = 0; p < n_point; ++p) {
@@ -640,7 +701,8 @@ static void set_elements(bd_wheel *w, const bd_wheel_input *in) {
     }
 }
 
-/* Factors of the Fourier transform over the sectors. */
+/* Factors of the Fourier transform over the sectors, exp(-i d n phi) with phi = 2 pi/N for nodal
+ * diameter d and sector n: cosine (n_wave, N) and negative sine. */
 static void set_transform(bd_wheel *w) {
     const int N = w->input.n_sector;
     for (int d = 0; d < w->n_wave; ++d) {
@@ -713,7 +775,7 @@ static lengths find_lengths(const bd_wheel_input *in, size_t n_unknown) {
     n.blade_waves = 2 * n.n_wave * n.blade_matrix;
     n.root_waves = 2 * n.n_wave * n_root * n_root;
     n.forces = 3 * n.n_point * n.n_coef;
-    n.tangents = 7 * n.n_point * n.n_coef * n.n_coef;
+    n.tangents = BD_N_BLOCK * n.n_point * n.n_coef * n.n_coef;
 
     /* waves, products and rates of bd_wheel_add_waves, and work of wave_product; split_couplings
      * needs a matrix */

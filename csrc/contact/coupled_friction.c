@@ -59,10 +59,12 @@ bd_status bd_coulomb_create(bd_coulomb_work *work, const bd_sampled_work *sample
     const size_t lanes = BD_LANES;
     const size_t n_coef = (size_t)bd_n_coef(sampled->n_harm);
     const size_t n_power = (size_t)bd_n_power(sampled->n_harm);
-    const size_t n_col = 3 * n_coef + 2; /* motion, and the slider at the start */
+    const size_t n_col = BD_N_COMPONENT * n_coef + 2; /* motion, and the slider at the start */
     const size_t n_sample = (size_t)sampled->n_time;
     const size_t n_padded = (n_sample + 7) / 8 * 8;
-    const size_t of_samples = 4 * n_padded * lanes + 29 * n_sample * lanes;
+    /* x, y, R, g; quantities of a chord and of a step */
+    const size_t per_sample = 4 + BD_N_CHORD + BD_N_STEP;
+    const size_t of_samples = 4 * n_padded * lanes + per_sample * n_sample * lanes;
     const size_t of_coef = 3 * n_coef * lanes + n_coef + n_coef * n_coef + n_power;
     const size_t of_columns = 4 * n_col + 2 * n_coef * n_col;
     work->memory = malloc(sizeof(double) * (of_samples + of_coef + of_columns));
@@ -86,8 +88,8 @@ bd_status bd_coulomb_create(bd_coulomb_work *work, const bd_sampled_work *sample
     work->lanes.y = bd_take(&rest, n_sample * lanes);
     work->lanes.R = bd_take(&rest, n_sample * lanes);
     work->lanes.g = bd_take(&rest, n_sample * lanes);
-    work->lanes.chord = bd_take(&rest, 7 * n_sample * lanes);
-    work->lanes.step = bd_take(&rest, 18 * n_sample * lanes);
+    work->lanes.chord = bd_take(&rest, BD_N_CHORD * n_sample * lanes);
+    work->lanes.step = bd_take(&rest, BD_N_STEP * n_sample * lanes);
     work->motion = bd_take(&rest, 3 * n_coef * lanes);
     work->slider_derivative = bd_take(&rest, 2 * n_col);
     work->next_slider = bd_take(&rest, 2 * n_col);
@@ -106,12 +108,21 @@ void bd_coulomb_destroy(bd_coulomb_work *work) {
     memset(work, 0, sizeof *work);
 }
 
-/* Factor from an integral with the basis function i to a coefficient. */
+/* Factor from an integral over the period with basis function i to Fourier coefficient i: 1/(2 pi)
+ * for the mean, 1/pi for cosines and sines. */
 static double row_scale(size_t i) { return i == 0 ? 1.0 / BD_TWO_PI : 1.0 / BD_PI; }
+
+/* Columns of the slider's derivative: n_coef for each of u1, u2 and v, then 2 for the slider at the
+ * start of the period. */
+static size_t n_motion_column(const bd_coulomb_work *work) {
+    return BD_N_COMPONENT * (size_t)bd_n_coef(work->n_harm);
+}
+static size_t n_column(const bd_coulomb_work *work) { return n_motion_column(work) + 2; }
 
 /* ---- the period map ---- */
 
-/* Move the slider into the disk of the last sample of the previous period. */
+/* Move the slider s (newtons) into the disk |p - s| <= R of the last sample, radially: p = (x, y)
+ * is the displacement. At the start of a period no other slider is possible. */
 static void make_admissible(const bd_coulomb_work *work, double *s) {
     const int last = work->n_time - 1;
     const double x = work->x[last], y = work->y[last], R = work->R[last];
@@ -122,31 +133,39 @@ static void make_admissible(const bd_coulomb_work *work, double *s) {
     s[1] = y - T[1] * R / size;
 }
 
-/* Smallest ellipse around the part of e with F . (x - m) >= 0, with a tolerance
- * `noise` relative to F. */
+/* Replace the ellipse (x - c) . Q^-1 (x - c) <= 1 by the smallest ellipse around its part with
+ * F . (x - m) >= 0 (ellipsoid method with a cut off the centre, in n = 2 dimensions). With the half
+ * width |F|_Q = sqrt(F . Q F) and the unit vector b = Q F/|F|_Q, the cut is at the depth
+ *
+ *     delta = F . (m - c)/|F|_Q - noise,    0: through the centre, 1: touching the far side,
+ *
+ *     c <- c + tau b,                           tau   = (1 + n delta)/(n + 1)
+ *     Q <- scale (Q - sigma b b^T),             sigma = 2 tau/(1 + delta)
+ *                                               scale = n^2/(n^2 - 1) (1 - delta^2).
+ *
+ * A cut with delta <= -1/n reduces nothing. `noise` is the rounding error of F in half widths. */
 static void cut_ellipse(bd_ellipse *e, const double *F, const double *m, double noise) {
-    /* the cut is at `depth` half widths from the centre, along g = Q F */
-    const double g[2] = {
+    const double QF[2] = {
         e->Q[0][0] * F[0] + e->Q[0][1] * F[1],
         e->Q[1][0] * F[0] + e->Q[1][1] * F[1],
     };
-    const double width = sqrt(F[0] * g[0] + F[1] * g[1]);
-    const double depth = (F[0] * (m[0] - e->c[0]) + F[1] * (m[1] - e->c[1])) / width - noise;
-    const int reduces = depth > -0.5 && depth < 0.999; /* beyond it is rounding */
+    const double half_width = sqrt(F[0] * QF[0] + F[1] * QF[1]);
+    const double delta = (F[0] * (m[0] - e->c[0]) + F[1] * (m[1] - e->c[1])) / half_width - noise;
+    const int reduces = delta > -0.5 && delta < 0.999; /* a deeper cut is rounding */
     if (!reduces) return;
 
-    const double move = (1.0 + 2.0 * depth) / 3.0;
-    const double less = 2.0 * move / (1.0 + depth);
-    const double size = 4.0 / 3.0 * (1.0 - depth * depth);
+    const double tau = (1.0 + 2.0 * delta) / 3.0;
+    const double sigma = 2.0 * tau / (1.0 + delta);
+    const double scale = 4.0 / 3.0 * (1.0 - delta * delta);
     for (int i = 0; i < 2; ++i) {
-        e->c[i] += move * g[i] / width;
+        e->c[i] += tau * QF[i] / half_width;
         for (int j = 0; j < 2; ++j) {
-            const double along = less * (g[i] / width) * (g[j] / width);
-            e->Q[i][j] = size * (e->Q[i][j] - along);
+            const double along = sigma * (QF[i] / half_width) * (QF[j] / half_width);
+            e->Q[i][j] = scale * (e->Q[i][j] - along);
         }
     }
 
-    /* positive definite despite rounding */
+    /* positive definite and symmetric despite rounding */
     const double least = 1e-15 * (e->Q[0][0] + e->Q[1][1]);
     e->Q[0][0] += least;
     e->Q[1][1] += least;
@@ -170,7 +189,8 @@ static void start_search(bd_coulomb_work *work, const bd_disk_point *centre, dou
     make_admissible(work, search->s);
 }
 
-/* Motion F = P(s) - s of the slider over the latest period of a lane. */
+/* Motion F = P(s) - s of the slider over the latest period of a lane, with the period map P: the
+ * sum of its movements if it barely slips, otherwise the difference of its positions. */
 static void period_motion(const bd_coupled_lanes *l, const bd_slider_search *search, int lane,
                           double F[2]) {
     /* end and start of a slider that barely slips are nearly equal, so their difference would lose
@@ -182,14 +202,23 @@ static void period_motion(const bd_coupled_lanes *l, const bd_slider_search *sea
     }
 }
 
-/* Derivative P' of the slider at the end of the latest period with respect to its start. */
+/* Derivative P' (2, 2) of the slider at the end of the latest period of a lane with respect to the
+ * slider at its start. */
 static void period_derivative(const bd_coupled_lanes *l, int lane, double dP[2][2]) {
     for (int i = 0; i < 2; ++i) {
         for (int j = 0; j < 2; ++j) dP[i][j] = l->period_derivative[(2 * i + j) * BD_LANES + lane];
     }
 }
 
-/* Next guess, from the period of a lane that began at the latest guess. */
+/* Improve the guess s of the steady slider, from the period of a lane that began at s and moved the
+ * slider by F = P(s) - s:
+ *
+ *     Newton step        s <- s + (I - P')^-1 F
+ *     otherwise          s <- centre of the ellipse that contains the steady slider.
+ *
+ * Newton's method needs a regular I - P', and steps that at least halve after the first ones. Every
+ * period also cuts the ellipse: the steady slider satisfies F . (s* - (s + P(s))/2) >= 0. The
+ * search settles if the motion, or the step, is rounding; it is lost after too many periods. */
 static void next_guess(bd_coulomb_work *work, bd_slider_search *search, int lane) {
     const double size = search->size;
     double *s = search->s;
@@ -227,7 +256,8 @@ static void next_guess(bd_coulomb_work *work, bd_slider_search *search, int lane
     make_admissible(work, s);
 }
 
-/* Let x, y, R and g be the samples of one point. */
+/* Let x, y, R and g of the workspace be the samples (n_padded each) of one point: displacement in
+ * newtons, friction limit and load. */
 static void select_lane(bd_coulomb_work *work, int lane) {
     const size_t n = (size_t)work->n_padded;
     work->x = work->point_samples + 4 * n * (size_t)lane;
@@ -236,6 +266,8 @@ static void select_lane(bd_coulomb_work *work, int lane) {
     work->g = work->R + n;
 }
 
+/* Start the next period of the n lanes at the latest guesses of their sliders; the others start at
+ * zero. */
 static void set_sliders(bd_coulomb_work *work, int n) {
     double *s = work->lanes.s;
     memset(s, 0, sizeof work->lanes.s);
@@ -252,7 +284,8 @@ static int any_searching(const bd_coulomb_work *work, int n) {
     return 0;
 }
 
-/* Find the steady slider of all lanes that slip; return whether there are any. */
+/* Find the steady slider of the n lanes that slip: evaluate periods of all lanes together until
+ * each search has ended. Return whether any lane slips. */
 static int settle(bd_coulomb_work *work, int n, int with_tangent) {
     if (!any_searching(work, n)) return 0;
     work->kernel->coupled_chords(&work->lanes, with_tangent);
@@ -271,58 +304,69 @@ static int settle(bd_coulomb_work *work, int n, int with_tangent) {
 
 /* ---- force and tangent over the steady period ---- */
 
-/* The slider is about to move: add its derivative over the samples since it was last set. */
+/* Add the derivative S_d (n_col) of the slider in direction d, which is about to change, over the
+ * samples since it was last set, with the sum B (n_coef) of the basis over these:
+ *
+ *     slider_sums_d (n_coef, n_col) += B S_d^T,    then B = 0. */
 static void end_stick_part(bd_coulomb_work *work) {
-    const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = 3 * n_coef + 2;
+    const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = n_column(work);
     for (size_t d = 0; d < 2; ++d) {
         const double *restrict derivative = work->slider_derivative + d * n_col;
         for (size_t i = 0; i < n_coef; ++i) {
             double *restrict sums = work->slider_sums + (d * n_coef + i) * n_col;
-            const double g = work->stick_basis[i];
-            for (size_t j = 0; j < n_col; ++j) sums[j] += g * derivative[j];
+            const double basis_sum = work->stick_basis[i];
+            for (size_t j = 0; j < n_col; ++j) sums[j] += basis_sum * derivative[j];
         }
     }
     memset(work->stick_basis, 0, sizeof(double) * n_coef);
 }
 
-/* to += factor0 basis0 + factor1 basis1 */
+/* to (n) += factor0 basis0 + factor1 basis1 */
 static void add_samples(double *restrict to, size_t n, double factor0, const double *basis0,
                         double factor1, const double *basis1) {
     for (size_t j = 0; j < n; ++j) to[j] += factor0 * basis0[j] + factor1 * basis1[j];
 }
 
-/* Derivative of the slider through the step of a lane to sample k, in which it moved:
- * ds_1 = A ds_0 + B0 dp_0 + B1 dp_1 + C0 dg_0 + C1 dg_1. */
+/* Advance the derivative of the slider over the step of a lane from sample k - 1 (0) to sample k
+ * (1), in which it moved:
+ *
+ *     ds_1 = A ds_0 + B0 dp_0 + B1 dp_1 + C0 dg_0 + C1 dg_1,    A, B0, B1 (2, 2),   C0, C1 (2).
+ *
+ * In terms of the coefficients, dp_d = kt_d b . du_d and dg = kn b . dv with the basis b (n_coef)
+ * at either sample. The derivative is (2, n_col), with n_coef columns for each of u1, u2 and v. The
+ * step stores each entry of A ... C1 for all samples and lanes. */
 static void advance(bd_coulomb_work *work, const bd_element *element, int lane, int k) {
-    const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = 3 * n_coef + 2;
-    const size_t stride = (size_t)work->n_time * BD_LANES;
-    const size_t at = (size_t)k * BD_LANES + (size_t)lane;
-    const double *A = work->lanes.step + 2 * stride + at;
-    const double *B0 = A + 4 * stride, *B1 = B0 + 4 * stride;
-    const double *C0 = B1 + 4 * stride, *C1 = C0 + 2 * stride;
-    const double *b0 = bd_coulomb_basis(work, bd_coulomb_before(work, k));
-    const double *b1 = bd_coulomb_basis(work, k);
+    const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = n_column(work);
+    const size_t entry_size = (size_t)work->n_time * BD_LANES;
+    const double *step = work->lanes.step + (size_t)k * BD_LANES + (size_t)lane;
+    const double *A = step + BD_STEP_A * entry_size;
+    const double *B0 = step + BD_STEP_B0 * entry_size, *B1 = step + BD_STEP_B1 * entry_size;
+    const double *C0 = step + BD_STEP_C0 * entry_size, *C1 = step + BD_STEP_C1 * entry_size;
+    const double *basis0 = bd_coulomb_basis(work, bd_coulomb_before(work, k));
+    const double *basis1 = bd_coulomb_basis(work, k);
     const double kn = bd_law_is_constant(element->law) ? 0.0 : element->kn;
-    const double *restrict s0 = work->slider_derivative;
-    const double *restrict s1 = s0 + n_col;
+    const double *restrict ds0_first = work->slider_derivative;
+    const double *restrict ds0_second = ds0_first + n_col;
     for (size_t d = 0; d < 2; ++d) {
-        double *restrict to = work->next_slider + d * n_col;
-        const double A0 = A[2 * d * stride], A1 = A[(2 * d + 1) * stride];
-        for (size_t j = 0; j < n_col; ++j) to[j] = A0 * s0[j] + A1 * s1[j];
+        double *restrict ds1 = work->next_slider + d * n_col;
+        const double A_first = A[2 * d * entry_size], A_second = A[(2 * d + 1) * entry_size];
+        for (size_t j = 0; j < n_col; ++j)
+            ds1[j] = A_first * ds0_first[j] + A_second * ds0_second[j];
         for (size_t c = 0; c < 2; ++c) {
-            const double kt = element->kt[c]; /* dp = kt du */
-            const size_t entry = (2 * d + c) * stride;
-            add_samples(to + c * n_coef, n_coef, kt * B0[entry], b0, kt * B1[entry], b1);
+            const double kt = element->kt[c];
+            const size_t at = (2 * d + c) * entry_size; /* entry (d, c) */
+            add_samples(ds1 + c * n_coef, n_coef, kt * B0[at], basis0, kt * B1[at], basis1);
         }
         if (!(kn > 0.0)) continue;
-        add_samples(to + 2 * n_coef, n_coef, kn * C0[d * stride], b0, kn * C1[d * stride], b1);
+        const size_t at = d * entry_size;
+        add_samples(ds1 + BD_NORMAL * n_coef, n_coef, kn * C0[at], basis0, kn * C1[at], basis1);
     }
     double *swap = work->slider_derivative;
     work->slider_derivative = work->next_slider;
     work->next_slider = swap;
 }
 
-/* Append a sample to the parts of the cycle. */
+/* Append sample k, from 2 pi k/n_time on, to the parts of the cycle; equal states are one part. */
 static void push_sample(bd_coulomb_work *work, int k, int state) {
     const double h = BD_TWO_PI / work->n_time;
     const double start = k * h, end = (k + 1) * h;
@@ -336,9 +380,12 @@ static void push_sample(bd_coulomb_work *work, int k, int state) {
     work->n_segment = n + 1;
 }
 
-/* Start of the period: derivative of the slider with respect to itself, or of p in open contact. */
+/* Derivative (2, n_col) of the slider at the start of the period, after the last sample: I in the
+ * columns of the slider at the start. In open contact s = p instead, so ds_d = kt_d b . du_d with
+ * the basis b of the last sample. */
 static void start_slider(bd_coulomb_work *work, const bd_element *element) {
-    const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = 3 * n_coef + 2;
+    const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = n_column(work);
+    const size_t of_start = n_motion_column(work); /* first column of the slider at the start */
     const int last = work->n_time - 1;
     const int is_open = !(work->g[last] > 0.0);
     const double *basis = bd_coulomb_basis(work, last);
@@ -348,7 +395,7 @@ static void start_slider(bd_coulomb_work *work, const bd_element *element) {
         if (is_open) {
             for (size_t j = 0; j < n_coef; ++j) row[d * n_coef + j] = element->kt[d] * basis[j];
         } else {
-            row[3 * n_coef + d] = 1.0;
+            row[of_start + d] = 1.0;
         }
     }
 }
@@ -359,21 +406,26 @@ static int state_of_step(int kind) {
     return kind == BD_STEP_SLIP ? BD_SLIP_PLUS : BD_STICK;
 }
 
-/* Sums of the force, and of the slider's derivative with a tangent, over the
- * steady period of a lane. */
+/* Sums over the steady period of a lane. The Fourier coefficients (n_coef) of the force T = p - s
+ * are F_d = row_scale 2 pi/n_time sum_k T_d,k b_k with the basis b_k at sample k in contact, and
+ * the shares count samples. With a tangent, the derivative of the slider is advanced from sample to
+ * sample, and its products with the basis are added up; `contact` are the sums of the powers over
+ * samples in contact. */
 static void sum_period(bd_coulomb_work *work, const bd_element *element, int lane, int with_tangent,
                        bd_response *out, bd_status_share *share) {
     const int n_coef = bd_n_coef(work->n_harm), n_power = bd_n_power(work->n_harm);
-    const int n_time = work->n_time, n_col = 3 * n_coef + 2;
+    const int n_time = work->n_time;
+    const size_t sums_size = 2 * (size_t)n_coef * n_column(work);
     const double weight = BD_TWO_PI / n_time;
-    const double *s[2] = {work->lanes.step, work->lanes.step + n_time * BD_LANES};
+    const double *step = work->lanes.step;
+    const double *s[2] = {step, step + n_time * BD_LANES}; /* slider after each step */
     double *F[2] = {out->F, out->F + n_coef};
     int n_open = 0, n_stick = 0;
     memset(out->F, 0, sizeof(double) * 2 * (size_t)n_coef);
     memset(work->contact, 0, sizeof(double) * (size_t)n_power);
     work->n_segment = 0;
     if (with_tangent) {
-        memset(work->slider_sums, 0, sizeof(double) * 2 * (size_t)(n_coef * n_col));
+        memset(work->slider_sums, 0, sizeof(double) * sums_size);
         memset(work->stick_basis, 0, sizeof(double) * (size_t)n_coef);
         start_slider(work, element);
     }
@@ -410,9 +462,11 @@ static void sum_period(bd_coulomb_work *work, const bd_element *element, int lan
     }
 }
 
-/* Derivative (2, 3 n_coef) of the steady slider: (I - P') ds = P_x dx. */
+/* Derivative ds (2, n_x) of the steady slider with respect to the motion (n_x = 3 n_coef columns):
+ * (I - P') ds = P_x. P_x and P' are the columns of the motion and of the slider at the start in the
+ * derivative of the slider at the end of the period. */
 static void solve_slider_derivative(const bd_coulomb_work *work, double *ds) {
-    const size_t n_x = 3 * (size_t)bd_n_coef(work->n_harm), n_col = n_x + 2;
+    const size_t n_x = n_motion_column(work), n_col = n_column(work);
     const double *row0 = work->slider_derivative, *row1 = row0 + n_col;
     const double dP[2][2] = {{row0[n_x], row0[n_x + 1]}, {row1[n_x], row1[n_x + 1]}};
     for (size_t j = 0; j < n_x; ++j) {
@@ -424,14 +478,22 @@ static void solve_slider_derivative(const bd_coulomb_work *work, double *ds) {
     }
 }
 
-/* Blocks of the tangent of T = p - s from the sums. */
+/* Tangent blocks (n_coef, n_coef) of T_d = p_d - s_d for the motions c = u1, u2, v,
+ *
+ *     block_dc = row_scale (kt_d products if c = d, - S_dc - S_d,start ds_c),
+ *
+ * with the products of basis functions over samples in contact, the sums S_d (n_coef, n_col) of the
+ * basis times the derivative of the slider, and the derivative ds (2, n_x) of the slider at the
+ * start of the period. */
 static void write_tangent(bd_coulomb_work *work, const bd_element *element, bd_response *out) {
-    const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_x = 3 * n_coef, n_col = n_x + 2;
-    double *ds = work->next_slider; /* (2, n_x) */
+    const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
+    const size_t n_x = n_motion_column(work), n_col = n_column(work);
+    double *ds = work->next_slider;
     solve_slider_derivative(work, ds);
     bd_cycle_products(work->n_harm, work->contact, work->products);
     for (size_t d = 0; d < 2; ++d) {
-        double *block[3] = {NULL, NULL, out->dTv[d]};
+        double *block[BD_N_COMPONENT];
+        block[BD_NORMAL] = out->dTv[d];
         block[d] = out->dT[d];
         block[1 - d] = out->dTc[d];
         for (size_t i = 0; i < n_coef; ++i) {
@@ -439,7 +501,7 @@ static void write_tangent(bd_coulomb_work *work, const bd_element *element, bd_r
             const double *products = work->products + i * n_coef;
             const double scale = row_scale(i);
             const double of_start[2] = {sums[n_x], sums[n_x + 1]};
-            for (size_t c = 0; c < 3; ++c) {
+            for (size_t c = 0; c < BD_N_COMPONENT; ++c) {
                 for (size_t j = 0; j < n_coef; ++j) {
                     const size_t at = c * n_coef + j;
                     double value = -sums[at] - of_start[0] * ds[at] - of_start[1] * ds[n_x + at];
@@ -451,16 +513,17 @@ static void write_tangent(bd_coulomb_work *work, const bd_element *element, bd_r
     }
 }
 
-/* Coefficients of p = kt u and of n0 + kn v (or the constant load) of one point. */
+/* Coefficients of p = kt u and of the load n0 + kn v (or the constant load) of one point, from its
+ * motion x (3, n_coef), to its lane of work->motion (3, n_coef, BD_LANES). */
 static void load_point(bd_coulomb_work *work, int lane, const bd_element *e, const double *x) {
     const int n_coef = bd_n_coef(work->n_harm);
     const int constant_load = bd_law_is_constant(e->law);
-    const double factor[3] = {e->kt[0], e->kt[1], constant_load ? 0.0 : e->kn};
+    const double factor[BD_N_COMPONENT] = {e->kt[0], e->kt[1], constant_load ? 0.0 : e->kn};
     const double load = constant_load ? e->load : e->n0;
-    for (int a = 0; a < 3; ++a) {
+    for (int a = 0; a < BD_N_COMPONENT; ++a) {
         double *to = work->motion + a * n_coef * BD_LANES + lane;
         for (int i = 0; i < n_coef; ++i) to[i * BD_LANES] = factor[a] * x[a * n_coef + i];
-        if (a == 2) to[0] += load;
+        if (a == BD_NORMAL) to[0] += load;
     }
 }
 
@@ -495,8 +558,8 @@ static void sample_motion(bd_coulomb_work *work, int n, const bd_element *elemen
         load_point(work, lane, element + lane, x + 3 * (size_t)n_coef * (size_t)lane);
     }
 
-    double *value[3] = {l->x, l->y, l->g};
-    for (int a = 0; a < 3; ++a) {
+    double *value[BD_N_COMPONENT] = {l->x, l->y, l->g};
+    for (int a = 0; a < BD_N_COMPONENT; ++a) {
         const double *coefficients = work->motion + a * n_coef * BD_LANES;
         work->kernel->lane_values(n_coef, n_time, work->power, n_power, coefficients, value[a]);
     }
@@ -519,7 +582,17 @@ static double size_of_forces(const bd_coulomb_work *work) {
     return size;
 }
 
-/* Handle points that stick or stay open; start the search for the other points. */
+/* Decide how the slider of the selected point behaves. It must lie in the disks |p_k - s| <= R_k of
+ * all samples to stick throughout. With the least violation phi of the disks and its point c:
+ *
+ *     open at all samples               no force
+ *     initial slider in all disks       it sticks
+ *     phi > 0                           it slips: start the search for the steady slider
+ *     phi = 0 (within rounding)         it sticks at c, at the onset of slip
+ *     phi < 0                           it sticks: moved from its initial position towards c into
+ *                                       the last disk.
+ *
+ * A point that is open at any sample has phi = infinity: its slider follows the surface there. */
 static void find_sticking(bd_coulomb_work *work, const bd_element *element, const double *x,
                           bd_response *out, bd_status_share *share, bd_slider_search *search) {
     const int with_tangent = out->dN != NULL;
@@ -546,18 +619,18 @@ static void find_sticking(bd_coulomb_work *work, const bd_element *element, cons
         bd_disks_centre(&disks, SLACK * size, &centre);
     }
 
-    /* the disks have no common point */
-    if (centre.value > TOUCH * size) {
+    const int none_in_common = centre.value > TOUCH * size;
+    if (none_in_common) {
         start_search(work, &centre, size, search);
         return;
     }
-    /* they have one */
-    if (centre.value >= -TOUCH * size) {
+    const int one_in_common = centre.value >= -TOUCH * size;
+    if (one_in_common) {
         bd_sticking_write(work, element, x, centre.s, out, share);
         if (with_tangent) bd_sticking_write_onset(work, element, &centre, out);
         return;
     }
-    /* they have many: shift the initial slider towards the centre until it is admissible */
+    /* many points in common */
     const double fraction = bd_disks_entry(&disks, initial, centre.s, &worst);
     const double s[2] = {
         initial[0] + fraction * (centre.s[0] - initial[0]),
@@ -568,7 +641,9 @@ static void find_sticking(bd_coulomb_work *work, const bd_element *element, cons
         bd_sticking_write_shifted(work, element, initial, &centre, fraction, worst, out);
 }
 
-/* Force and tangent of a point whose slider was searched. */
+/* Force and tangent of a point whose steady slider was searched; NaN if the search has failed. If
+ * the least violation of its disks is small, the point barely slips, and the limit at the onset of
+ * slip replaces the derivative. */
 static void finish(bd_coulomb_work *work, const bd_element *element, int lane, bd_response *out,
                    bd_status_share *share) {
     const bd_slider_search *search = work->search + lane;
@@ -592,9 +667,11 @@ static void finish(bd_coulomb_work *work, const bd_element *element, int lane, b
         write_tangent(work, element, out);
 }
 
+/* Samples of the motion; sliders that stick; search for the steady sliders of the other points; and
+ * a last period of these with the steps stored, from which force and tangent follow. */
 void bd_coulomb_evaluate(int n, const bd_element *element, const double *x, bd_response *out,
                          bd_status_share *share, bd_coulomb_work *work) {
-    const size_t n_x = 3 * (size_t)bd_n_coef(work->n_harm);
+    const size_t n_x = n_motion_column(work);
     const int with_tangent = out->dN != NULL;
     int any_friction = 0;
     work->n_segment = 0;

@@ -62,9 +62,11 @@ typedef struct {
     bd_vec L, L0, L1; /* int d tau/R and its derivatives with respect to R at both ends */
 } inverse_limit;
 
-/* L with S = R0 + near and z = (near - R0)/S, where near = R1/2^n lies within a factor of sqrt(2)
- * from R0. There the series of atanh converges to double precision, and for n = 0 nothing is divided
- * by the difference of the limits, which may vanish. In ln(R1/R0), the power of two counts n ln 2:
+/* Integral L = int d tau/R of a friction limit R that changes linearly from R0 to R1, tau from 0 to
+ * 1, and its derivatives L0 and L1 with respect to R0 and R1. Let S = R0 + near and z = (near -
+ * R0)/S, where near = R1/2^n lies within a factor of sqrt(2) from R0. There the series of atanh
+ * converges to double precision, and for n = 0 nothing is divided by the difference of the limits,
+ * which may vanish. In ln(R1/R0), the power of two counts n ln 2:
  *
  *     n = 0    L = 2 A/S,   A = atanh(z)/z,
  *     other    L = ln(R1/R0)/(R1 - R0),   ln(R1/R0) = n ln 2 + 2 z A. */
@@ -118,6 +120,8 @@ typedef struct {
     inverse_limit inverse;
 } chord;
 
+/* Slip along a chord D (2) of the motion while the friction limit changes from R_e to R1: its
+ * length |D|, direction a = D/|D|, L = int d tau/R and 1 - q = 1 - exp(-|D| L). */
 BD_INLINE chord make_chord(const bd_vec *D, bd_vec R_e, bd_vec R1, const int tangent) {
     chord w;
     w.length = bd_max(bd_root(D[0] * D[0] + D[1] * D[1]), bd_all(1e-300));
@@ -205,30 +209,37 @@ BD_INLINE void slip_step(step *o, const motion *m, const chord *w, const bd_vec 
     }
 }
 
+/* Copy the entries of x in the mask to `to`. */
 BD_INLINE void choose(bd_vec *to, bd_mask mask, bd_vec x) { *to = bd_select(mask, x, *to); }
 
-BD_INLINE double *chord_part(const bd_coupled_lanes *l, int at, int part) {
-    return l->chord + part * l->n_time * BD_LANES + at;
+/* Place of a quantity (BD_CHORD_...) of the chord that ends at `at`, sample times BD_LANES plus
+ * lane. */
+BD_INLINE double *chord_part(const bd_coupled_lanes *l, int at, int quantity) {
+    return l->chord + quantity * l->n_time * BD_LANES + at;
 }
 
+/* Store the quantities of the chord that ends at `at`; some are needed with a tangent only. */
 BD_INLINE void save_chord(bd_coupled_lanes *l, int at, const chord *w, const int tangent) {
-    bd_store(chord_part(l, at, 0), w->a[0]);
-    bd_store(chord_part(l, at, 1), w->a[1]);
-    bd_store(chord_part(l, at, 2), w->p);
+    bd_store(chord_part(l, at, BD_CHORD_A1), w->a[0]);
+    bd_store(chord_part(l, at, BD_CHORD_A2), w->a[1]);
+    bd_store(chord_part(l, at, BD_CHORD_P), w->p);
     if (!tangent) return;
-    bd_store(chord_part(l, at, 3), w->length);
-    bd_store(chord_part(l, at, 4), w->inverse.L);
-    bd_store(chord_part(l, at, 5), w->inverse.L0);
-    bd_store(chord_part(l, at, 6), w->inverse.L1);
+    bd_store(chord_part(l, at, BD_CHORD_LENGTH), w->length);
+    bd_store(chord_part(l, at, BD_CHORD_L), w->inverse.L);
+    bd_store(chord_part(l, at, BD_CHORD_L0), w->inverse.L0);
+    bd_store(chord_part(l, at, BD_CHORD_L1), w->inverse.L1);
 }
 
+/* Quantities of the chord that ends at `at`, as stored by save_chord. */
 BD_INLINE chord load_chord(const bd_coupled_lanes *l, int at, const int tangent) {
-    chord w = {.a = {bd_load(chord_part(l, at, 0)), bd_load(chord_part(l, at, 1))},
-               .p = bd_load(chord_part(l, at, 2))};
+    chord w = {.a = {bd_load(chord_part(l, at, BD_CHORD_A1)),
+                     bd_load(chord_part(l, at, BD_CHORD_A2))},
+               .p = bd_load(chord_part(l, at, BD_CHORD_P))};
     if (!tangent) return w;
-    w.length = bd_load(chord_part(l, at, 3));
-    w.inverse = (inverse_limit){bd_load(chord_part(l, at, 4)), bd_load(chord_part(l, at, 5)),
-                                bd_load(chord_part(l, at, 6))};
+    w.length = bd_load(chord_part(l, at, BD_CHORD_LENGTH));
+    w.inverse.L = bd_load(chord_part(l, at, BD_CHORD_L));
+    w.inverse.L0 = bd_load(chord_part(l, at, BD_CHORD_L0));
+    w.inverse.L1 = bd_load(chord_part(l, at, BD_CHORD_L1));
     return w;
 }
 
@@ -326,7 +337,8 @@ BD_INLINE bd_vec onset_of_slip(const motion *m, const friction *f) {
     return bd_select(bd_at_least(b, zero), outward, (h - b) / a);
 }
 
-/* Slip over the whole step, along the chord that all_chords has prepared for sample k1. */
+/* Slip over the whole step from the force direction e = T/|T|, along the chord that all_chords has
+ * stored for the end of the step, at1 = k1 BD_LANES + lane. */
 BD_INLINE void slip_from_start(step *o, const motion *m, const friction *f,
                                const bd_coupled_lanes *l, int at1, const int tangent) {
     const bd_vec e[2] = {f->T[0] / f->size, f->T[1] / f->size};
@@ -334,7 +346,9 @@ BD_INLINE void slip_from_start(step *o, const motion *m, const friction *f,
     slip_step(o, m, &w, e, bd_all(0.0), m->R0, tangent);
 }
 
-/* Slip after the instant tau at which T reaches the edge; lanes in `direct` slip from the start. */
+/* Slip after the part tau of the step at which T reaches the edge of the disk; for lanes in
+ * `direct`, tau = 0. Slip begins with T_e = T + tau dp and R_e = R0 + tau dR. It follows the
+ * remainder (1 - tau) dp of the chord. */
 BD_INLINE void slip_after_stick(step *o, const motion *m, const friction *f, bd_mask direct,
                                 const int tangent) {
     const bd_vec zero = bd_all(0.0), one = bd_all(1.0);
@@ -350,6 +364,8 @@ BD_INLINE void slip_after_stick(step *o, const motion *m, const friction *f, bd_
     slip_step(o, m, &w, e, tau, R_e, tangent);
 }
 
+/* Motion and load of the lanes of a vector, from the samples at0 and at1 = sample BD_LANES + lane.
+ * */
 BD_INLINE motion load_motion(const bd_coupled_lanes *l, int at0, int at1, int lane) {
     motion m;
     m.p0[0] = bd_load(l->x + at0);
@@ -366,8 +382,16 @@ BD_INLINE motion load_motion(const bd_coupled_lanes *l, int at0, int at1, int la
     return m;
 }
 
-/* Step from sample k0 to the next sample k1. Return the lanes that slip; those in `sticks` keep
- * their slider. */
+/* Step of the slider s from sample k0 to the next sample k1, for the lanes of vector v. In contact,
+ * the slider
+ *
+ *     slips at once   if T lies on the edge of the disk and moves outward, T . dp > |T| dR,
+ *     slips later     if T would leave the disk during the step,
+ *     sticks          otherwise.
+ *
+ * A contact that opens or closes has steps without memory of s. Write the slider after the step and
+ * its derivatives to o for lanes that move; those in `sticks` keep their slider. Return the lanes
+ * that slip. */
 BD_INLINE bd_mask take_step(const bd_coupled_lanes *l, int k0, int k1, int v, const bd_vec *s,
                             step *o, bd_mask *sticks, const int tangent) {
     const bd_vec zero = bd_all(0.0);
@@ -396,6 +420,7 @@ BD_INLINE bd_mask take_step(const bd_coupled_lanes *l, int k0, int k1, int v, co
     return slipping;
 }
 
+/* Kind of the step of one lane, from masks; neither open, stick nor slip: closing that sticks. */
 BD_INLINE unsigned char step_kind(bd_mask open, bd_mask sticks, bd_mask slips, size_t lane) {
     if (bd_entry_int(open, lane)) return BD_STEP_OPEN;
     if (bd_entry_int(sticks, lane)) return BD_STEP_STICK;
@@ -403,6 +428,8 @@ BD_INLINE unsigned char step_kind(bd_mask open, bd_mask sticks, bd_mask slips, s
     return BD_STEP_CLOSE;
 }
 
+/* Store the kind of the step to sample k, the slider s after it and, with a tangent, its
+ * derivatives A, B0, B1, C0 and C1, for the lanes of vector v. */
 BD_INLINE void store_step(bd_coupled_lanes *l, int k, int v, const step *o, const bd_vec *s,
                           bd_mask sticks, bd_mask slips, const int tangent) {
     const int at = k * BD_LANES + v * BD_WIDTH;
@@ -412,24 +439,23 @@ BD_INLINE void store_step(bd_coupled_lanes *l, int k, int v, const step *o, cons
 
     const int n = l->n_time * BD_LANES;
     double *to = l->step + at;
-    bd_store(to, s[0]);
-    bd_store(to + n, s[1]);
+    for (int i = 0; i < 2; ++i) bd_store(to + (BD_STEP_S + i) * n, s[i]);
     if (!tangent) return;
-    to += 2 * n;
-    for (int i = 0; i < 2; ++i)
-        for (int j = 0; j < 2; ++j) {
-            bd_store(to + (2 * i + j) * n, o->A[i][j]);
-            bd_store(to + (4 + 2 * i + j) * n, o->B0[i][j]);
-            bd_store(to + (8 + 2 * i + j) * n, o->B1[i][j]);
-        }
     for (int i = 0; i < 2; ++i) {
-        bd_store(to + (12 + i) * n, o->C0[i]);
-        bd_store(to + (14 + i) * n, o->C1[i]);
+        for (int j = 0; j < 2; ++j) {
+            const int entry = 2 * i + j;
+            bd_store(to + (BD_STEP_A + entry) * n, o->A[i][j]);
+            bd_store(to + (BD_STEP_B0 + entry) * n, o->B0[i][j]);
+            bd_store(to + (BD_STEP_B1 + entry) * n, o->B1[i][j]);
+        }
+        bd_store(to + (BD_STEP_C0 + i) * n, o->C0[i]);
+        bd_store(to + (BD_STEP_C1 + i) * n, o->C1[i]);
     }
 }
 
-/* One period from the slider l->s: slider at the end, its motion, and its derivative P with respect
- * to the slider at the start. */
+/* One period of steps from the slider l->s, one vector of lanes after the other. Write the slider
+ * at the end, the sum `net` of its movements, and the derivative P (2, 2) of the end with respect
+ * to the start: P <- A P in each step that moves the slider. */
 BD_INLINE void period(bd_coupled_lanes *l, const int store, const int tangent) {
     const bd_vec zero = bd_all(0.0), one = bd_all(1.0);
     for (int v = 0; v < N_VEC; ++v) {
@@ -466,6 +492,8 @@ BD_INLINE void period(bd_coupled_lanes *l, const int store, const int tangent) {
     }
 }
 
+/* Store the quantities of whole slip steps, along the chord from each sample to the next. They do
+ * not depend on the slider, so all periods of a search use them. */
 BD_INLINE void all_chords(bd_coupled_lanes *l, const int tangent) {
     for (int k = 0; k < l->n_time; ++k)
         for (int v = 0; v < N_VEC; ++v) {
@@ -498,7 +526,9 @@ void BD_JOIN(bd_coupled_period_, BD_VARIANT)(bd_coupled_lanes *l, int store, int
         period(l, 1, 1);
 }
 
-/* Largest |c - s| - R over n disks and its index; n is a multiple of 8. */
+/* Return the largest violation |c_k - s| - R_k of n disks by a point s, and the index of this disk.
+ * Centres are c_k = (x_k, y_k), and n is a multiple of 8. Each vector entry keeps the largest value
+ * of every BD_WIDTH-th disk, and the index of the first disk in that vector. */
 double BD_JOIN(bd_disk_violation_, BD_VARIANT)(int n, const double *x, const double *y,
                                                const double *R, const double *s, int *which);
 double BD_JOIN(bd_disk_violation_, BD_VARIANT)(int n, const double *x, const double *y,
@@ -507,12 +537,12 @@ double BD_JOIN(bd_disk_violation_, BD_VARIANT)(int n, const double *x, const dou
     for (int k = 0; k < n; k += BD_WIDTH) {
         const bd_vec dx = bd_load(x + k) - bd_all(s[0]);
         const bd_vec dy = bd_load(y + k) - bd_all(s[1]);
-        const bd_vec far = bd_root(dx * dx + dy * dy) - bd_load(R + k);
-        const bd_mask more = bd_above(far, most);
-        choose(&most, more, far);
+        const bd_vec violation = bd_root(dx * dx + dy * dy) - bd_load(R + k);
+        const bd_mask more = bd_above(violation, most);
+        choose(&most, more, violation);
         choose(&index, more, bd_all((double)k));
     }
-    /* largest of the lanes */
+    /* largest entry of the vector */
     size_t best = 0;
     for (size_t i = 1; i < BD_WIDTH; ++i)
         if (bd_entry(most, i) > bd_entry(most, best)) best = i;

@@ -25,8 +25,8 @@
  * This limit replaces the derivative while phi is so small that rounding
  * spoils the general formula.
  *
- * A derivative is (2, n_col): rows of the slider, columns of u1, u2, v and of the slider at the start
- * of the period. The last two columns stay zero here. */
+ * A derivative is (2, n_col): rows of the slider, columns of u1, u2, v and of the slider at the
+ * start of the period. The last two columns stay zero here. */
 #include "contact/sticking_slider.h"
 
 #include <string.h>
@@ -60,15 +60,16 @@ static void motion_row(const bd_coulomb_work *work, const bd_element *element, i
     }
 }
 
-/* Row e . dp - dR (n_col): motion of the edge of the disk of sample k along e, at a fixed slider. */
+/* Row e . dp - dR (n_col): motion of the edge of the disk of sample k along e, at a fixed slider.
+ * */
 static void edge_motion(const bd_coulomb_work *work, const bd_element *element, int k,
                         const double *e, double *row) {
     memset(row, 0, sizeof(double) * n_columns(work));
     motion_row(work, element, k, e, -1.0, row);
 }
 
-/* The n disks move the centre c along axis d by dc_d = sum_i f_i (e_i . dp_i - dR_i). The shares f_i
- * follow from e_i . dc + d phi = e_i . dp_i - dR_i for all i:
+/* The n disks move the centre c along axis d by dc_d = sum_i f_i (e_i . dp_i - dR_i). The shares
+ * f_i follow from e_i . dc + d phi = e_i . dp_i - dR_i for all i:
  *
  *     two     e_2 = -e_1, and across e_1 the disks do not determine c: f_i = e_i,d/2.
  *     three   Differences from the first equation eliminate phi. Cramer's rule gives f_2 and f_3,
@@ -151,7 +152,8 @@ static void derivative_of_shifted(bd_coulomb_work *work, const bd_element *eleme
 }
 
 /* a_i of the onset with two disks, (t . p')/(2 (e . p' - R')): half the motion of a disk's centre
- * across the slip direction e per length of slip, in the step that ends at the sample of the disk. */
+ * across the slip direction e per length of slip, in the step that ends at the sample of the disk.
+ * */
 static double slip_turn(const bd_coulomb_work *work, const bd_disk_point *point, int i,
                         const double *e, const double *t) {
     const int k1 = point->disk[i];

@@ -46,13 +46,38 @@ typedef struct {
 /* Kind of a step of coupled friction. */
 enum { BD_STEP_STICK, BD_STEP_SLIP, BD_STEP_OPEN, BD_STEP_CLOSE };
 
+/* Quantities of a whole slip step that do not depend on the slider, as rows of an array
+ * (BD_N_CHORD, n_time, BD_LANES): direction, 1 - q and length of the chord; mean of 1/R and its
+ * derivatives. */
+enum {
+    BD_CHORD_A1,
+    BD_CHORD_A2,
+    BD_CHORD_P,
+    BD_CHORD_LENGTH,
+    BD_CHORD_L,
+    BD_CHORD_L0,
+    BD_CHORD_L1,
+    BD_N_CHORD
+};
+
+/* Slider s (2) after a step and its derivatives A, B0, B1 (2, 2), C0 and C1 (2), as first rows of
+ * an array (BD_N_STEP, n_time, BD_LANES). */
+enum {
+    BD_STEP_S = 0,
+    BD_STEP_A = 2,
+    BD_STEP_B0 = 6,
+    BD_STEP_B1 = 10,
+    BD_STEP_C0 = 14,
+    BD_STEP_C1 = 16,
+    BD_N_STEP = 18
+};
+
 /* Coupled friction at BD_LANES contact points; see contact/coupled_kernel.c. */
 typedef struct {
     int n_time, interpolate;
     /* (n_time, BD_LANES) kt u; mu times the load; n0 + kn v, or the constant load */
     double *x, *y, *R, *g;
-    /* (7, n_time, BD_LANES) quantities of a whole slip step that do not depend on the slider */
-    double *chord;
+    double *chord; /* (BD_N_CHORD, n_time, BD_LANES) */
     double mu[BD_LANES];
     double s[2 * BD_LANES];   /* (2, BD_LANES) slider at the start of the period */
     double end[2 * BD_LANES]; /* slider at the end of the period */
@@ -60,8 +85,7 @@ typedef struct {
     double net_motion[2 * BD_LANES];
     /* (2, 2, BD_LANES) derivative of the end with respect to the start */
     double period_derivative[4 * BD_LANES];
-    /* (18, n_time, BD_LANES) s, A, B0, B1 (2, 2), C0, C1 (2) of each step */
-    double *step;
+    double *step;             /* (BD_N_STEP, n_time, BD_LANES) */
     unsigned char *step_kind; /* (n_time, BD_LANES) */
 } bd_coupled_lanes;
 
