@@ -260,14 +260,14 @@ def joint(
     decades: float = 3.0,
     **settings: Any,
 ) -> Study:
-    """Return a study of one mode with a joint of parallel sliders; its reference is the stuck
-    joint.
+    """Return a study of one mode with a joint that consists of parallel sliders.
 
-    The share x of the joint's stiffness slips below the friction limit ``friction * x**exponent``
-    of the whole joint.  The energy loss per cycle is then a power of its amplitude, with the
-    exponent ``2 + 1 / exponent`` (Segalman, J. Appl. Mech. 72, 2005, 752-760).  For motions of
-    the joint from ``10**-decades`` of macroslip, ``friction / stiffness``, to macroslip the sliders
-    are within 2 % of it; an analysis of smaller motions warns.
+    Frequency and damping refer to the stuck joint.  At the displacement ``friction / stiffness *
+    x**exponent`` the fraction x of the joint's stiffness slips.  The energy loss per cycle is then
+    a power of the amplitude of the joint, with the exponent ``2 + 1 / exponent`` (Segalman, J.
+    Appl. Mech. 72, 2005, 752-760).  The sliders agree with it within 2 % for amplitudes between
+    ``10**-decades`` times the macroslip displacement ``friction / stiffness`` and that
+    displacement; bdamper warns about smaller motions.
 
     Parameters
     ----------
@@ -287,8 +287,8 @@ def joint(
         Modal mass for a unit displacement at the point of the force, where the response is
         measured.
     sliders : int, optional
-        Even number of sliders, which then have the accuracy that they have; by default as many as
-        the two percent need, 28 to 44 for three decades and exponents of 1 and more.
+        Even number of sliders, of any accuracy.  By default as many as an accuracy of 2 % requires,
+        28 to 44 for three decades and exponents of 1 and more.
     decades : float
         Decades of motion of the joint below macroslip for which its friction is represented.
     **settings

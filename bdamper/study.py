@@ -222,7 +222,7 @@ class Study(Comparable):
         return report(self.problem.stiffness, self.problem.contact.note).text
 
     def replace(self, /, **settings: Any) -> Study:
-        """Return a copy of the study with some settings changed, given by name.
+        """Return a copy of the study with some settings changed.
 
         Parameters
         ----------
@@ -280,8 +280,8 @@ class Study(Comparable):
         location : str
         direction : {"tangential", "radial", "axial"} or three floats
         absolute : bool
-            Motion in space instead of the motion relative to the base, if the response of the study
-            is absolute.
+            Whether to return the absolute motion instead of the motion relative to the base; only
+            for studies whose response is absolute.
 
         Returns
         -------
@@ -426,10 +426,10 @@ class Study(Comparable):
         ----------
         frequency : (low, high), Hz
         preload : float, N, optional
-            Preload that closes the points; without gaps its size has no effect.  By default that of
-            the damper at the rotor speed of the study, otherwise 1 N.  Open points stay open here.
-            If vibration closes them, a resonance may lie above this limit.  An interface that
-            touches without a normal load counts as stuck, with a warning.
+            Preload that closes the points; without gaps its size has no effect.  Default:
+            centrifugal load of the damper at the rotor speed of the study; 1 N if it has none.
+            Open points stay open here.  If vibration closes them, a resonance may lie above this
+            limit.  An interface that touches without a normal load counts as stuck, with a warning.
 
         Returns
         -------
@@ -526,8 +526,8 @@ class Study(Comparable):
 
         All sectors are included, each with its contacts and disturbances of every nodal diameter;
         the modes of the curve are used.  The integration ends with the decision, usually after 96
-        to 200 periods.  With ``frequency`` it starts from the closest solution and has a given
-        number of periods without a decision, as where no stable solution exists.
+        to 200 periods.  With ``frequency`` it starts from the closest solution and lasts a given
+        number of periods, without a decision; use this where no stable solution exists.
 
         Parameters
         ----------
@@ -553,9 +553,9 @@ class Study(Comparable):
         Returns
         -------
         MotionInTime
-            With ``frequency`` it has no verdict, and is incomplete while the mean or the stored
-            energy changes.  After Ctrl-C it contains the periods computed so far.  If the processor
-            time is spent, it contains them too and is incomplete.
+            With ``frequency`` it has no verdict, and is incomplete if the mean or the stored energy
+            still changes at the end.  After Ctrl-C it contains the periods computed so far.  If the
+            processor time is used up, it contains them too and is incomplete.
 
         Raises
         ------
@@ -566,7 +566,7 @@ class Study(Comparable):
             If the time integration fails, or its energy does not balance to 2 % even with four
             times the steps.
         TimeSpent
-            If the processor time is spent before there is a result.
+            If the processor time is used up before there is a result.
         """
         return in_time.motion_in_time(
             self.problem,
@@ -597,8 +597,8 @@ class Study(Comparable):
 
         All sectors are included, each with its contacts; there is no truncated Fourier series and
         no assumption of a travelling wave.  The integration includes all nodal diameters of the
-        model.  It starts at the lowest solution at the first frequency that is not between folds,
-        and settles there before the sweep begins.
+        model.  It starts from a solution at the first frequency: the lowest that is not between
+        folds.  The motion settles there before the sweep begins.
 
         Parameters
         ----------
@@ -607,8 +607,8 @@ class Study(Comparable):
         up : bool
             Whether the frequency increases.
         rate : float, Hz/s, optional
-            Default: a tenth of the half bandwidth of the least damped mode within the decay time of
-            its transients.
+            Default: a tenth of the half-bandwidth of the least damped mode per decay time of its
+            transients.
         steps_per_period : int, optional
             256 by default.
         seconds : float, s
@@ -619,7 +619,7 @@ class Study(Comparable):
         Returns
         -------
         TimeSweep
-            After Ctrl-C it contains the periods computed so far.  If the processor time is spent,
+            After Ctrl-C it contains the periods computed so far.  If the processor time is used up,
             it contains them too and is incomplete.
 
         Raises
@@ -629,7 +629,7 @@ class Study(Comparable):
             structure in time.
         BdamperError
             If no solution is found at the first frequency, the time integration fails, or the
-            processor time is spent before the sweep begins.
+            processor time is used up before the sweep begins.
         """
         return sweeps.frequency_sweep(
             self.problem,
@@ -670,14 +670,15 @@ class Study(Comparable):
             energy does not balance to 2 %, it begins again with four times this number.
         blades : int, optional
             Number of blades of the ring; by default the smallest after which the excitation
-            repeats.  More allow more patterns.
+            repeats.  More blades allow more vibration patterns.
         starts : int
-            Number of initial states at the highest point.  Further ones have other disturbances
-            (their numbers are the seeds of the phases) and friction without traction, or at its
-            limit in either direction.
+            Number of initial states at the highest point.  Further states have other
+            disturbances, with random phases, and friction forces that are zero or at the limit in
+            either direction.
         seconds : float, s
-            Largest processor time of the integrations and their equations.  After it the result
-            contains the motions that have settled, and its reason gives the missing part.
+            Largest processor time of the integrations and their equations.  If this time is used
+            up, the result contains the motions that have settled, and its reason names the missing
+            part.
         progress : bool, optional
             Show progress: a bar or, without a terminal, lines of text after ten seconds; on by default.
 
@@ -686,8 +687,8 @@ class Study(Comparable):
         TimeResponse
             "not found" if no motion stays or settles in time, the integration fails, or its energy
             does not balance; "incomplete" if the error exceeds 5 %, the mean drifts, the processor
-            time is spent, or the curve ends before the motion jumps.  After Ctrl-C it describes the
-            highest steady motion so far.
+            time is used up, or the curve ends before the motion jumps.  After Ctrl-C it describes
+            the highest steady motion so far.
 
         Raises
         ------
@@ -851,7 +852,7 @@ class Study(Comparable):
             "preload" or any numeric setting (see :mod:`bdamper.harmonic_balance.parameters`);
             factors have the value 1. "damper_mass_factor" is a factor on the mass of the free
             bodies and on the preload, which is proportional to it at a rotor speed.
-            "damper_inertia_factor" is their inertia alone.
+            "damper_inertia_factor" is a factor on their inertia only.
 
         Returns
         -------
@@ -1642,7 +1643,7 @@ class Study(Comparable):
         Returns
         -------
         Refinement
-            ``study`` and ``peak`` of the last step, and ``steps`` with the price of each. The
+            ``study`` and ``peak`` of the last step, and ``steps`` with the cost of each. The
             status is "incomplete" if the model has no more detail, a more detailed study has no
             peak, harmonic balance does not decide the case, or the next step would exceed
             ``maximum``. ``needed`` then says what would reach the tolerance. After Ctrl-C it

@@ -24,11 +24,11 @@ Harmonic convergence
     contacts at its nodal diameter.
 
 Cost of accuracy
-    The most detailed combination of settings is the reference. It has an error itself, because the
-    settings end somewhere, and because others are not varied. For each source of error a study that
-    is still more detailed gives the change of the peak (:meth:`bdamper.Study.estimate_errors`). The
-    sum of the changes is the uncertainty of the reference. Where the model has no more detail, the
-    last refinement of the setting replaces the change.
+    The most detailed combination of settings is the reference. It has an error itself, because it
+    could be more detailed, and because other settings are not varied. For each source of error, a
+    still more detailed study gives the change of the peak (:meth:`bdamper.Study.estimate_errors`).
+    The sum of the changes is the uncertainty of the reference. Where the model has no more detail,
+    the last refinement of the setting replaces the change.
 
     Each setting alone is then reduced as long as its difference from the reference, together with
     the uncertainty, is within the tolerance. The cheapest of these values are combined. If the
@@ -898,8 +898,8 @@ def accuracy_cost(
 ) -> AccuracyCost:
     """Find the cheapest combination of settings within a tolerance.
 
-    The error of a combination is its difference from the most detailed combination plus the error
-    of the latter, by ``sources``. If no combination meets the tolerance, the result names settings
+    The error of a combination is its difference from the most detailed combination plus the
+    estimated error of the latter. If no combination meets the tolerance, the result names settings
     that are expected to meet it, with their time. The most detailed combination and the sources
     take most of the time, especially if a damper is nearly loose.
 
@@ -919,8 +919,8 @@ def accuracy_cost(
     tolerance : float
         Relative tolerance of amplitude and frequency.
     sources : sequence of str
-        Sources of the error of the most detailed combination, each the cost of a more detailed
-        peak. If empty, the last refinements take their place.
+        Sources for which the error of the most detailed combination is estimated; each requires a
+        more detailed peak. If empty, the error is the sum of the last refinements.
 
     Returns
     -------

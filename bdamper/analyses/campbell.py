@@ -2,7 +2,7 @@
 
 An excitation of engine order EO is a travelling wave of nodal diameter ``d = EO mod N``, or ``N -
 d`` if that is less. It excites modes of this nodal diameter only, with the frequency ``EO Omega/(2
-pi)``. The Campbell diagram of an order shows the modes of its nodal diameter over speed. The
+pi)``. The Campbell diagram of an engine order shows the modes of its nodal diameter over speed. The
 interference (SAFE) diagram shows all modes over nodal diameter at one speed, with the line of the
 excitation folded at N/2.
 

@@ -1,10 +1,9 @@
-"""Crossings of a resonance with engine orders, over rotor speed and damper mass.
+"""Resonance crossings over rotor speed and damper mass.
 
-Crossing
-    A crossing is the highest point of the response along the line of an engine order, as in a slow
-    run-up; the preload depends on the speed. Each crossing is a point of a sweep over damper mass
-    and engine order (:func:`bdamper.sweep`). :mod:`bdamper.analyses.engine_order_line` follows the
-    line.
+A crossing is the highest response on the line of an engine order, as in a slow run-up. Each point
+of the line has its own speed and therefore its own preload. :func:`resonance_crossings` computes a
+crossing for each damper mass and engine order, in a sweep (:func:`bdamper.sweep`).
+:mod:`bdamper.analyses.engine_order_line` follows the line.
 """
 
 from __future__ import annotations

@@ -4,18 +4,16 @@ The *reference* is the study with all effects that its model allows. The analysi
 change of the highest peak of the reference without each effect, and the work saved.
 
 1. The peak is embedded in the study without the effect; one adjoint solution estimates the change
-   (:mod:`bdamper.analyses.error_estimates`). An effect whose omission frees a direction of motion
-   has no estimate, because the mean position may drift away from the peak: the complete curve
-   without it is computed.
+   (:mod:`bdamper.analyses.error_estimates`). If the omission of an effect frees a direction of
+   motion, the mean position may drift away from the peak. Such an effect has no estimate, and the
+   complete curve without it is computed.
 2. If the estimate with its uncertainty exceeds the tolerance, Newton's method continues from the
-peak; if this fails or the
-   peak changes much, the complete curve without the effect is computed. If this fails too, the
-   change is unknown and the effect is significant.
+   peak. If this fails or the peak changes much, the complete curve without the effect is computed.
+   If this fails too, the change is unknown and the effect is significant.
 3. Effects are omitted one after the other, in order of the work saved, as long as the sum of their
-changes is within the
-   tolerance. Together they may change the peak by more than the sum. Therefore the peak without all
-   of them is computed and compared with the reference. Until they agree, the effect with the
-   largest change is restored.
+   changes is within the tolerance. Together they may change the peak by more than the sum.
+   Therefore the peak without all of them is computed and compared with the reference. As long as
+   the difference exceeds the tolerance, the effect with the largest change is restored.
 """
 
 from __future__ import annotations

@@ -36,32 +36,32 @@ has no more detail, or the curve cannot be computed, the source is not estimated
 given.
 
 ``harmonics``
-    Twice as many, at least four more; modes of the fundamental replace modes of a nodal diameter
-    that the model lacks. If the change is large, a peak with half of the new harmonics shows
-    whether successive peaks approach each other. If they do not, or have no solution, more
-    harmonics do not give a limit, and only time integration decides.
+    The number of harmonics is doubled, and rises by at least four; modes of the fundamental replace
+    modes of a nodal diameter that the model lacks. If the change is large, a peak with half of the
+    new harmonics shows whether successive peaks approach each other. If they do not, or have no
+    solution, more harmonics do not give a limit, and only time integration decides.
 ``contact_forces``
-    Sampled contact forces against exact events.
+    Sampled contact forces are compared with exact events.
 ``contact points``
-    Merged contact patches against the patches of the model. If the study has them all, it is
-    compared with a coarser set of at least half of them. The error of ``n`` points is then assumed
-    to fall as ``1/n``: between 48 and 24 points, and 24 and 12, the change of a peak of the
+    Merged contact patches are compared with the patches of the model. If the study has them all, it
+    is compared with a coarser set of at least half of them. The error of ``n`` points is then
+    assumed to fall as ``1/n``: between 48 and 24 points, and 24 and 12, the change of a peak of the
     reference disk falls to a quarter, so that the assumption is cautious. The coarser set keeps
     three rows along t1 and two along t2 if the face has them, because a wedge on fewer rows rolls
     too easily.
 ``modes``
-    With residual modes twice as many modes, at least the default number of blade modes: the error
-    decreases with the fourth power of the frequency of the first omitted mode. Otherwise all modes
-    of the model, because convergence is slow.
+    If the study has residual modes, the number of modes is doubled, at least to the default number
+    of blade modes: the error decreases with the fourth power of the frequency of the first omitted
+    mode. Otherwise all modes of the model are used, because convergence is slow.
 ``residual flexibility``
-    Contact stiffness by a diagonal rule against residual modes, which contain the complete
-    flexibility for stuck modes. For residual modes the reference has one for every force on the
-    mesh, at most 72. Both studies have at least three harmonics: contact forces above the highest
-    harmonic are felt by the diagonal alone, and more vectors make it smaller.
+    A diagonal contact stiffness is compared with residual modes, which contain the complete
+    flexibility for stuck modes. Residual modes are compared with one for every force on the mesh,
+    at most 72. Both studies have at least three harmonics, because only the diagonal represents
+    contact forces above the highest harmonic, and more vectors make it smaller.
 ``time``
     Time integration near the peak (:mod:`bdamper.time_domain.time_response`), only on request,
-    because it takes longer than all other sources. The change is the one to the farther end of the
-    range of amplitudes.
+    because it takes longer than all other sources. The error is the difference from the farther end
+    of the range of amplitudes.
 """
 
 from __future__ import annotations

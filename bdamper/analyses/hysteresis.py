@@ -20,8 +20,8 @@ First loading
 
     .. math:: K q + G^T F(G q + P x_0) = P f + Q d
 
-    with the modes :math:`d` of the location in the direction of :math:`Q`. Residual modes do not
-    move the location, so curves for different contact stiffnesses differ by the contact only.
+    where :math:`d` is the motion of the location in each mode, along :math:`Q`. Residual modes do
+    not move the location, so curves for different contact stiffnesses differ by the contact only.
     Points begin to slip one after the other. The slope decreases from the stuck stiffness to zero,
     at the force at which the damper slides.
 """
@@ -492,34 +492,33 @@ def microslip(
     location: str = "damper",
     direction: tuple[float, float, float] = (0.0, 0.0, 1.0),
 ) -> SweepResult:
-    """Compute the displacement of a location under a growing force at constant preload.
+    """Compute the displacement of a location while the force on it increases at constant preload.
 
-    This is the first loading.
+    The calculation is quasistatic and starts from the static state.
 
     Parameters
     ----------
     problem : Problem
     preload : float, N
     forces : (n,) float, N
-        Increasing positive forces.
+        Positive forces in increasing order.
     location : str
-        Location of the force.
+        Location at which the force acts.
     direction : (3,) float
         Direction of the force along X, Y, Z.
 
     Returns
     -------
     SweepResult
-        Results over "force", from zero. "displacement" is the displacement of the location along
-        the force (m). "open" is the share of friction points without contact, "slipping" the share
-        of the closed ones that slip. "residual" is the relative residual of modal equilibrium.
-        Forces under which the damper slides have the status "failed".
+        One row per force, beginning with zero.  "displacement" (m) is measured along the force.
+        "slipping" is the fraction of closed points that slip, and "open" the fraction of friction
+        points without contact.  "residual" is the relative residual of modal equilibrium.  From the
+        force at which the damper slides, the status is "failed".
 
     Raises
     ------
     SettingError
-        If the forces do not increase from zero, or the location does not move in the direction of
-        the force.
+        If the forces do not increase, or the location cannot move along their direction.
     ModelError
         If there is no static state under the preload.
     """

@@ -10,16 +10,16 @@ the tolerance.
 
 The refinement ends without success if
 
-* the errors that no study of the model reduces exceed the tolerance together;
+* the sum of the errors that no study of this model can reduce exceeds the tolerance;
 * a more detailed study has no peak;
 * peaks with more harmonics do not approach each other, not even after a refinement of the
-  harmonics: harmonic balance then does not decide the case;
+  harmonics: only time integration can then give the amplitude;
 * the next step would exceed the largest time, or a step does. The expected time
   grows with the square of the number of unknowns, because Jacobians take most of it.
 
-The result then gives the settings or the model that would reach the tolerance. Modes that a model
-lacks are extrapolated from the part of the error that a doubled number leaves, contact points from
-an error inversely proportional to their number.
+The result then gives the settings or the model that would reach the tolerance. The required number
+of modes is extrapolated from the part of the error that remains after doubling; the error is
+assumed to be inversely proportional to the number of contact points.
 """
 
 from __future__ import annotations

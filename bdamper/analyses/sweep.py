@@ -90,7 +90,7 @@ numbers, texts or lists of numbers.
 @validation.check_arguments
 @dataclass(frozen=True)
 class PeakTask(validation.Checked):
-    """Evaluation of the highest resonance peak.
+    """Task of a sweep: find the highest resonance peak.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ class PeakTask(validation.Checked):
 @validation.check_arguments
 @dataclass(frozen=True)
 class OptimalTask(validation.Checked):
-    """Evaluation of optimal curve and optimum.
+    """Task of a sweep: compute the optimal curve and its optimum.
 
     Parameters
     ----------

@@ -237,7 +237,7 @@ class ContactLaw:
 
     The function has the signature ``bd_user_law`` of ``csrc/contact/user_law.h``: eleven pointers,
     no return value.  It must not call Python.  Several threads call it at the same time, so its
-    results must depend on its arguments alone.
+    results must depend only on its arguments.
 
     Parameters
     ----------
@@ -256,8 +256,8 @@ class ContactLaw:
         Name in output and files, by default the name of the function.  Names of built-in laws are
         reserved.
     resolution : float, m
-        Smallest amplitude of relative motion that the law resolves.  A response curve with smaller
-        motion has a warning.
+        Smallest amplitude of relative motion that the law resolves.  bdamper warns about smaller
+        motions.
 
     Raises
     ------
@@ -366,9 +366,9 @@ class ContactLaw:
 
         It consists of Jenkins elements along each tangential direction, two for each interval of
         slip displacements and one that slips last.  Strength, total stiffness and the stiffness of
-        each interval are exact.  For amplitudes from 10^(-decades) of macroslip, the
-        ``resolution`` of the law, to macroslip, the dissipation is within 2 % of the power law.
-        In the decade below, it is wrong by up to a factor of 5.
+        each interval are exact.  The dissipation is within 2 % of the power law for amplitudes
+        between 10^(-decades) times the macroslip displacement (the ``resolution`` of the law) and
+        the macroslip displacement.  In the decade below, it is wrong by up to a factor of 5.
 
         Parameters
         ----------
@@ -383,9 +383,9 @@ class ContactLaw:
         kn : float, N/m
             Normal spring, see :meth:`jenkins`.
         n : int, optional
-            Number of intervals of slip displacements; by default as many as the two percent need,
-            12 to 22 for three decades.  The first interval begins at zero; the others have equal
-            ratios of their ends.
+            Number of intervals of slip displacements; by default as many as an accuracy of 2 %
+            requires, 12 to 22 for three decades.  The first interval begins at zero; the ends of
+            the others form a geometric sequence.
         decades : float
             Decades of amplitudes up to macroslip over which the law holds.
         """

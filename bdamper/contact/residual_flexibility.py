@@ -25,14 +25,14 @@ stuck.  If there are fewer stuck modes than vectors, the forces with the largest
 :math:`d^{-1} v` with the eigenvectors :math:`v` of :math:`d^{-1} R\, d^{-1}` and
 :math:`d^2 = \mathrm{diag}(R)`.
 
-These forces say nothing about an edge that carries alone.  For partial contact more of the softest
-forces follow, or the contact forces of the first mode with a part of the points stuck
+These forces do not describe contact limited to an edge.  For partial contact, more of the softest
+forces follow, or the contact forces of the first mode if only some of the points stick
 (:func:`parts_of_faces`).
 
 Forces of parts are largest at their ends, so that combinations of the vectors can be stiff.  They
 would make the share of every point small.  The stiffness of their coordinates is therefore
-increased, which leaves these combinations to the diagonal.  The increase is smooth: a limit at
-which vectors are left out gave equations that interpolation over speed cannot follow.  The first
+increased, which leaves these combinations to the diagonal.  The increase is smooth, because
+equations from which vectors are dropped at a limit cannot be interpolated over speed.  The first
 vector keeps its stiffness: the first stuck frequency of the fundamental harmonic and the static
 state remain exact.
 
@@ -83,7 +83,8 @@ SOFT_ENOUGH = 0.17
 """Flexibility, in units of that of a point, below which combinations of force vectors fade out.
 
 Without the limit the share falls from 0.50 to 0.01 on random sectors, and a corner that carries
-alone is 9 % too stiff; with 0.2 a corner of the turbine blade is 29 % too soft (measured.md).
+alone is 9 % too stiff; with 0.2 a corner of the turbine blade is 29 % too soft
+(docs/evidence/measured.md).
 """
 FADING = 10.0
 """Increase of the stiffness of fading combinations for each unit of flexibility below the limit.
@@ -118,22 +119,24 @@ class ResidualModes(validation.Checked):
     ----------
     n_vectors : int or "all"
         Number of force vectors, and thus of coordinates, per harmonic.  Five vectors give five
-        exact stuck frequencies.  With ten blade modes, six vectors give the highest peak to 8 %,
-        and twelve to 4 % at twice the time (measured.md).  "all" is exact for the forces that the
-        mesh resolves; it serves as a reference.
+        exact stuck frequencies.  With ten blade modes, the highest peak has an error of 8 % with
+        six vectors, and of 4 % with twelve, which take twice the time
+        (docs/evidence/measured.md).  "all" is exact for the forces that the mesh resolves, and
+        serves as a reference.
     contact_share : float
-        Upper bound of the fraction of the point flexibility in the contact stiffness.
+        Largest fraction of the flexibility of a point that its contact stiffness represents.
     inertia : bool
         Include the inertia of the omitted modes in the model.
     n_soft : int
         Number of further force vectors for partial contact, those with the largest flexibility.
-        Six of them lower the error of peaks by contact at edges from 3 to 7 % to less than 1 %
-        from the optimum of two reference models on, at 1.5 to 2 times the time (measured.md).
+        For two reference models at preloads from the optimum upward, six of them reduce the error
+        due to edge contact from 3 to 7 % of the peak to less than 1 %, in 1.5 to 2 times the time
+        (docs/evidence/measured.md).
     partial_contact : bool
         Add the force vectors of faces that touch at one end: outer, inner, front or rear third.
-        They lower the largest error of mode 1 with bonded parts from 44 to 12 % on 29 random
-        sectors, at up to 1.8 times the time (measured.md).  Stiff combinations fade out, so that
-        of the stuck frequencies the first alone is exact.
+        For 29 random sectors with bonded faces, they reduce the largest error of mode 1 from 44 to
+        12 %, in up to 1.8 times the time (docs/evidence/measured.md).  Stiff combinations fade out,
+        so that only the first stuck frequency is exact.
     """
 
     n_vectors: Annotated[int | Literal["all"], _count_or_all] = 6

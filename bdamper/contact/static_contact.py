@@ -17,8 +17,8 @@ place of rigid contact, 111 problems took 6 times as long and reached 1e-8 inste
 
 The contact conditions are equivalent to :math:`F = \mathrm{law}(x + F/k)`, with an elastic contact
 element of arbitrary stiffness :math:`k > 0`.  These piecewise linear equations for
-:math:`(F, \eta)` are solved by Newton iteration on the contact states.  It failed for 184 of 600
-random wedges with six points.  An overdamped motion then leads to equilibrium
+:math:`(F, \eta)` are solved by Newton iteration on the contact states.  For 184 of 600 random
+wedges with six points it failed.  In this case an overdamped motion leads to equilibrium
 (:meth:`_Solver.creep`); :math:`w` is the slider position of its last step.
 
 With friction there may be several states, or none: the load then exceeds the friction limits and

@@ -16,9 +16,10 @@ bodies are averaged over the same area.  The map from the reference square or tr
 uses the corners of a facet; Newton iteration inverts it.  The weights of a patch are normalised to
 the sum 1, so that the mean of a rigid motion is exact up to rounding.
 
-A mesh with m lines of nodes along a direction represents m independent means of patches in a row.
-More patches have combinations of forces without flexibility of the mesh, which make contact springs
-too stiff.  The number of patches is therefore limited by the coarser mesh (:func:`resolved_grid`).
+A mesh with m lines of nodes along a direction can represent m independent patch means in this
+direction.  With more patches, there are combinations of forces for which the mesh has no
+flexibility; they make contact springs too stiff.  The number of patches is therefore limited by the
+coarser mesh (:func:`resolved_grid`).
 """
 
 from __future__ import annotations

@@ -15,8 +15,8 @@ real for d = 0 and d = N/2.  Modes (shift and invert about zero) and static rece
 diameters share the factorisation of the inside (:mod:`bdamper.fem.sector_inside`).
 
 The lowest modes of a slender blade are up to 1e5 times softer than the remaining response, which
-residual modes describe. Solved as a part of the whole, this remainder is lost in rounding.  It is
-therefore solved alone: with modes :math:`\Phi`, frequencies :math:`\Omega` and
+residual modes describe. In the complete solution, this remainder would be lost in rounding.  It is
+therefore computed separately: with modes :math:`\Phi`, frequencies :math:`\Omega` and
 :math:`P = 1 - \Phi \Phi^H M`,
 
 .. math:: K^{-1} f = P\,K^{-1} P^H f + \Phi\,\Omega^{-2}\,\Phi^H f .

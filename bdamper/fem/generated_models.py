@@ -15,8 +15,7 @@ back       damper 0         ground (axial stop) constraint, with clearance
 
 Positions and axes of an interface belong to the damper of sector 0.  Modes and receptances of the
 blade at "right" belong to the left platform underside of blade 0, with axes rotated back by one
-pitch;
-:mod:`bdamper.model.kinematics` adds the phase.
+pitch; :mod:`bdamper.model.kinematics` adds the phase.
 
 Contact points are the centres of rectangular patches of the plane faces (paper, Figs 1 and 3).
 With the angle a of a face from the radial axis, the contact axes t1, t2, n in the axes of the

@@ -13,8 +13,8 @@ blade, r for the root and g for the rest of the disk, the coordinates of
 * root shapes V with the static shapes of blade, :math:`-K_{ff}^{-1} K_{fr} V`, and disk, at each
   nodal diameter.  V are the principal shapes (singular vectors) of the motion of the root, divided
   by the frequency, in the lowest modes of the sector at nodal diameters 0, 1, 2, 4, 8 ... N/2.
-  With all nodal diameters the largest error of family 1 of the 65 blades of :mod:`bdamper.fem`
-  changes from 0.00012 to 0.00016 % only.
+  With all nodal diameters the largest error of family 1 for the 65 blades of :mod:`bdamper.fem`
+  changes only from 0.00012 to 0.00016 %.
 
 Only V moves the root.  All shapes are modes or static, so U, X and V do not couple in the stiffness
 (Craig and Bampton, AIAA Journal 6, 1968, p. 1313).
@@ -22,8 +22,9 @@ Only V moves the root.  All shapes are modes or static, so U, X and V do not cou
 The stiffness of the blade is assembled from its elements.  Matrices of a sector contain sums of
 blade and disk at the root; the complete stiffness of the root shapes then counts as part of the
 disk.  This has no effect on identical blades or on frequencies of different blades clamped at the
-root.  It neglects the change of the strain energy of the blade by deformation of its root: a
-deviation of 5 % changes family 1 of a coarse disk with a soft rim by 0.05 % too little.
+root.  It neglects that the strain energy of the blade also changes with the deformation of its
+root: the change of family 1 of a coarse disk with a soft rim due to a deviation of 5 % is 0.05 %
+too small.
 """
 
 from __future__ import annotations

@@ -19,8 +19,8 @@ one-sided springs,
 
     n0 + kn v = max(n0 + kn v, 0) - max(-n0 - kn v, 0),
 
-so a second point with the opposite normal is added.  It carries no force unless the contact would
-open, at little cost.  Friction acts under pressure only, ``|T| <= mu max(n0 + kn v, 0)``.  For a
+so a second point with the opposite normal is added, which costs little.  It carries no force unless
+the contact would open.  Friction acts under pressure only, ``|T| <= mu max(n0 + kn v, 0)``.  For a
 constant friction limit the core has laws that store the static normal load and have a two-sided
 normal spring.  Friction points that are open in the static state are left out.  Bonded points
 neither open nor slip and remain unchanged.

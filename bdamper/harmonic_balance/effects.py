@@ -63,9 +63,9 @@ REDUCED = ("harmonics", "damper modes", "blade modes", "contact points")
 
 
 class Effects(dict[str, Any]):
-    """Settings that include physical effects, by name: ``study.replace(**effects)``.
+    """Settings that turn physical effects on or off; ``study.replace(**effects)`` applies them.
 
-    ``print`` shows a table of them with the assumptions made if they are off or reduced.
+    ``print`` shows a table of the effects, with the assumption made if an effect is off or reduced.
     """
 
     def __init__(self, settings: Mapping[str, Any]) -> None:

@@ -107,7 +107,7 @@ def study_fingerprint(problem: Problem) -> str:
 
 @accepts_study
 def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
-    """Return the problem with settings replaced by name.
+    """Return the problem with some settings changed.
 
     Parameters
     ----------

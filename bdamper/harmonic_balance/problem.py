@@ -1,7 +1,7 @@
 """One model under one set of settings, and the equations that follow from them.
 
-:class:`Problem` computes on demand, once: the modal bases of the harmonics, the contact stiffness,
-and the static states under the preload (paper, section 3.1).  :class:`LoadCase`,
+When they are first needed, :class:`Problem` computes the modal bases of the harmonics, the contact
+stiffness, and the static states under the preload (paper, section 3.1).  :class:`LoadCase`,
 ``problem.at(preload)``, contains the harmonic balance equations at one preload (paper, Eq. (16)).
 """
 
@@ -158,7 +158,7 @@ class Problem:
     # ---- other settings ----
 
     def replace(self, /, **settings: Any) -> Problem:
-        """Return a copy of the problem with some settings changed, given by name.
+        """Return a copy of the problem with some settings changed.
 
         Raises
         ------

@@ -79,11 +79,11 @@ class Settings(validation.Answering):
     response : Response, optional
         Location and direction of the response; by default location and direction of the excitation.
     harmonics : int or tuple of int
-        Number of harmonics of the response without the mean, or their numbers.
-    contact_stiffness : {"residual_modes", "unit_traction", "cigeroglu2009", "model"},
-    ResidualModes, float, PerArea, mapping, None
-        Method (see :mod:`bdamper.contact.stiffness`), values in N/m or N/m3, or "model" for the
-        values in the model.  Default: residual modes if the model contains their static
+        Number of harmonics of the response, not counting the mean, or a tuple of their orders.
+    contact_stiffness : str, ResidualModes, float, PerArea or mapping, optional
+        Method ("residual_modes", "unit_traction" or "cigeroglu2009", see
+        :mod:`bdamper.contact.stiffness`), values in N/m or N/m3, or "model" for the values in the
+        model.  Default: residual modes if the model contains their static
         flexibility, otherwise the values of the model or unit tractions, with a note in
         ``stiffness_report`` and a :class:`~bdamper.util.errors.BdamperWarning`.
     contact_stiffness_factor : float
@@ -118,8 +118,8 @@ class Settings(validation.Answering):
         directions.  Other nodal diameters and the mean have none.
         :func:`bdamper.influence_coefficients` computes them from a few blades.
     damper_drag : float or mapping of body name to float, N s/m
-        Viscous damping constant of free bodies: force on the translation divided by its velocity.
-        The force on all their motions is proportional to mass.
+        Viscous damping constant of free bodies: drag divided by velocity in translation.  Rotation
+        and deformation are damped as well, because the drag is distributed like the mass.
     contact_forces : {"event_driven"} or AFT
         Evaluation of the contact forces over a cycle.
     friction_law : {"uncoupled", "coupled", "bonded"}, ContactLaw or mapping of interface to these
@@ -130,9 +130,9 @@ class Settings(validation.Answering):
         contact stiffness.  It and "coupled" are sampled, with 128 samples unless ``contact_forces``
         is given.
     bias, variable_normal_load, separation : bool
-        Whether the mean moves, the friction limit follows the normal load, and surfaces open and
-        close.  :class:`~bdamper.harmonic_balance.effects.Effects` describes the assumptions
-        otherwise.
+        Whether the mean position changes, the friction limit follows the normal load, and surfaces
+        open and close.  :class:`~bdamper.harmonic_balance.effects.Effects` describes the
+        assumption made if one of them is False.
     contact_points : int, optional
         Largest number of contact points on each friction face; neighbouring patches are united.
         Use at least 9.
@@ -140,16 +140,16 @@ class Settings(validation.Answering):
         Initial gap of the surfaces in m, instead of the values of the model; negative for
         interference.  See :func:`bdamper.face_gap`.  Not possible for the law "bonded".
     load_per_preload : mapping of name to float, optional
-        Newtons per newton of preload on free bodies, and of normal load on friction interfaces
-        between constrained bodies (shrouds, roots); 0 for names that are not listed.  Default: 1 on
-        every loaded body.  At a rotor speed the loads are proportional to mass times radius, and
-        the preload is the load of the first body.
+        Load on free bodies, and normal load on friction interfaces between constrained bodies
+        (shrouds, roots), in newtons per newton of preload; 0 for names that are not listed.
+        Default: 1 on every loaded body.  At a rotor speed the loads are proportional to mass times
+        radius, and the preload is the load of the first body.
     constant_loads : mapping of name to float or (n_points,) float, optional
-        Newtons independent of the preload, on the same bodies and interfaces.  For an interface,
-        one value for each contact point, or their sum, distributed by area.  These normal loads act
-        at assembly: after the deformation of the structure and before the free bodies are loaded.
-        A negative load of a point is a gap of ``-load/kn`` in this state.  Gaps of interfaces with
-        a load are ignored.
+        Loads (N) on the same bodies and interfaces that do not depend on the preload.  For an
+        interface, one value for each contact point, or their sum, distributed by area.  These
+        normal loads act at assembly: after the deformation of the structure and before the free
+        bodies are loaded.  A negative load of a point is a gap of ``-load/kn`` in this state.  Gaps
+        of interfaces with a load are ignored.
     load_history : tuple of float
         Load factors through which a preload is reached, the last one 1: (1.5, 1.0) is a preceding
         overload.
@@ -160,8 +160,8 @@ class Settings(validation.Answering):
         includes the displacement of the faces by rotation at this speed, which does not depend on
         the preload.
     residual_slip_std : float, m
-        Standard deviation of the slider positions after assembly, drawn for each contact point.
-        The static analysis starts from them.
+        Standard deviation of the random slider positions after assembly, from which the static
+        analysis starts.
     residual_slip_seed : int
         Seed of the random numbers.
 

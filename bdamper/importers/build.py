@@ -4,9 +4,9 @@ report.
 The sector is called "blade" in the model, and a single free body "damper".  Several free bodies
 have their own names.  The reduction is the same as for the reference models (:mod:`bdamper.fem`).
 
-The import computes quantities that are easily mistaken, and the report lists them: the sector face
-toward +X, the sector in which a damper meets its neighbour, the direction of travelling waves, and
-mass, centre of mass and inertia.
+The import computes quantities that users often get wrong, and the report lists them: the sector
+face toward +X, the sector in which a damper meets its neighbour, the direction of travelling waves,
+and mass, centre of mass and inertia.
 
 :func:`force_fields` converts nodal forces, such as a pressure field on a blade, to SI units and the
 axes of the model.

@@ -1,7 +1,7 @@
 """Keywords of mesh files, grouped by their effect on nodes, elements and sets.
 
-For decks of CalculiX, Abaqus and Nastran the readers accept three groups of keywords: keywords of
-the mesh, keywords without effect on the mesh, and keywords that add stiffness or mass, which only
+For decks of CalculiX, Abaqus and Nastran the readers accept three groups of keywords: keywords that
+define the mesh, keywords without effect on it, and keywords that add stiffness or mass, which only
 the matrices contain.  Any other keyword is an error, because it could create, move or tie nodes,
 elements or sets.  For archives of Ansys the table holds the commands that change the mesh; the
 reader notes the names of all other commands.

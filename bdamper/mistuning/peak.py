@@ -10,14 +10,14 @@ too often.  The search (:mod:`bdamper.mistuning.peak_search`) takes four steps.
 4. If large blades were reduced to a few shapes, correct the peaks that may be the highest on the
    full disk.  The change is part of the error estimate.
 
-The error estimate also contains the change by two more harmonics: of the highest peak, at constant
-phase on the disk of the search, and of the tuned peak.  A resonance without damping that the
-friction does not limit has no amplitude, as on one sector (:mod:`bdamper.response.resolution`).
+The error estimate also contains the changes of the highest peak (at constant phase, on the disk of
+the search) and of the tuned peak due to two more harmonics.  An undamped resonance that friction
+does not limit has no amplitude, as in one sector (:mod:`bdamper.response.resolution`).
 
 A harmonic-balance peak need not be a steady state.  The curve of a lumped disk of six blades (300
 N, ``tests/mistuning/test_in_time.py``) continues from its first maximum of 2.2 mm through some
-ninety folds to others of 5.4 to 12 mm.  In time the first persists; the other tested ones decay
-within a hundred periods (``BladedDisk.time_response``).
+ninety folds to others of 5.4 to 12 mm.  In time integration the first persists; the other tested
+ones decay within a hundred periods (``BladedDisk.time_response``).
 """
 
 from __future__ import annotations

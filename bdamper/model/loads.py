@@ -128,7 +128,7 @@ class Excitation:
 
     @property
     def shown(self) -> str:
-        """Location, direction and phase as text."""
+        """Description of location, direction and phase."""
         phase = f", phase {np.rad2deg(self.phase):.6g} degrees" if self.phase else ""
         return f"at {self.location}, {text_of(self.direction)}{phase}"
 
@@ -145,9 +145,11 @@ class Response:
         :meth:`bdamper.Study.gauge_stress`.
     direction : {"tangential", "radial", "axial"} or three floats
     absolute : bool
-        Motion in space instead of the motion relative to the base, for an excitation at the base.
+        Whether the response to base excitation is the absolute motion; by default it is relative to
+        the base.
     elastic : (Young's modulus in Pa, Poisson's ratio), optional
-        The response is the strain of a gauge along the direction, on this material.
+        If given, the response is the strain that a gauge along ``direction`` measures on this
+        material.
     """
 
     location: Annotated[str | tuple[float, float, float], _place]
@@ -166,7 +168,7 @@ class Response:
 
     @property
     def shown(self) -> str:
-        """Location and direction as text."""
+        """Description of location and direction."""
         kind = ", absolute" if self.absolute else ""
         kind = kind if self.elastic is None else ", strain"
         return f"{text_of(self.location)}, {text_of(self.direction)}{kind}"

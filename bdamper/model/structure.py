@@ -440,7 +440,7 @@ class Model(Plottable, Record):
 
     @property
     def masses_text(self) -> str:
-        """Mass and radius of each free body; names if there are several."""
+        """Mass and radius of each free body, preceded by its name if there are several."""
         texts = {}
         for name, body in self.bodies.items():
             if body.is_free and body.mass is not None:
@@ -543,7 +543,7 @@ class Model(Plottable, Record):
 
     @property
     def hash(self) -> str:
-        """Fingerprint of all data that influence results: not of meshes and provenance."""
+        """Hash of all data that influence results; meshes and provenance are excluded."""
         digest = hashlib.sha256()
         for name in ("n_blades", "bodies", "interfaces", "locations", "contact", "static"):
             feed_digest(digest, name, getattr(self, name))

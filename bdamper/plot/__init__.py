@@ -2,12 +2,12 @@
 
 The only package that imports matplotlib.
 
-Each plot function registers itself for a type of result in :mod:`bdamper.util.display`, where
-``result.plot()`` finds it, and takes axes ``ax`` (new axes if omitted) and a ``title``.  `new_axes`
-and `save_figure` start and save a figure with several results, `draw_table` plots one column of a
-result over another one.  `motion` computes motions and contact states as plain arrays, `vtu` writes
-files for ParaView.  `explorer` serves a page with sliders on the loopback interface (extra
-``bdamper[app]``).
+Each plot function registers itself for a type of result in :mod:`bdamper.util.display`, so that
+``result.plot()`` calls it.  Its arguments include axes ``ax`` (new axes if omitted) and ``title``.
+`new_axes` and `save_figure` start and save a figure with several results, and `draw_table` plots
+one column of a result over another one.  `motion` computes motions and contact states as plain
+arrays, `vtu` writes files for ParaView.  `explorer` serves a page with sliders on the loopback
+interface (extra ``bdamper[app]``).
 """
 
 from bdamper.plot.axes import colours as colours

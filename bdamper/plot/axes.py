@@ -2,7 +2,7 @@
 
 The style is in ``style.mplstyle``.  Conventions of all plots:
 
-* Response lines are dashed if they are known to be unstable, otherwise solid, and dotted at jumps.
+* Response lines are solid.  Dashed parts are known to be unstable, and dotted parts are jumps.
 * Thin grey lines with names are the limits without contact (free) and with all contacts stuck.
 * A plot has the width of a column of a paper, and a frame without data contains a sentence that
   says why.

@@ -3,8 +3,10 @@
 A question is answered in four steps:
 
 1. the response curve with one harmonic and long steps, which is never cancelled, so that the page
-follows the sliders; 2. the response curve with all harmonics; 3. the optimal curve; 4. the
-steady-state amplitude in time at the peak.
+   follows the sliders;
+2. the response curve with all harmonics;
+3. the optimal curve;
+4. the steady-state amplitude in time at the peak.
 
 A newer question cancels every step except the first one; at most one question waits.
 """

@@ -8,9 +8,9 @@ through the prediction, normal to the tangent.
 A step is accepted if Newton's method converges, the solution is within half the step length of its
 prediction, and the tangent turns by less than a set angle.  These conditions prevent steps across a
 sharp resonance, where the phase of the response changes by pi, or to another branch.  The Newton
-iteration ends as soon as one of its steps exceeds the step along the curve: of 2690 steps accepted
-without this rule on an optimal curve it rejects three, and steps that fail anyway take 0.4 of their
-evaluations.  A failed step is shortened and searched for a corner of the curve
+iteration ends as soon as one of its steps exceeds the step along the curve.  This rule rejects
+three of 2690 steps on an optimal curve that are accepted without it, and reduces the evaluations of
+failed steps to 40 %.  A failed step is shortened and searched for a corner of the curve
 (:mod:`bdamper.response.events`).
 
 The mean position of the damper is part of the unknowns.  Along some curves it moves at constant

@@ -72,7 +72,7 @@ class ContinuationOptions:
     locate : bool
         Whether to refine folds and maxima.
     locate_tolerance : float
-        Tolerance of their position, relative to the step.
+        Tolerance of the positions of folds and maxima, relative to the step.
     corner_step : float
         Largest failed step within which a corner is searched; longer steps are shortened first.
     """

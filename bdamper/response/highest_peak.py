@@ -1,13 +1,13 @@
 """Highest point of a response curve.
 
-Peaks, optimal curves, margins and curves along an engine order line use it.  It is the largest
-maximum of the response over all branches that count: a smooth maximum, a corner, a fold, or a point
-at which the mean position drifts.  An end of the interval is no maximum, because it may be the
-flank of the next resonance. It counts only if there is no maximum, and a note reports a higher
-end.  Closed branches do not count.  If a branch connects both ends of the interval, branches that
-enter and leave at the same end do not count (``ResponseCurve.apart``); ``ResponseCurve.detached``
-and ``ResponseCurve.separate`` list their highest points.  All other branches count, including
-incomplete ones.
+Peaks, optimal curves, margins and curves along an engine order line use this point.  It is the
+largest maximum of the response over all branches that count: a smooth maximum, a corner, a fold, or
+a point at which the mean position drifts.  An end of the interval is no maximum, because it may be
+the flank of the next resonance. It counts only if there is no maximum; if an end is higher than the
+largest maximum, a note reports it.  Closed branches do not count.  If a branch connects both ends
+of the interval, branches that enter and leave at the same end do not count
+(``ResponseCurve.apart``); ``ResponseCurve.detached`` and ``ResponseCurve.separate`` list their
+highest points.  All other branches count, including incomplete ones.
 
 The points of a curve are converged but may be coarse, so the highest ones are refined: smooth
 maxima by the equations of a peak (:func:`bdamper.response.peak.find_peak`), others by a corrector

@@ -85,8 +85,9 @@ class PeakOptions(validation.Checked):
     ----------
     tolerance : float
         Tolerance of the residual, relative to the excitation and the static load.  If rounding
-        exceeds it, as with stiff bonded faces, the tolerance is :func:`rounding`, up to 1e-9.  If
-        the search fails there too, it is 1e-9.
+        errors exceed it, for example with stiff bonded faces, they are estimated
+        (:func:`rounding`) and become the tolerance, at most 1e-9.  If the search fails again, the
+        tolerance is 1e-9.
     position_tolerance : float
         Tolerance of the position of the peak along the curve, relative to the vibration.
     max_step : float

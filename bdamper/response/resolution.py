@@ -2,8 +2,8 @@
 
 Without damping, friction limits the response only up to a certain excitation: a Jenkins element
 with the slip force S up to 4 S/pi (Caughey 1960).  Above it the curve rises until the rounding of
-the frequency changes the forces by more than the tolerance of the equations.  Its highest point is
-then an accident of rounding, as it is with a very small damping.
+the frequency changes the forces by more than the tolerance of the equations.  Its highest point
+then depends on rounding, as it does with very small damping.
 """
 
 from __future__ import annotations

@@ -13,9 +13,9 @@ constant vibration, may be undetermined (then it has least norm), or may have no
 instants in each period. Harmonic balance then finds many periodic solutions, connected by folds,
 and time integration from the highest finds no steady amplitude.  :func:`rattles` detects curves
 with many folds and mostly open contacts.  It is an indication, not a proof, and appears at low
-preloads only (measured.md, *Where a damper rattles*).  On 84 curves :func:`rattles` detects 11, and
-time integration of none of these becomes steady within 250 periods.  It misses 18 other curves on
-which it does not become steady.
+preloads only (docs/evidence/measured.md, *Where a damper rattles*).  It detects 11 of 84 curves; on
+none of these, time integration becomes steady within 250 periods.  It misses 18 others on which
+time integration does not become steady either.
 
 **No preload.**  A damper that its load would press against its neighbours moves away from them.
 With a mean position so far off that no contact point closes in a cycle, the free response satisfies

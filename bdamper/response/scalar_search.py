@@ -13,12 +13,12 @@ slopes are known at some samples.  Between two neighbouring samples (:func:`lowe
 smallest known value.  A bracketing search (Brent) between the neighbours of the smallest value
 misses minima elsewhere and does not use slopes.
 
-:func:`find_root` finds the root between a change of sign.  The next trial is the zero of the
-inverse interpolation polynomial through the last four points at most.  If their values are not
-monotonic, or the zero lies outside the bracket, the trial is the secant through the ends of the
-bracket.  The value at an end that remains twice is then reduced, so that both ends of the bracket
-move [1]_.  If a trial is not below half the value that it replaces, the next trial is the midpoint.
-If the function jumps through zero, the root is the jump.
+:func:`find_root` finds the root in an interval over which the sign changes.  The next trial is the
+zero of the inverse interpolation polynomial through at most the last four points.  If their values
+are not monotonic, or the zero lies outside the bracket, the trial is the secant through the ends of
+the bracket.  The value at an end that remains twice is then reduced, so that both ends of the
+bracket move [1]_.  If a trial is not below half the value that it replaces, the next trial is the
+midpoint.  If the function jumps through zero, the root is the jump.
 
 The search stops if the secant step through the last two trials on one side is within the tolerance,
 regardless of the width of the bracket.  A secant across the root would mistake a jump for a root

@@ -1,4 +1,4 @@
-"""Results of checks of a solution: time integration, number of harmonics, error estimates."""
+"""Results of the checks of a solution: time integration, more harmonics, error estimates."""
 
 from __future__ import annotations
 

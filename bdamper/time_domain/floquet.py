@@ -1,9 +1,9 @@
 """Stability of periodic solutions with friction: Floquet multipliers with sliders as state
 variables, and time integration.
 
-A contact point in stick has a memory of the beginning of stick, so the state of a disturbed
-solution is ``(q, q', w)`` with the sliders ``w``.  Between two events (a change between stick, slip
-and separation at any point) the linearised equations have constant coefficients,
+The force at a sticking point depends on the motion at which it began to stick, so the state of a
+disturbed solution is ``(q, q', w)`` with the sliders ``w``.  Between two events (a change between
+stick, slip and separation at any point) the linearised equations have constant coefficients,
 
     M q'' + C q' + K q + G^T B(G q, w) = 0,
 

@@ -2,10 +2,10 @@
 
 The frequency changes linearly with time from one end of an interval to the other, as on a test rig.
 Among several stable solutions the sweep follows its branch until it ends, and then jumps; it leaves
-unstable solutions.  A transient of the least damped mode, with half bandwidth ``b = zeta f``, falls
-to 1/e within ``1/(2 pi b)``.  The default rate moves the frequency by RATE half bandwidths in this
-time: ``rate = RATE b 2 pi b``.  The lag of a response behind its steady value is proportional to
-the rate, so a sweep at twice the rate estimates the error.
+unstable solutions.  A transient of the least damped mode, with the half-bandwidth ``b = zeta f``,
+decays to 1/e within ``1/(2 pi b)``.  The default rate changes the frequency by RATE half-bandwidths
+in this time: ``rate = RATE b 2 pi b``.  The lag of a response behind its steady value is
+proportional to the rate, so a sweep at twice the rate estimates the error.
 """
 
 from __future__ import annotations
@@ -304,7 +304,7 @@ def _integrated(
     -------
     sweep : Transient
     spent : str
-        That the processor time is spent, or "".
+        That the processor time is used up, or "".
     """
     first = TWO_PI * ends[0]
     last = TWO_PI * ends[1]

@@ -15,11 +15,11 @@ separation.  Coupled laws project the friction force radially onto the disk of r
 Laws of constant load replace ``N`` by a given load, with a two-sided normal spring.  Bonded points
 have a fixed slider.
 
-The time step is implicit (generalised alpha), with the contact forces of all sectors at its end
-from one Newton iteration (``csrc/time/generalised_alpha.c``).  Its length is set by the motion, not
-by the stiffest contact: :data:`STEPS` per period.  The error is of second order.  The integration
-starts at a harmonic-balance solution.  The nodal diameters are the nodal diameters of the study's
-harmonics, or all that the model contains (:func:`every_diameter`).
+The time step is implicit (generalised alpha); one Newton iteration gives the contact forces of all
+sectors at its end (``csrc/time/generalised_alpha.c``).  There are :data:`STEPS` steps per period,
+because the motion limits their length, not the stiffest contact.  The method is of second order.
+The integration starts at a harmonic-balance solution.  It includes the nodal diameters of the
+study's harmonics, or all that the model contains (:func:`every_diameter`).
 """
 
 from __future__ import annotations

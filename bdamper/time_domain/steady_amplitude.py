@@ -1,16 +1,16 @@
 """Search for the highest steady amplitude by time integration near a resonance.
 
-The harmonic-balance peak is the highest periodic solution of its equations, but a motion need not
-stay there, and another may be higher.  The search therefore follows motions from time integration,
-from two places:
+The harmonic-balance peak is the highest periodic solution of the harmonic balance equations, but a
+motion need not stay there, and another motion may be higher.  The search therefore follows motions
+by time integration from two places:
 
-* **from the flank**, at a frequency next to the resonance with one solution, in a slow sweep
-  towards the tip and beyond;
-* **from the tip**, with the harmonic-balance solution.  Its motion settles, unless it leaves
-  the tip at once.  If it is more than 5 % higher than the sweep there, it is also followed by
-  sweeps in both directions.
+* **from the flank**, a frequency next to the resonance at which there is only one solution, in a
+  slow sweep through the frequency of the peak and beyond;
+* **from the peak**, starting with the harmonic-balance solution.  The motion settles, unless it
+  leaves the peak at once.  If it is more than 5 % higher than the sweep at this frequency, it is
+  also followed by sweeps in both directions.
 
-A sweep is continuous: the frequency changes by the half width of the resonance in a given number of
+A sweep is continuous: the frequency changes by the half-width of the resonance in a given number of
 periods.  The motion is stored at equal numbers of periods (:class:`Place`).  A sweep ends if the
 amplitude remains below a fraction of its highest value, for example after a jump.  The criteria are
 in :class:`bdamper.time_domain.transient.SteadyCriteria`.

@@ -1,5 +1,4 @@
-"""Highest steady amplitude by time integration at one preload, with its error, and one motion in
-time from a solution.
+"""Time integration at one preload: the highest steady amplitude with its error, and single motions.
 
 **Structure.**  A response curve may retain few modes, because its cost grows with them; in time
 they cost little.  The integration therefore has all stored modes of the constrained bodies.  A free
@@ -16,8 +15,9 @@ Where contacts chatter it takes twice the given number.  From its highest motion
 
 The range of the result extends beyond these amplitudes by the remaining change of the mean, at
 least the 1 % to which a motion settles.  If two of them differ by more than 5 %, the amplitude is
-not settled, and only the range is stated.  Where a motion falls with a refinement, it is repeated
-from the next highest motions, because the frequency of a fall depends on all of these settings.
+not settled, and only the range is stated.  If a motion falls after a
+refinement, the refinement is repeated from the next highest motions, because all of these settings
+affect the frequency at which a motion falls.
 """
 
 from __future__ import annotations
@@ -332,7 +332,7 @@ class _Integrations:
     step_error : str
         Why the time steps are too long, or "".
     time_spent : str
-        That the processor time is spent, or "".
+        That the processor time is used up, or "".
     interrupted : bool
     cost : Cost
         Cost of the more detailed structure.
@@ -625,7 +625,7 @@ def _stated(
 
 
 def _after_limit(integrations: _Integrations) -> str:
-    """Return the missing part of the work if the processor time is spent, with a remedy, or ""."""
+    """Return the missing part of the work and a remedy if the processor time is used up, or ""."""
     limit = integrations.search.sectors.limit
     if not integrations.time_spent or limit is None:
         return ""

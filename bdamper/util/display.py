@@ -1,8 +1,8 @@
 """Printed summaries, notebook output, figures and comparisons of results.
 
 Results do not depend on matplotlib.  Each drawing function of :mod:`bdamper.plot` registers itself
-here by the type that it draws.  The first figure imports the modules that the entry points for
-pictures name (pyproject.toml).
+here by the type that it draws.  When the first figure is drawn,
+the modules in the entry points for pictures are imported (pyproject.toml).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Conversion of quantities of pint to plain numbers in the units of the package.
 
-pint treats the radian as a plain number: it converts 1 rad/s to 1 Hz.  Frequencies and rotor speeds
-are converted through turns here, so that 1 Hz, 1 turn/s, 60 rpm and 6.28 rad/s are equal.
+pint treats the radian as a plain number: it converts 1 rad/s to 1 Hz.  Here, frequencies and
+rotor speeds are converted by way of turns, so that 1 Hz, 1 turn/s, 60 rpm and 6.28 rad/s are equal.
 """
 
 from __future__ import annotations

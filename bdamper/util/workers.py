@@ -5,10 +5,10 @@ the only place that starts threads for parts of a result: preloads in time, shor
 more detailed structure, different friction coefficients.  All of them share the threads of the
 outermost call, whose number :func:`set_workers` sets.
 
-The calling thread computes one part after the other, and each thread that has nothing to do takes
-the next part that has not begun.  Nobody waits for a thread to become free, so that parts within
-parts cannot block each other, and there are never more busy threads than workers.  A part gives the
-same digits on any thread.
+The calling thread computes one part after the other, and each idle thread takes the next part that
+has not begun.  No part waits for a thread to become free, so that nested parts cannot block each
+other, and there are never more busy threads than workers.  The result of a part does not depend on
+its thread.
 """
 
 from __future__ import annotations
