@@ -269,10 +269,15 @@ def with_convergence(
 
 
 def _converged(peaks: Sequence[HarmonicPeak], tolerance: float) -> bool:
-    """Return whether the last two changes are below a fifth of the tolerance."""
-    amplitude = [p.amplitude for p in peaks[-3:]]
-    change = np.abs(np.diff(amplitude)) / amplitude[-1]
-    return len(change) == 2 and bool(change.max() < 0.2 * tolerance)
+    """Return whether the last two changes are below a fifth of the tolerance.
+
+    Fewer than three peaks have not converged.
+    """
+    if len(peaks) < 3:
+        return False
+    before, middle, last = (peak.amplitude for peak in peaks[-3:])
+    limit = 0.2 * tolerance
+    return abs(middle - before) / last < limit and abs(last - middle) / last < limit
 
 
 def _richer_problems(
@@ -284,14 +289,19 @@ def _richer_problems(
     are possible.
     """
     present = problem.harmonic_numbers
+    # a constant normal load excites no even harmonics
     adds_even = problem.settings.variable_normal_load
     problems: list[Problem] = []
     highest = present[-1]
     for n in numbers:
-        harmonics = tuple(l for l in range(1, n + 1) if l in present or l % 2 == 1 or adds_even)
+        harmonics = []
+        for l in range(1, n + 1):
+            is_odd = l % 2 == 1
+            if l in present or is_odd or adds_even:
+                harmonics.append(l)
         obstacle = ""
         try:
-            richer = problem.replace(harmonics=harmonics)
+            richer = problem.replace(harmonics=tuple(harmonics))
             # a new note says that contact forces are computed in another way
             if richer.contact.note != problem.contact.note:
                 obstacle = richer.contact.note
@@ -344,14 +354,22 @@ def _meetings(problem: Problem, peak: Peak) -> Iterator[Meeting]:
     """Yield the harmonics near a mode with stuck contacts, each with the nearest mode."""
     case = problem.at(peak.parameter)
     springs = case.stuck_springs()
+    # without the first harmonic, whose resonance is the peak
     for l in problem.harmonic_numbers[1:]:
-        modes = case.sector.linear.modes(springs, l)[0] / (2.0 * np.pi)
+        natural_omega, _ = case.sector.linear.modes(springs, l)
+        frequency = natural_omega / (2.0 * np.pi)
         # the frequency of a rigid body mode is zero
-        distance = l * peak.frequency / np.maximum(modes, 1e-300) - 1.0
+        distance = l * peak.frequency / np.maximum(frequency, 1e-300) - 1.0
         nearest = int(np.argmin(np.abs(distance)))
         if abs(distance[nearest]) <= NEAR_MODE:
             diameter = problem.bases[l].nodal_diameter if problem.model.n_blades > 1 else -1
-            yield Meeting(l, nearest + 1, diameter, float(modes[nearest]), float(distance[nearest]))
+            yield Meeting(
+                l,
+                nearest + 1,  # modes are numbered from 1
+                diameter,
+                float(frequency[nearest]),
+                float(distance[nearest]),
+            )
 
 
 def _near_or_highest(previous: Problem, peak: Peak, meter: CostMeter, problem: Problem) -> Peak:
@@ -399,6 +417,7 @@ def _richer_peak(
     meter.count(iterations)
     if isinstance(solution, Peak):
         return solution
+    # without a peak, the solution is the reason
     new = [l for l in problem.harmonic_numbers if l > previous.harmonic_numbers[-1]]
     if len(new) == 1:
         raise BdamperError(solution)
@@ -583,13 +602,13 @@ class AccuracyCost(Result, Plottable, Tabular, Storable, kind="bdamper-accuracy"
             for i, name in enumerate(self.varied)
         }
         columns |= columns_of_rows(self.runs)
-        # error before difference, because the error counts
+        # the error, which counts, comes before these columns
         last = {name: columns.pop(name) for name in ("difference", "seconds", "reason")}
         columns["error"] = Column(np.array([self.error(run) for run in self.runs]))
         return columns | last
 
     def error(self, run: Run) -> float:
-        """Return the error of a run.
+        """Return the relative error of a run; NaN if a part of it is unknown.
 
         It consists of its difference from the most detailed run and the uncertainty of that run.
         """
@@ -602,7 +621,6 @@ class AccuracyCost(Result, Plottable, Tabular, Storable, kind="bdamper-accuracy"
 
     @property
     def recommended(self) -> Run:
-        """Cheapest run within the tolerance; the most detailed run if there is no other."""
         """Cheapest run within the tolerance; the most detailed run if there is no other."""
         sufficient = [run for run in self.runs[1:] if self.error(run) <= self.tolerance]
         return min(sufficient, key=lambda run: run.seconds, default=self.richest)
@@ -626,6 +644,7 @@ class AccuracyCost(Result, Plottable, Tabular, Storable, kind="bdamper-accuracy"
         """
         if not self.sources:
             return float(sum(self.last_steps.values()))
+        # a needed source of unknown size makes the sum NaN
         return float(sum(source.size for source in self.sources if source.known or source.needed))
 
     def _statement(self) -> Statement:
@@ -715,6 +734,7 @@ def last_steps(varied: Iterable[str], runs: Sequence[Run]) -> dict[str, float]:
 
 
 def _text(names: Iterable[str], values: Iterable[str]) -> str:
+    """Return names with their values as text."""
     return ", ".join(f"{spaced(name)} {value}" for name, value in zip(names, values))
 
 

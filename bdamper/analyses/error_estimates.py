@@ -165,10 +165,11 @@ def embed(old: Problem, new: Problem, preload: float, y: NDArray) -> NDArray:
     old_bases = old_system.structure.bases
     new_bases = new_system.structure.bases
     embedded = np.zeros(new_system.n_unknowns + 1)
+    # the angular frequency
     embedded[-1] = y[-1]
     if new_system.n_mean:
-        static = new.static(preload).q
-        embedded[: new_system.n_mean] = static
+        # the mean is the static state, moved by the difference of the old mean from its own
+        embedded[: new_system.n_mean] = new.static(preload).q
         if old_system.n_mean:
             source, target = _common(old_bases[0].coordinates, new_bases[0].coordinates)
             embedded[target] += y[source] - old.static(preload).q[source]
@@ -211,23 +212,29 @@ def estimate_change(system: Equations, y: NDArray) -> Change:
         return unknown
     gradient, _, amplitude = amplitude_and_phase(system, y[:-1])
     border, scale = phase_row(system, y)
-    # derivatives of ln(amplitude) and of ln(frequency)
+    # derivatives of ln(amplitude) and of ln(frequency) with respect to the scaled unknowns, of
+    # which the frequency is the last
     weights = np.zeros((2, n + 1))
-    weights[0, :n] = gradient / max(amplitude, 1e-300) * scale[:n]
-    weights[1, n] = 1.0
+    of_amplitude, of_frequency = weights
+    of_amplitude[:n] = gradient / max(amplitude, 1e-300) * scale[:n]
+    of_frequency[n] = 1.0
+    # the residual, and zero in the condition for the phase
+    right = np.append(-residual, 0.0)
     try:
         dual = system.solve_linear(y, border, scale, weights, transposed=True)[:, :n]
-        step = system.solve_linear(y, border, scale, np.append(-residual, 0.0)[None])[0]
+        (step,) = system.solve_linear(y, border, scale, right[None])
     except FloatingPointError:
         return unknown
-    change = -(dual @ residual)
+    amplitude_change, frequency_change = -(dual @ residual)
     # the residual after a step of Newton's method is the defect of the linear estimate
     after_step = y + step * scale
     remaining = np.empty(n)
     if not after_step[-1] > 0.0 or system.core.evaluate(after_step, remaining) != OK:
         return unknown
     defect = dual @ remaining
-    return Change(float(change[0]), float(change[1]), float(np.abs(defect).max()), "estimated")
+    return Change(
+        float(amplitude_change), float(frequency_change), float(np.abs(defect).max()), "estimated"
+    )
 
 
 NEARLY_HIGHEST = 0.7
@@ -291,7 +298,8 @@ def evaluate_peak(problem: Problem, solve: Callable[[Problem], Any]) -> PeakOutc
 
 
 def _read(problem: Problem, result: Any) -> tuple[float, float, str]:
-    """Return amplitude (m), frequency (Hz) and reason of a failure."""
+    """Return amplitude (m) and frequency (Hz) of the highest peak, NaN after a failure, and the
+    reason of a failure, otherwise ""."""
     if isinstance(result, Peak):
         if result.ok and result.search_status in ("", COMPLETE):
             return result.amplitude, result.frequency, ""
@@ -306,6 +314,7 @@ def _read(problem: Problem, result: Any) -> tuple[float, float, str]:
         else:
             peak = result.peak
         return peak.amplitude, peak.frequency, ""
+    # the result of a solver of the user
     try:
         amplitude, frequency = (float(value) for value in result)
     except (TypeError, ValueError):
@@ -345,14 +354,17 @@ def whole_curve(
         reason = curve.reason
     if not reason and curve.peak_at_end and not at_end:
         if wider:
+            factor, *further = wider
             low, high = frequency
-            if 2.0 * curve.peak.frequency > low + high:
-                frequency = low, high * wider[0]
+            highest_at_upper_end = 2.0 * curve.peak.frequency > low + high
+            if highest_at_upper_end:
+                frequency = low, high * factor
             else:
-                frequency = low / wider[0], high
-            return whole_curve(problem, preload, frequency, wider=wider[1:])
-        # an empty tuple: the interval was widened without success
-        if wider is not None or highest_of_curve(problem.system(preload), curve).kind == "end":
+                frequency = low / factor, high
+            return whole_curve(problem, preload, frequency, wider=tuple(further))
+        # an empty tuple, unlike None: the interval was widened without success
+        widened_in_vain = wider is not None
+        if widened_in_vain or highest_of_curve(problem.system(preload), curve).kind == "end":
             reason = "the response is highest at an end"
     if reason:
         raise BdamperError(
@@ -403,7 +415,11 @@ class Tops:
     def curve_with(self, problem: Problem, preload: float) -> ResponseCurve:
         """Compute the complete response curve of another study around the highest peak."""
         return whole_curve(
-            problem, preload, self.search_interval, self.at_end, WIDER if self.follow else None
+            problem,
+            preload,
+            self.search_interval,
+            at_end=self.at_end,
+            wider=WIDER if self.follow else None,
         )
 
     @property
@@ -458,7 +474,7 @@ def solve_other(
     state = other.static(preload)
     if not state.ok:
         return Solution(Change(how=f"no static state: {state.reason}"))
-    peak = tops.peaks[0]
+    peak = tops.peaks[0]  # the highest
     if by_newton:
         system = other.system(preload)
         embedded = [embed(problem, other, preload, top.y) for top in tops.peaks]
@@ -468,9 +484,10 @@ def solve_other(
                 return Solution(change)
         else:
             signs = [sign_of_jacobian(problem.system(preload), top.y) for top in tops.peaks]
-            solved = _solved(system, embedded, signs, tops)
-            if solved:
-                return Solution(Change.between(peak, solved[0], "recomputed"), Tops(tuple(solved)))
+            descending = _solved(system, embedded, signs, tops)
+            if descending:
+                change = Change.between(peak, descending[0], "recomputed")
+                return Solution(change, Tops(tuple(descending)))
     outcome = evaluate_peak(other, lambda study: tops.curve_with(study, preload))
     if outcome.reason:
         return Solution(Change(how=f"no complete response curve: {outcome.reason}"))
@@ -509,14 +526,23 @@ def _at_frequency(system: Equations, embedded: list[NDArray], peak: Peak) -> Cha
     """
     if len(embedded) > 1:
         return None
-    y = embedded[0]
-    scale = system.units(y, y[-1])
+    (y,) = embedded
+    unknowns = y[:-1]
+    omega = float(y[-1])
+    scale = system.units(y, omega)
     # without line search first, because it rarely needs one
-    for most, line_search in ((20, False), (60, True)):
-        c = system.correct_at(y[:-1], float(y[-1]), scale, 1e-9, most, line_search)
-        if c.status == OK:
-            amplitude = float(abs(system.response(c.y[:-1])[1]))
-            change = amplitude / peak.amplitude - 1.0
+    for max_iterations, line_search in ((20, 0), (60, 1)):
+        solution = system.correct_at(
+            unknowns,
+            omega,
+            scale,
+            tolerance=1e-9,
+            max_iterations=max_iterations,
+            line_search=line_search,
+        )
+        if solution.status == OK:
+            first_harmonic = system.response(solution.y[:-1])[1]
+            change = float(abs(first_harmonic)) / peak.amplitude - 1.0
             return Change(change, 0.0, 0.0, "recomputed at the end of the interval")
     return None
 
@@ -672,7 +698,7 @@ def _of_fewer_points(
     if not change.known:
         how = f"{no_finer}; with {n_coarse}: {change.how}"
         return change, how
-    # from an error C/n to C/n_coarse
+    # if n points have the error C/n, that of the coarser set is larger by this multiple of it
     growth = n_present / n_coarse - 1.0
     how = f"extrapolated from {n_coarse} and {n_present} contact points on a face"
     return Change(-change.amplitude / growth, -change.frequency / growth, 0.0, how), how
@@ -737,8 +763,10 @@ def _of_time(
     meter.add(response.cost)
     if not response.ok:
         return SourceError(TIME, np.nan, np.nan, np.inf, response.status_text)
-    changes = [end / highest.amplitude - 1.0 for end in (response.lowest, response.highest)]
-    amplitude = max(changes, key=abs)
+    # relative changes; of the amplitude the larger one of both ends of its range
+    lowest = response.lowest / highest.amplitude - 1.0
+    highest_in_time = response.highest / highest.amplitude - 1.0
+    amplitude = max(lowest, highest_in_time, key=abs)
     frequency = response.frequency / highest.frequency - 1.0
     return SourceError(TIME, amplitude, frequency, 0.0, f"time integration, {response.text}")
 
@@ -775,7 +803,8 @@ def nodal_diameter(problem: Problem, harmonic: int) -> int:
     order = problem.engine_order
     if not problem.settings.fundamental_modes_only:
         order = order * harmonic
-    return problem.model.folded_nodal_diameter(order)[0]
+    diameter, _ = problem.model.folded_nodal_diameter(order)
+    return diameter
 
 
 def missing_harmonics(problem: Problem, top: int) -> list[int]:
@@ -811,6 +840,7 @@ def with_stand_ins(problem: Problem, harmonics: int | tuple[int, ...]) -> Proble
 
 
 def _more_harmonics(problem: Problem) -> Richer:
+    """Return the study with twice the harmonics, at least four more."""
     highest = problem.harmonic_numbers[-1]
     top = min(highest + max(4, highest), MAX_HARMONIC)
     if top == highest:
@@ -823,6 +853,7 @@ def _more_harmonics(problem: Problem) -> Richer:
 
 
 def _exact_events(problem: Problem) -> Richer | None:
+    """Return the study with exact contact forces, or more samples; None if they are exact."""
     sampling = problem.settings.contact_forces
     if not isinstance(sampling, AFT):
         return None
@@ -834,6 +865,7 @@ def _exact_events(problem: Problem) -> Richer | None:
 
 
 def _more_points(problem: Problem) -> Richer:
+    """Return the study with all contact points of the model."""
     n_points = problem.settings.contact_points
     all_points = problem.settings.most_points
     if n_points is None or n_points >= all_points:
@@ -843,6 +875,7 @@ def _more_points(problem: Problem) -> Richer:
 
 
 def _more_modes(problem: Problem) -> Richer:
+    """Return the study with all modes, or with residual modes with twice the modes."""
     settings = problem.settings
     blade_modes = settings.most_modes("constrained")
     present = settings.by_body("damper_modes")
@@ -873,6 +906,7 @@ MOST_VECTORS = 72
 
 
 def _residual_modes(problem: Problem) -> Richer | None:
+    """Return the study with residual modes, or with more of them; None if it has enough."""
     method = problem.stiffness_method
     if isinstance(method, str) and method in ("unit_traction", "cigeroglu2009"):
         return Richer(problem.replace(contact_stiffness="residual_modes"), "residual modes")

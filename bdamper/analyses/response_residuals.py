@@ -242,6 +242,7 @@ class Variations:
         self._neighbours: dict[tuple[str, float], Problem] = {}
 
     def _at(self, values: dict[str, float]) -> Problem:
+        """Return the problem at these values; the factor on the force is none of its settings."""
         return self.make({name: value for name, value in values.items() if name != FORCE})
 
     def neighbour(self, name: str, value: float) -> Problem:
@@ -414,8 +415,9 @@ class _ForceControl(_Control):
         self, search: _Swept, varied: Variations, test: MeasuredResponse, noise: float
     ) -> None:
         super().__init__(search, varied, test, noise)
-        # unit of ln(frequency) in the distance to the curve
-        self.step = float(np.median(np.diff(np.unique(np.log(self.frequency)))))
+        # unit of ln(frequency) in the distance to the curve: distance of neighbouring frequencies
+        ascending = np.unique(np.log(self.frequency))
+        self.step = float(np.median(np.diff(ascending)))
         n = len(self.frequency)
         self.normal = np.full((n, 2), np.nan)
         self.solutions: dict[int, Correction] = {}
@@ -443,8 +445,10 @@ class _ForceControl(_Control):
         if solution is None:
             return None
         ratio = self.search.response(solution) / self.measured[i]
-        self.residual[i, 0] = np.log(abs(ratio)) / self.noise
-        self.residual[i, 1] = self.has_phase * 2.0 * np.sin(0.5 * np.angle(ratio)) / self.noise
+        amplitude = np.log(abs(ratio))
+        # zero without measured phases
+        phase = self.has_phase * 2.0 * np.sin(0.5 * np.angle(ratio))
+        self.residual[i] = amplitude / self.noise, phase / self.noise
         return solution
 
     def _nearest(self, i: int) -> Correction | None:
@@ -456,8 +460,11 @@ class _ForceControl(_Control):
         solution = self.search.nearest(target, units)
         if solution is None:
             return None
+        # from the point to the curve, in units of ln(frequency) and ln(amplitude)
         gap, tangent = self.search.gap_and_tangent(solution, target, units)
-        self.normal[i] = np.array([-tangent[1], tangent[0]]) / norm2(tangent)
+        along_frequency, along_amplitude = tangent
+        self.normal[i] = np.array([-along_amplitude, along_frequency]) / norm2(tangent)
+        # the distance is the only residual; the phase does not count near a jump
         self.residual[i] = gap @ self.normal[i], 0.0
         return solution
 
@@ -483,11 +490,11 @@ class _ForceControl(_Control):
         # derivative of 2 sin(phase difference / 2)
         phase_slope = np.cos(0.5 * np.angle(model / self.measured[rows]))
         for j, rate in enumerate(rates.values()):
+            # away from jumps: derivatives of amplitude and phase at constant frequency
             relative = rate.at_frequency / model
-            at_frequency = (
-                np.array([relative.real, self.has_phase * phase_slope * relative.imag]).T
-                / self.noise
-            )
+            phase = self.has_phase * phase_slope * relative.imag
+            at_frequency = np.array([relative.real, phase]).T / self.noise
+            # near a jump: movement of the curve along its normal
             log_frequency = rate.frequency / self.frequency[rows] / self.step
             log_amplitude = (rate.response / model).real / self.noise
             movement = np.array([log_frequency, log_amplitude]).T
@@ -553,11 +560,12 @@ class _OtherControl(_Control):
         """Set the residual of a point from the solution with its measured amplitude."""
         solution = held.solution
         response = self.search.response(solution)
+        omega = solution.y[-1]
+        # change of the response and of the frequency along the curve
         along = solution.tangent * self.search.scale
-        by_frequency = (
-            complex(self.search.system.rows.value(along)) / along[-1] / response * solution.y[-1]
-        )
-        frequency_ratio = solution.y[-1] / (2.0 * np.pi * self.frequency[i])
+        response_change = complex(self.search.system.rows.value(along))
+        by_frequency = response_change / along[-1] / response * omega
+        frequency_ratio = omega / (2.0 * np.pi * self.frequency[i])
         # of one mode: by its mass and measured quantities alone
         phase_slope = held.phase_slope * (
             self.gain * held.factor / self.factors[i] / frequency_ratio**2
@@ -608,6 +616,7 @@ class _OtherControl(_Control):
         """
         by_frequency = np.array([point.by_frequency for point in points])
         phase_slope = np.array([point.phase_slope for point in points])
+        # one complex equation, two real ones, for the changes of ln(force) and ln(frequency)
         determinant = (by_force * by_frequency.conj()).imag
         force = -(by_parameter * by_frequency.conj()).imag / determinant
         frequency = -(by_force * by_parameter.conj()).imag / determinant
@@ -738,6 +747,7 @@ class _Swept:
         """
         omega = 2.0 * np.pi * frequency
         value = self.system.rows.value
+        # the excitation without static loads, and no change of the frequency (last entry)
         load = np.append(self.system.structure.force, 0.0)
         load[: self.system.n_mean] = 0.0
         direction: Any  # unit phasor of the response
@@ -757,6 +767,7 @@ class _Swept:
             # the second unknown multiplies a force in quadrature
             other = self._turned(load, 0.5 * np.pi)
         for n_steps in (1, 4, 16):
+            # without the present amplitude
             amplitudes = np.geomspace(abs(value(nearest)), abs(target), n_steps + 1)[1:]
             reached = self._reached(start, direction * amplitudes, load, other, free_frequency)
             if reached is None:
@@ -774,15 +785,16 @@ class _Swept:
         None if its force is too small, or if it is no solution.
         """
         y = reached.y
-        factors = reached.factors
-        factor = float(factors[0]) if free_frequency else float(norm2(factors))
-        if not (factor > 1.0 / FARTHEST and y[-1] > 0.0):
+        omega = y[-1]
+        in_phase, in_quadrature = reached.factors
+        factor = float(in_phase) if free_frequency else float(norm2(reached.factors))
+        if not (factor > 1.0 / FARTHEST and omega > 0.0):
             return None
         if not free_frequency:
             # the force has a phase of zero
-            y = self._turned(y, -float(np.arctan2(factors[1], factors[0])))
+            y = self._turned(y, -float(np.arctan2(in_quadrature, in_phase)))
         system = forced(self.system, factor)
-        solution = system.correct_at(y[:-1], y[-1], self.scale, self.tolerance, self.most)
+        solution = system.correct_at(y[:-1], omega, self.scale, self.tolerance, self.most)
         if solution.status != OK:
             return None
         if not abs(abs(self.response(solution) / target) - 1.0) < EDGE:

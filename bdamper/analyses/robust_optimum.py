@@ -407,8 +407,8 @@ class OptimalCurveUncertainty(
             )
         median, high = self.percentile([50.0, 95.0])
         table: list[tuple[str, ...]] = [("Preload", "Median", "95th percentile")]
-        for values in zip(self.preload, median, high):
-            table.append(tuple(amount(x, unit) for x, unit in zip(values, ("N", "m", "m"))))
+        for preload, middle, upper in zip(self.preload, median, high):
+            table.append((amount(preload, "N"), amount(middle, "m"), amount(upper, "m")))
         if not np.isfinite(high).any():
             verdict = f"At no preload do {draws} of {settings} have a peak"
             return Statement([verdict], remarks=remarks, table=table)
@@ -474,10 +474,10 @@ def optimal_curve_uncertainty(
         curve_frequency = amplitude
     invalid = _invalid_draws(study, samples)
     # a draw with valid settings whose search ended in an error has no peak
-    status = [
-        NOT_FOUND if one == FAILED and i not in invalid else one
-        for i, one in enumerate(curves.status)
-    ]
+    status = list(curves.status)
+    for i, of_draw in enumerate(curves.status):
+        if of_draw == FAILED and i not in invalid:
+            status[i] = NOT_FOUND
     return OptimalCurveUncertainty(
         preload=values,
         amplitude=amplitude,
@@ -492,6 +492,7 @@ def optimal_curve_uncertainty(
 
 
 def _check_samples(samples: Any) -> None:
+    """Raise SettingError unless samples are sequences of equal lengths, without the preload."""
     validation.instance(
         "samples", samples, Mapping, "a mapping of settings to numbers, as sample returns it"
     )
@@ -528,7 +529,7 @@ class SteadyPeak(PeakTask):
             amplitude = np.inf
             ending = Ending(NOT_FOUND, f"{NO_STEADY}: {search.rattles}")
         else:
-            # zero if nothing was found
+            # NaN if nothing was found; it becomes zero, an infinite amplitude remains
             amplitude = float(np.nan_to_num(search.amplitude, posinf=np.inf))
             ending = search.ending
         return {
@@ -582,6 +583,7 @@ def with_other_friction(
     start = time.perf_counter()
     low, high = curve.settings["frequency"]
     peaks = _FrictionPeaks(problem, (low, high))
+    # every peak counts as interrupted until it is computed
     by_factor = {
         factor: FrictionPeak(factor, preload, np.nan, INTERRUPTED) for factor in OTHER_FRICTION
     }
@@ -599,6 +601,7 @@ def with_other_friction(
         friction_range = find_range(at_recommended)
         limits = friction_range.limits
         if limits is not None and any(limit.near for limit in limits):
+            # the nearest preload that tolerates other friction, NaN without one
             remedy = np.nan
             for other in _by_distance(curve, preload):
                 if tolerates_friction(peaks.at(other)):
@@ -657,9 +660,11 @@ class _FrictionPeaks:
         self.costs[preload, factor] = values["cost"]
         amplitude = values["amplitude"]
         lower_bound = np.nan
-        if not values["known"] and amplitude != np.inf:
-            # zero says that nothing was found
-            lower_bound = amplitude if amplitude > 0.0 else np.nan
+        rattles = amplitude == np.inf
+        if not values["known"] and not rattles:
+            # an amplitude that is not known is a lower bound; zero says that nothing was found
+            if amplitude > 0.0:
+                lower_bound = amplitude
             amplitude = np.nan
         return FrictionPeak(
             factor,
@@ -682,13 +687,16 @@ def _by_distance(curve: OptimalCurve, preload: float) -> list[float]:
         for p, amplitude in zip(curve.preload.tolist(), curve.amplitude.tolist())
         if np.isfinite(amplitude)
     }
-    log_preloads = np.log(sorted(amplitudes))
-    log_amplitudes = np.log([amplitudes[p] for p in sorted(amplitudes)])
+    ascending = sorted(amplitudes)
+    log_preloads = np.log(ascending)
+    log_amplitudes = np.log([amplitudes[p] for p in ascending])
 
     def tolerant(p: float) -> bool:
-        spread = np.log(p) + np.log(FRICTION_SPREAD) * np.array([-1.0, 1.0])
-        log_at_spread = np.interp(spread, log_preloads, log_amplitudes)
-        return bool((log_at_spread <= np.log(MUCH * amplitudes[p])).all())
+        """Return whether the amplitude does not double with the lowest and highest friction."""
+        log_spread = np.log(FRICTION_SPREAD)
+        log_ends = np.log(p) + log_spread * np.array([-1.0, 1.0])
+        log_at_ends = np.interp(log_ends, log_preloads, log_amplitudes)
+        return bool((log_at_ends <= np.log(MUCH * amplitudes[p])).all())
 
     others = [p for p in amplitudes if not np.isclose(p, preload)]
     others.sort(key=lambda p: abs(np.log(p / preload)))
@@ -743,7 +751,8 @@ class _Draws:
         """Follow the peaks of lower preloads where the amplitude of a draw falls by a third."""
         for i in range(self.n):
             heights = {p: float(height[i]) for p, height in self.height.items()}
-            falls = any(drops(heights[a], heights[b]) for a, b in pairwise(sorted(heights)))
+            ascending = [heights[p] for p in sorted(heights)]
+            falls = any(drops(lower, upper) for lower, upper in pairwise(ascending))
             # a peak that was followed is followed to the preloads of the new grid
             if falls or self.followed[i]:
                 self._follow(i, heights)
@@ -776,7 +785,9 @@ class _Draws:
         bounds = {}
         for preload, size in self.size.items():
             upper = np.where(self.known[preload] == 1.0, size, np.inf)
+            # NaN becomes zero, an infinite amplitude remains
             lower = np.nan_to_num(size, posinf=np.inf)
+            # of both columns (n_draws, 2)
             high, low = _upper_percentile(np.column_stack([upper, lower]), percentile).tolist()
             bounds[preload] = high, low
         return bounds
@@ -838,13 +849,14 @@ def robust_optimum(
     percentile = validation.number("percentile", percentile, least=0.0, most=100.0)
     n = validation.integer("n", n, least=5)
     tolerance = validation.number("tolerance", tolerance, least=1e-9, below=1.0)
-    limits = preload_values(preload, 2)[[0, -1]]
-    low, high = (float(p) for p in limits)
+    end_values = preload_values(preload, 2)
+    low = float(end_values[0])
+    high = float(end_values[-1])
+    limits = (low, high)
     failed = _invalid_draws(study, samples)
-    valid = {
-        name: [value for i, value in enumerate(values) if i not in failed]
-        for name, values in samples.items()
-    }
+    valid: dict[str, list[float]] = {}
+    for name, values in samples.items():
+        valid[name] = [value for i, value in enumerate(values) if i not in failed]
     n_draws = len(next(iter(valid.values())))
     optimum: RobustOptimum | None = None
     # percentile of the amplitude and its lower bound at each preload
@@ -853,9 +865,10 @@ def robust_optimum(
     draws = _Draws(study, valid, task)
     while optimum is None or optimum.uncertainty > tolerance:
         grid = [float(p) for p in preload_values((low, high), n) if float(p) not in bounds]
-        points: dict[str, Any] = {
-            name: [value for value in values for _ in grid] for name, values in valid.items()
-        }
+        # all preloads of the first draw, then all preloads of the second ...
+        points: dict[str, Any] = {}
+        for name, of_draws in valid.items():
+            points[name] = [value for value in of_draws for _ in grid]
         points["preload"] = grid * n_draws
         results = sweep(study, points, task, combine="zip", executor=executor, progress=progress)
         if NOT_RUN in results.status:
@@ -870,8 +883,9 @@ def robust_optimum(
         bounds |= draws.percentiles(percentile)
 
         preloads = sorted(bounds)
-        best = min(preloads, key=lambda p: bounds[p][0])
-        amplitude = bounds[best][0]
+        percentiles = {p: upper for p, (upper, _) in bounds.items()}
+        best = min(preloads, key=lambda p: percentiles[p])
+        amplitude = percentiles[best]
         if amplitude == np.inf:
             raise BdamperError(
                 f"robust optimum: no preload from {low:g} to {high:g} N has a steady peak in "
@@ -881,8 +895,8 @@ def robust_optimum(
         i = preloads.index(best)
         low = preloads[max(i - 1, 0)]
         high = preloads[min(i + 1, len(preloads) - 1)]
-        # preloads whose percentile is not known and may be the least
-        n_lower = sum(bound < min(amplitude, upper) for upper, bound in bounds.values())
+        # preloads whose percentile is not known (the bounds differ) and may be the least
+        n_lower = sum(lower < min(amplitude, upper) for upper, lower in bounds.values())
         reason = ""
         if n_lower:
             preloads_text = counted(n_lower, "preload")
@@ -934,6 +948,7 @@ def best_margin(
     search = _MarginSearch(problem, judge)
 
     def ask(places: Sequence[float]) -> list[Sample]:
+        """Return samples at ln(preload); a preload without a known peak has an infinite value."""
         tops = curves.follow([float(np.exp(x)) for x in places])
         samples = []
         for x, top in zip(places, tops):
@@ -950,6 +965,7 @@ def best_margin(
                 samples.append(search.sample(_peak(problem, curve, i), float(preload)))
             else:
                 samples.append(Sample(np.log(float(preload)), np.inf))
+        # a minimum between two samples is not refined further: its guess x is returned
         samples, best = find_minimum(samples, ask, lambda a, b, x: x)
 
         # a time response counts if it belongs to the highest peak
@@ -976,7 +992,7 @@ def best_margin(
         )
     least = samples[best.index]
     best_preload = float(np.exp(least.x))
-    margin = float(np.exp(-least.value))
+    margin = float(np.exp(-least.value))  # the value is -ln(margin)
     where = WHERE.get(best.kind, "refined between its neighbours")
     doubt = _doubt(problem, curve, judge, best_preload, margin)
     in_time = tuple(judge.margins(problem, y, p, responses[p]) for y, p in confirmed)
@@ -1006,11 +1022,8 @@ class _MarginSearch:
         above = preload * (1.0 + PRELOAD_STEP)
         height_below = self._height_near(peak, below)
         height_above = self._height_near(peak, above)
-        return Sample(
-            float(np.log(preload)),
-            self._height(peak, preload),
-            (height_above - height_below) / float(np.log(above / below)),
-        )
+        slope = (height_above - height_below) / float(np.log(above / below))
+        return Sample(float(np.log(preload)), self._height(peak, preload), slope)
 
     def _height_near(self, peak: Peak, preload: float) -> float:
         """Return -ln(margin) of the same peak at another preload; NaN if it was not found."""
@@ -1027,7 +1040,10 @@ class _MarginSearch:
         return self._height(neighbour, preload)
 
     def _height(self, peak: Peak, preload: float) -> float:
-        margin = self.judge(self.problem, peak.y[:-1], float(peak.y[-1]), preload)
+        """Return -ln(margin) of a peak; infinite for a margin of zero."""
+        unknowns = peak.y[:-1]
+        omega = float(peak.y[-1])
+        margin = self.judge(self.problem, unknowns, omega, preload)
         return float(-np.log(margin)) if margin > 0.0 else np.inf
 
 
@@ -1053,8 +1069,8 @@ def _doubt(
         margins = judge.along(problem, whole)
     except SettingError as error:
         return str(error)
-    i = margins.least
-    least, hertz = float(margins.margin[i]), float(whole.frequency[i])
+    least = float(margins.margin[margins.least])
+    frequency = amount(float(whole.frequency[margins.least]), "Hz")
     if least < (1.0 - AGREES) * value:
-        return f"on the response curve there the margin is {least:.4g} at {amount(hertz, 'Hz')}"
+        return f"on the response curve there the margin is {least:.4g} at {frequency}"
     return ""
