@@ -55,8 +55,8 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
         misfit if it exceeds 1; infinite if the data do not determine the parameter. ``left_out``
         follows from the omission of tests; NaN for fewer than two tests.
     information : (k, n_tests) float
-        Share of each test in the information about each parameter. The prior of the parameter has
-        the rest.
+        Share of each test in the information about each parameter. The prior of the parameter
+        provides the rest.
     tests : tuple of str
     noise : float
         Relative standard deviation of the measured amplitudes.

@@ -84,7 +84,8 @@ class FittedLoop(Result, Plottable):
     mu : float
         Mean friction coefficient of the sliders.
     spread : float
-        Half width of the uniform distribution of the friction limits over their mean, s above.
+        Half-width of the uniform distribution of the friction limits, divided by their mean: s in
+        the description of the module.
     backlash : float, m
         Tangential clearance; 0 if it was not fitted.
     deviation : (4,) float

@@ -80,13 +80,13 @@ class NonlinearMode(
     correlation : (n,) float
         MAC of the first harmonic with the mode of stuck contact.
     shares : (n, 3) float
-        Shares of stick, slip and separation, averaged over the friction points and the cycle.
+        Fractions of the cycle in stick, slip and separation, mean over the friction points.
     residual, branch : (n,) float and int
     point_kind : tuple of str
         "regular", "fold" (turning point of the amplitude), "maximum" (of the damping), "end" or
         "drift".
     linear_to : float, m
-        Amplitude up to which nothing slips or opens; NaN if this is not so at the lowest amplitude.
+        Amplitude up to which no point slips or opens; NaN if one does at the lowest amplitude.
     preload, mode : float (N) and int
     scales_to : float, N
         Highest preload to which the curve can be scaled (:meth:`at_preload`); 0 if it cannot be

@@ -67,7 +67,7 @@ MOST_DOUBLINGS = 20
 
 @dataclass(frozen=True)
 class RefinementStep:
-    """Peak of one study of a refinement, its estimated error, and the price of both.
+    """Peak of one study of a refinement, its estimated error, and the cost of both.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ class Refinement(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-r
     tolerance : float
         Relative tolerance of amplitude and frequency.
     steps : tuple of RefinementStep
-        One step for each study, the first for the study as it was.
+        One step for each study; the first belongs to the original study.
     peak : Peak
         Peak of the last study.
     sources : tuple of SourceError

@@ -288,7 +288,8 @@ class DamperVariation(Summarised, Storable, kind="bdamper-damper-variation"):
         Factors of the damper's mass at the same shape, above 0.  They scale its inertia and its
         centrifugal load.
     friction_coefficient, contact_stiffness : (n_blades,) float
-        Factors for all contact points of a damper: at least 0, and above 0.
+        Factors for all contact points of a damper; the friction factor is at least 0, the stiffness
+        factor above 0.
     gap : (n_blades,) float, m
         Increase of the initial gaps of all contact points of a damper, at least 0.
     missing : (n_blades,) bool

@@ -69,8 +69,8 @@ class DiskPeak(Result, Plottable, Recorded, Storable, kind="bdamper-wheel-peak")
     preload : float, N
     frequency : float, Hz
     amplitude : float, m
-        Amplitude of the first harmonic; NaN if no peak was found or no digits of it are left,
-        infinite if it is unbounded.
+        Amplitude of the first harmonic; NaN if no peak was found or rounding leaves no significant
+        digits, infinite if it is unbounded.
     blade : int
         Number of the blade with the largest amplitude; -1 if no peak was found.
     tuned_amplitude : float, m
@@ -78,8 +78,8 @@ class DiskPeak(Result, Plottable, Recorded, Storable, kind="bdamper-wheel-peak")
     response : (n_blades, n_harmonics + 1) complex, m
         Response of all blades at the peak, the mean first.
     climbs : (n, 5) float
-        One row for each peak of a local search: blade, frequency (Hz) and amplitude (m) with the
-        springs of the sweep, the weakest springs with a solution, and the amplitude (m) with them.
+        One row for each peak of a local search: blade; frequency (Hz) and amplitude (m) with the
+        springs of the sweep; the weakest springs with a solution; and the amplitude (m) with those.
     sweep_frequency : (n,) float, Hz
         Frequencies of the coarse sweep with a solution.
     status, reason : str
@@ -93,10 +93,10 @@ class DiskPeak(Result, Plottable, Recorded, Storable, kind="bdamper-wheel-peak")
         free.
     error : float
         Relative estimate of how much higher the highest peak with free dampers may be.  It is the
-        largest of the changes by weaker springs, the error of the reduced disk, and peaks missed by
-        the local searches, plus ``harmonics_error``.
+        largest of the change due to weaker springs, the error of the reduced disk, and the
+        difference of peaks that the local searches missed, plus ``harmonics_error``.
     harmonics_error : float
-        Relative change, of either sign, by two more harmonics; NaN if it is unknown.
+        Relative change, of either sign, due to two more harmonics; NaN if it is unknown.
     interval : (low, high), Hz
         Band of the sweep.
     cost : Cost

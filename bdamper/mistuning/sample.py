@@ -133,7 +133,7 @@ class Audit(Summarised, Tabular, row="search"):
     def share(self) -> Interval:
         """Fraction of disks with any missed peak, with its binomial interval of 95 %.
 
-        It counts disks that are decided: a peak was missed, or both searches have all their peaks.
+        Only decided disks count: a peak was missed, or both searches have all their peaks.
         """
         missed = np.unique(self.disk[self.missed])
         undecided = np.setdiff1d(self.disk[self.undecided], missed)
@@ -231,7 +231,7 @@ class MistunedSample(
     kind="bdamper-wheel-sample",
     row="disk",
 ):
-    """Highest blades of many bladed disks.
+    """Largest blade amplitudes of many mistuned bladed disks.
 
     Arrays of shape (n_disks, n_deviations, n_preloads) are NaN without a result.  ``plot`` draws
     percentiles over the standard deviation or the preload (:func:`bdamper.plot.plot_sample`),

@@ -85,8 +85,7 @@ class OptimumPoint(WithStatus):
     reason : str
         Reason for the status, "" if it is complete.
     half_range : float, m
-        Half of the peak-to-peak response with all harmonics, its largest value on the response
-        curve.
+        Half of the largest peak-to-peak response on the response curve, with all harmonics.
     """
 
     preload: float
@@ -167,8 +166,8 @@ class OptimalCurve(
         Highest response found at a preload without a value; NaN with a value, or if nothing was
         found.
     goes_on : (n,) bool
-        Whether the highest points at this preload and the previous one are on one smooth branch, by
-        their tangents.
+        Whether the highest points at this preload and the previous one are on one smooth branch,
+        judged by their tangents.
     kind : tuple of str
         Kind of the highest point at each preload: "peak", "corner", "drift" or "fold"; empty
         without a value.
@@ -181,8 +180,8 @@ class OptimalCurve(
         Whether the preload was requested; the search added the others near the optimum.
     lowest_steady_preload : float, N
         Up to this preload the damper rattles and no steady periodic response is expected
-        (:mod:`bdamper.response.response_curve`).  There are no values there, and no search below.
-        0 if there is no sign of it.
+        (:mod:`bdamper.response.response_curve`).  There are no values at these preloads, and they
+        are not searched.  0 if rattling is not expected.
     margins : tuple of MarginCurve
         Margins against fatigue along the curve, if requested.
     time_response : tuple of TimeResponse
@@ -198,8 +197,8 @@ class OptimalCurve(
         Mass times radius of the body to which the preload is applied; NaN if unknown or without
         rotation.
     half_range : (n,) float, m, or None
-        Half of the peak-to-peak response with all harmonics, its largest value on the response
-        curve of each preload.
+        Half of the largest peak-to-peak response on the response curve of each preload, with all
+        harmonics.
     margins_interrupted : bool
         Whether Ctrl-C ended the computation of the margins before any was known.
     model_doubts : tuple of str, optional
@@ -405,7 +404,10 @@ class OptimalCurve(
 
     @property
     def recommended_preload(self) -> float:
-        """Preload (N) with the lowest upper bound in time, or of the optimum; NaN without both."""
+        """Preload (N) with the lowest upper bound by time integration, otherwise of the optimum.
+
+        It is NaN if there is neither.
+        """
         if self.optimum_in_time is not None:
             return self.optimum_in_time.preload
         return self.optimum.preload
@@ -437,7 +439,7 @@ class OptimalCurve(
 
     @property
     def detached(self) -> tuple[str, ...]:
-        """Highest point of each closed branch with its preload, as text; the optimum excludes it."""
+        """Preload and highest point of each closed branch, in words; the optimum ignores them."""
         texts = []
         for curve in self.curves:
             for i in curve.detached:

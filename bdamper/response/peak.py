@@ -140,8 +140,8 @@ class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
         Reason for the status, "" if it is complete.
     cost : Cost, optional
     search_status, search_reason : str
-        Status of the curve on which it is the highest peak, and the reason for it; unless
-        "complete" there may be a higher peak.
+        Status of the curve whose highest peak this is, and its reason; if the status is not
+        "complete", there may be a higher peak.
     settings : mapping
         Settings of the problem; empty for :func:`find_peak`.
     model_hash : str
@@ -149,8 +149,8 @@ class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
         Amplitude of the highest computed point of an incomplete search; NaN if ``amplitude`` is
         known.
     half_range : float, m
-        Half of the peak-to-peak response with all harmonics, its largest value on the response
-        curve; NaN if the amplitude is, and for :func:`find_peak`.
+        Half of the largest peak-to-peak response on the response curve, with all harmonics; NaN if
+        the amplitude is NaN, and for peaks of :func:`find_peak`.
     notes : tuple of str
         Self-locking bodies, whose static normal load is not unique.
     """

@@ -91,11 +91,11 @@ class ResponseCurve(
         Modal coordinates (kg^1/2 m): mean, then cosine and sine amplitudes of each harmonic.  Empty
         for a run-up.
     residual : (n,) float
-        Relative to the excitation and the static load.
+        Residual of the equations, relative to the excitation and the static load.
     shares : (n, 3) float
         Fractions of the cycle in stick, slip and separation, mean over the friction points.
     backward : (n,) bool
-        Whether the frequency decreases along the curve: between two folds, unstable.
+        Whether the frequency decreases along the curve, as in the unstable part between two folds.
     rank_deficiency : (n,) int
         Number of undetermined mean positions, which have least norm.
     branch : (n,) int
@@ -181,7 +181,7 @@ class ResponseCurve(
     def peak_to_peak(self) -> Metres:
         """Difference (n,) in m between the highest and lowest response in a period.
 
-        It contains all harmonics.
+        All harmonics are included.
         """
         return 2.0 * half_range(self.harmonics)
 
@@ -261,14 +261,14 @@ class ResponseCurve(
 
     @property
     def detached(self) -> NDArray:
-        """Index (k,) of the highest point of each closed branch; the peak of the curve excludes it."""
+        """Indices (k,) of the highest points of closed branches, which are ignored for the peak."""
         return self._tops(self.closed)
 
     @property
     def separate(self) -> NDArray:
-        """Index (k,) of the largest response of each branch that enters and leaves at one end.
+        """Indices (k,) of the highest points of branches that enter and leave at the same end.
 
-        It does not count for the peak if another branch connects both ends, because a slow sweep
+        They do not count for the peak if another branch connects both ends: a slow sweep
         within the interval stays on that branch.  A sweep from beyond the end may follow the
         separate branch; a wider interval shows it.
         """
@@ -292,11 +292,11 @@ class ResponseCurve(
 
     @property
     def apart(self) -> NDArray:
-        """Whether each point (n,) is on a closed or separate branch, and not for the peak."""
+        """Whether each point (n,) is ignored for the peak: on a closed or a separate branch."""
         return np.isin(self.branch, (*self.closed, *self.branch[self.separate]))
 
     def higher(self, amplitude: float) -> str:
-        """Return a text on the separate branches that are higher than an amplitude (m), or ""."""
+        """Describe the separate branches that are higher than an amplitude (m); "" without any."""
         texts = []
         for i in self.separate:
             if not self.amplitude[i] > amplitude:

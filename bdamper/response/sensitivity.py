@@ -108,7 +108,8 @@ class PeakSensitivity:
 class Sensitivities(Result, Plottable, dict[str, PeakSensitivity]):
     """Derivatives of a peak by parameter.
 
-    ``plot`` draws the change for one per cent of each (:func:`bdamper.plot.plot_sensitivities`).
+    ``plot`` draws the change of the peak for 1 % of each parameter
+    (:func:`bdamper.plot.plot_sensitivities`).
 
     Parameters
     ----------

@@ -200,11 +200,11 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         In a period, all blades: work of the excitation, loss in damping, loss in contacts, and rise
         of kinetic and strain energy.
     growth : float
-        Growth rate per period of the motion in other waves than the excited wave; negative if it
-        decays, NaN if too small.
+        Growth rate per period of the motion in waves other than the excited one; negative if the
+        motion decays, NaN if it is too small.
     half_range : float, m
-        Half of the peak-to-peak response of the blade with the largest amplitude with the harmonics
-        of the study, mean over periods.
+        Half of the peak-to-peak response of the blade with the largest amplitude: mean over
+        periods, with the harmonics of the study.
     settings : mapping
     model_hash : str
     """
@@ -366,8 +366,8 @@ class MotionInTime(
     ----------
     mean, lowest, highest : float, m
         Amplitude of the first harmonic of the blade with the largest amplitude: mean, and range of
-        single periods. With a verdict over the periods named in its reason, otherwise over the
-        second half.
+        single periods. If there is a verdict, they refer to the periods named in its reason,
+        otherwise to the second half of the periods.
     frequency, preload : float, Hz, N
     harmonics : (n_periods, n_harmonics + 1) complex, m
         Response amplitudes of the blade with the largest amplitude; the first column is the mean
@@ -553,7 +553,7 @@ class FrictionPeak(WithStatus, Record):
 
     @property
     def size_text(self) -> str:
-        """Amplitude as text: "75 µm", "at least 75 µm", "not steady" or "unknown"."""
+        """Amplitude in words: "75 µm", "at least 75 µm", "not steady" or "unknown"."""
         if self.amplitude == np.inf:
             return "not steady"
         if np.isfinite(self.amplitude):
@@ -653,7 +653,7 @@ class FrictionRange(Record):
 
     @property
     def text(self) -> str:
-        """Factors with twice the amplitude, and the range of factors without."""
+        """Factors at which the amplitude doubles, and the range in which it does not, in words."""
         if self.limits is None:
             return "the friction at which the amplitude doubles is unknown"
         below, above = self.limits
@@ -960,10 +960,10 @@ class ErrorEstimates(Result):
     frequency, amplitude : float, Hz, m
         Frequency and amplitude of the peak.
     sources : tuple of SourceError
-        Changes by more accurate settings, one setting at a time.
+        Changes due to more accurate settings, one setting at a time.
     harmonic_peaks : tuple of HarmonicPeak
-        Peak of the study, and with increasing numbers of harmonics; the amplitude is NaN if there
-        is no peak. Empty if harmonics were not examined.
+        Peak of the study, then peaks with increasing numbers of harmonics; the amplitude is NaN if
+        there is no peak. Empty if harmonics were not examined.
     cost : Cost
         Work of the estimates.
     """

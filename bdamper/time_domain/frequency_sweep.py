@@ -77,7 +77,7 @@ class TimeSweep(
     Parameters
     ----------
     frequency : (n,) float, Hz
-        In the middle of each period of the excitation, in the order of time.
+        Frequency in the middle of each excitation period, in chronological order.
     harmonics : (n, n_harmonics + 1) complex, m
         Response amplitudes of the blade with the largest amplitude in each period; the first column
         is the mean.
@@ -89,7 +89,7 @@ class TimeSweep(
     steps_per_period, sectors : int
     status : {"complete", "incomplete", "interrupted"}
         "incomplete" if the time steps are too long for the energy to balance, or the processor time
-        is spent.
+        is used up.
     reason : str
     cost : Cost
     settings : mapping

@@ -63,7 +63,7 @@ ROW = ""
 
 @dataclass(frozen=True)
 class Quantity:
-    """Mark in an annotated type that makes a field or property a column of the table.
+    """Annotation that makes a field or property a column of the table.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ class Quantity:
 
 @dataclass(frozen=True)
 class EachRow:
-    """Mark of an array that has an entry for each row but is not a column.
+    """Annotation of an array that has an entry for each row but is not a column.
 
     Parameters
     ----------
@@ -518,7 +518,7 @@ class FrequencySeries:
     def amplitude(self) -> Amplitude:
         """Amplitude (n,) of the first harmonic of the response, m.
 
-        The excitation has its frequency.
+        This harmonic has the frequency of the excitation.
         """
         return np.abs(self.harmonics[:, 1])
 
