@@ -408,7 +408,8 @@ class OptimalCurveUncertainty(
         median, high = self.percentile([50.0, 95.0])
         table: list[tuple[str, ...]] = [("Preload", "Median", "95th percentile")]
         for preload, middle, upper in zip(self.preload, median, high):
-            table.append((amount(preload, "N"), amount(middle, "m"), amount(upper, "m")))
+            cells = [amount(x, "m") if np.isfinite(x) else "no peak" for x in (middle, upper)]
+            table.append((amount(preload, "N"), *cells))
         if not np.isfinite(high).any():
             verdict = f"At no preload do {draws} of {settings} have a peak"
             return Statement([verdict], remarks=remarks, table=table)

@@ -818,7 +818,7 @@ class TestUncertainty:
             "Best preload 1 N, an end of the range: at most 8 m in all 8 draws Sample 8 draws random "
             "friction coefficient (percentile 95 requires 21 draws)"
         )
-        assert " 1 N 5 m 8 m " in text
+        assert " 1 N 5 m 8 m 2 N no peak no peak " in text
         assert "7 of 8 draws have no peak at some preloads" in text
         status = ("failed", *found.status[1:])
         failed = replace(found, status=status, reason=("why", *found.reason[1:]))
