@@ -52,8 +52,17 @@ def import_decks(given: argparse.Namespace) -> None:
         body_b, _, set_b = sides[1].rpartition("/")
         if set_b == "ground":
             # the ground has no mesh
-            return importers.ContactFaces(name, set_a, None, body_a, "ground", points=points)
-        return importers.ContactFaces(name, set_a, set_b, body_a, body_b or "blade", points=points)
+            return importers.ContactFaces(
+                name, faces_a=set_a, faces_b=None, body_a=body_a, body_b="ground", points=points
+            )
+        return importers.ContactFaces(
+            name,
+            faces_a=set_a,
+            faces_b=set_b,
+            body_a=body_a,
+            body_b=body_b or "blade",
+            points=points,
+        )
 
     def stop(text: str) -> importers.ContactFaces:
         """Read NAME=SET,GAP, the set as SET or BODY/SET."""
@@ -64,7 +73,14 @@ def import_decks(given: argparse.Namespace) -> None:
             raise bd.SettingError(f"--stop: expected NAME=SET,GAP, found {text!r}") from None
         body_a, _, set_a = side.rpartition("/")
         return importers.ContactFaces(
-            name, set_a, None, body_a or "damper", "ground", (2, 2), "constraint", gap=distance
+            name,
+            faces_a=set_a,
+            faces_b=None,
+            body_a=body_a or "damper",
+            body_b="ground",
+            points=(2, 2),
+            kind="constraint",
+            gap=distance,
         )
 
     blade = body(given.blade)
@@ -84,10 +100,16 @@ def import_decks(given: argparse.Namespace) -> None:
         dampers or None,
         contacts=contacts + stops,
         sector=importers.Sector(
-            given.sectors, given.faces, given.fixed, given.blade_nodes, given.stress
+            n_blades=given.sectors,
+            faces=given.faces,
+            fixed=given.fixed,
+            blade_nodes=given.blade_nodes,
+            stress=given.stress,
         ),
-        placement=importers.Placement(given.units, given.axis, given.radial),
-        reduction=importers.Reduction(given.engine_order, given.harmonics, n_modes=given.modes),
+        placement=importers.Placement(units=given.units, axis=given.axis, radial=given.radial),
+        reduction=importers.Reduction(
+            engine_order=given.engine_order, harmonics=given.harmonics, n_modes=given.modes
+        ),
         locations=locations,
         progress=False if given.quiet else None,
     )

@@ -297,19 +297,22 @@ class Deck:
         added = []
         for row in rows:
             with self._parsing(row, "a node number and its position"):
-                number, *position = row[1]
-                n_words = len([word for word in row[1] if word])
+                _, words = row
+                number, *position = words
+                n_words = len([word for word in words if word])
                 if not position or n_words > 4:
                     raise ValueError
-                added.append(int(number))
+                node = int(number)
+                added.append(node)
                 # coordinates that are left out are 0
                 coordinates = [*position, "", ""][:3]
                 x = np.array([float(word or 0.0) for word in coordinates])
                 if system == "C":
-                    angle = np.radians(x[1])
-                    x[:2] = x[0] * np.array([np.cos(angle), np.sin(angle)])
+                    radius, degrees, _ = x
+                    angle = np.radians(degrees)
+                    x[:2] = radius * np.array([np.cos(angle), np.sin(angle)])
                 # As in CalculiX, the last definition of a node is used.
-                self.scope.nodes[added[-1]] = self.scope.origin + x @ self.scope.axes
+                self.scope.nodes[node] = self.scope.origin + x @ self.scope.axes
         self._extend(self.scope.node_sets, parameters.get("NSET", ""), added)
 
     @staticmethod
@@ -351,6 +354,7 @@ class Deck:
                 first, last = row[1][:2]
                 integers = [int(word) for word in row[1][2:] if word]
                 if keyword == "*NGEN":
+                    # the step between the node numbers may be omitted
                     (step,) = integers or [1]
                     start, end = int(first), int(last)
                     n_intervals, rest = divmod(end - start, step)
@@ -358,6 +362,7 @@ class Deck:
                         raise ValueError
                     pairs = [(start, end)]
                 else:
+                    # the number of intervals, and the step between node numbers, by default 1
                     n_intervals, step = [*integers, 1][:2]
                     first_set = self.scope.node_sets[first.upper()]
                     last_set = self.scope.node_sets[last.upper()]
@@ -367,13 +372,13 @@ class Deck:
                     pairs = list(zip(first_set, last_set, strict=True))
                 if not 1 <= n_intervals <= LARGEST_COUNT // 100:
                     raise ValueError
-                for a, b in pairs:
-                    position = nodes[a]
-                    way = nodes[b] - position
-                    between = range(a + step, a + n_intervals * step, step)
+                for node_a, node_b in pairs:
+                    position = nodes[node_a]
+                    distance = nodes[node_b] - position
+                    between = range(node_a + step, node_a + n_intervals * step, step)
                     for k, number in enumerate(between, 1):
-                        nodes[number] = position + k / n_intervals * way
-                    added += [a, *between, b]
+                        nodes[number] = position + k / n_intervals * distance
+                    added += [node_a, *between, node_b]
         self._extend(self.scope.node_sets, parameters.get("NSET", ""), added)
 
     def _elements(self, parameters: dict[str, str], rows: Rows, item: str) -> None:

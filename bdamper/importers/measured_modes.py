@@ -239,6 +239,7 @@ def read_ring_down(
     if band is not None:
         first = min(first + int(RINGING / (_flank(band) * step)), len(time) - 1)
     lines, ends_early, window = _lines(time[first:], signal[first:], periods)
+    # empty arrays without lines, which is an error below
     level, decay_rate, omega = np.array(lines).reshape(-1, 3).T
     falls_far = len(lines) > 0 and level[-1] < level[0] - np.log(FAR)
     modes = _modes(motion, step, band) if ends_early else []
@@ -255,10 +256,12 @@ def read_ring_down(
         check_all(
             inside, frequency, f"frequencies in the band from {band[0]:g} to {band[1]:g} Hz", source
         )
+    # of the displacement: each derivative over time is a factor omega
+    amplitude = np.exp(level) / omega**order
     return MeasuredMode(
-        np.exp(level) / omega**order,
-        frequency,
-        decay_rate / omega,
+        amplitude=amplitude,
+        frequency=frequency,
+        damping_ratio=decay_rate / omega,
         source=source,
         **conditions,
     )
@@ -287,19 +290,27 @@ def _end_of_clipping(motion: NDArray) -> int:
     values = np.unique(motion)
     if len(values) < 2:
         return 0
+    # the smallest difference of two samples, a digit of the record
     digit = float(np.diff(values).min())
-    end = 0
+    end_of_clipping = 0
+    # clipping at the top, then at the bottom
     for side in (motion, -motion):
-        top = side == side.max()
-        edges = np.flatnonzero(np.diff(np.r_[False, top, False].astype(int))).reshape(-1, 2)
+        highest = side.max()
+        is_highest = side == highest
+        # the first sample of each run of highest samples, and the sample after it: (n_runs, 2)
+        changes = np.diff(np.r_[False, is_highest, False].astype(int))
+        start, end = np.flatnonzero(changes).reshape(-1, 2).T
+        # the higher one of the samples before and after each run
         padded = np.pad(side, 1, constant_values=-np.inf)
-        neighbour = np.maximum(padded[edges[:, 0]], padded[edges[:, 1] + 1])
-        edges = edges[side.max() - neighbour > DIGITS * digit]
-        lengths = edges[:, 1] - edges[:, 0]
-        is_clipped = len(edges) >= EQUAL_PEAKS or (lengths >= EQUAL_SAMPLES).any()
+        neighbour = np.maximum(padded[start], padded[end + 1])
+        is_steep = highest - neighbour > DIGITS * digit
+        start = start[is_steep]
+        end = end[is_steep]
+        lengths = end - start
+        is_clipped = len(lengths) >= EQUAL_PEAKS or (lengths >= EQUAL_SAMPLES).any()
         if is_clipped:
-            end = max(end, int(edges[-1, 1]))
-    return end
+            end_of_clipping = max(end_of_clipping, int(end[-1]))
+    return end_of_clipping
 
 
 def _analytic(motion: NDArray, step: float, band: tuple[float, float] | None) -> NDArray:
@@ -325,11 +336,13 @@ def _lines(
 
     Returns
     -------
-    lines : list of (logarithm of the amplitude, decay rate, natural angular frequency)
+    lines : list of (float, float, float)
+        Logarithm of the amplitude, decay rate (1/s) and natural angular frequency (rad/s) in the
+        middle of each window.
     ends_early : bool
         Whether windows at the end of the record are left out.
     periods : float
-        Length of the windows.
+        Length of the windows in periods.
     """
     log_amplitude = np.log(np.maximum(np.abs(signal), 1e-300))
     phase = np.unwrap(np.angle(signal))
@@ -348,11 +361,14 @@ def _lines(
         coefficients, squares, *_ = np.polyfit(from_middle, log_amplitude[start:end], 1, full=True)
         slope, level = coefficients
         square, *_ = squares
-        damped = np.polyfit(from_middle, phase[start:end], 1)[0]
+        damped_frequency, _ = np.polyfit(from_middle, phase[start:end], 1)
+        # the mean square of the deviation from the line
         is_straight = square < STRAIGHT**2 * (end - start)
         if not (slope < 0.0 and is_straight):
             return lines, True, periods
-        lines.append((level, -slope, float(np.hypot(damped, slope))))
+        natural_frequency = float(np.hypot(damped_frequency, slope))
+        lines.append((level, -slope, natural_frequency))
+    # a record too short for a window ends early as well
     return lines, not lines, periods
 
 

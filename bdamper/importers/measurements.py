@@ -649,18 +649,20 @@ def _responses(
     )
     source = "table" if hasattr(path, "keys") else str(path)
     table = {name: values for name, (values, _) in found.items()}
+    unit_of = {name: unit_in_header for name, (_, unit_in_header) in found.items()}
     complete = np.isfinite(np.array(list(table.values()))).all(axis=0)
     incomplete = "no row after the header is complete: each has an empty cell"
     check_sentence(bool(complete.any()), source, incomplete)
     table = {name: values[complete] for name, values in table.items()}
     if "imag" in found:
-        response, stated = _from_parts(table, found["real"][1], found["imag"][1], unit, source)
+        response, stated = _from_parts(table, unit_of["real"], unit_of["imag"], unit, source)
     else:
-        response, stated = _from_size(table, found["amplitude"][1], unit)
+        response, stated = _from_size(table, unit_of["amplitude"], unit)
     validation.choice("phase_of", phase_of, ("response", "displacement", "none"))
     if phase_of == "none":
         response = np.abs(response) + 0j
     if phase_of == "displacement" and _plain(stated) not in STRAINS:
+        # the response is the displacement derived order times, each derivative turns it by 90 degrees
         _, order = motion_unit(source, stated or "m")
         response = response * 1j**order
     title = name or Path(source).stem

@@ -273,6 +273,7 @@ def _ties(model: Any) -> Iterator[_Tie]:
             dependent = {(grid, int(c)) for grid in rigid.Gmi for c in rigid.cm}
             yield _Tie(f"RBE2 {rigid.eid}", rigid.gn, dependent)
             continue
+        # the reference point of RBE3 is dependent, unless the card names other components
         pairs = zip(rigid.Gmi, rigid.Cmi) if rigid.Gmi else [(rigid.refgrid, rigid.refc)]
         dependent = {(grid, int(c)) for grid, components in pairs for c in str(components)}
         yield _Tie(f"RBE3 {rigid.eid}", 0, dependent)

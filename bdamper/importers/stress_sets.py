@@ -98,9 +98,9 @@ def _contact_patches(
         face = laid.interfaces[name]
         sector = face.sector_a if side == "a" else face.sector_b
         back = turn(-2.0 * np.pi / ring.faces.n_sectors * sector)
-        # squares with the areas of the points
+        # squares with the areas of the points: sides (n_points, 2) along t1 and t2
         sides = np.sqrt(face.area)[:, None] * [1.0, 1.0]
-        patches.append(Patches(face.points @ back.T, face.frame @ back.T, sides))
+        patches.append(Patches(centre=face.points @ back.T, frame=face.frame @ back.T, size=sides))
     return patches
 
 

@@ -112,13 +112,15 @@ def face_coordinates(points: NDArray, frame: NDArray) -> tuple[NDArray, NDArray,
 
     The first coordinate is along t1 (outward), the second one along Z.
     """
+    t1, t2, _ = frame
     centre = points.mean(axis=0)
     centred = points - centre
+    # reverse t1 if it points inward, and t2 if it points against Z
     radial = centre * [1.0, 1.0, 0.0]
-    outward = 1.0 if frame[0] @ radial >= 0.0 else -1.0
-    along_axis = np.sign(frame[1, 2] or 1.0)
-    x = 1e3 * outward * centred @ frame[0]
-    y = 1e3 * along_axis * centred @ frame[1]
+    outward = 1.0 if t1 @ radial >= 0.0 else -1.0
+    along_axis = -1.0 if t2[2] < 0.0 else 1.0
+    x = 1e3 * outward * centred @ t1
+    y = 1e3 * along_axis * centred @ t2
     return x, y, _spacing(x), _spacing(y)
 
 
@@ -148,8 +150,10 @@ def _face_axes(ax: Axes, x: NDArray, y: NDArray, dx: float, dy: float) -> None:
 def tiles(share: NDArray, x: NDArray, y: NDArray, dx: float, dy: float) -> tuple[NDArray, ...]:
     """Return the edges (left, right, low, high) and the states of the tiles of a status map.
 
-    Each point has a rectangle, divided by its shares (n, 3) of stick, slip and separation.
+    Each point has a rectangle, divided by its shares (n, 3) of stick, slip and separation into
+    three tiles.  All results are arrays (3 n,).  The y coordinate is the horizontal one.
     """
+    # (n, 4), from 0 to 1
     cumulative = np.pad(np.cumsum(share, axis=1), ((0, 0), (1, 0)))
     edges = y[:, None] + 0.9 * dy * (cumulative - 0.5)
     left = edges[:, :-1].ravel()
@@ -183,14 +187,28 @@ def plot_status_map(
 def _draw_map(
     ax: Axes, status: ContactStatus, interface: str, frame: NDArray, direction: int
 ) -> None:
+    """Draw the points of a face as rectangles, coloured by their shares of the states.
+
+    ``direction`` is 0 for t1 and 1 for t2, and ``frame`` (3, 3) has the axes of the face.
+    """
     rows = status.rows(interface)
     x, y, dx, dy = face_coordinates(status.points[rows], frame)
     left, right, low, high, state = tiles(status.share[rows, direction], x, y, dx, dy)
     colour = [STATUS_COLOURS[k] for k in state]
-    ax.barh(low, right - left, high - low, left, align="edge", color=colour, rasterized=True)
+    ax.barh(
+        low,
+        width=right - left,
+        height=high - low,
+        left=left,
+        align="edge",
+        color=colour,
+        rasterized=True,
+    )
     # the outline of each point
     width = np.full(len(x), 0.9 * dy)
-    ax.barh(x, width, 0.9 * dx, y - 0.45 * dy, fill=False, **EDGE, rasterized=True)
+    ax.barh(
+        x, width=width, height=0.9 * dx, left=y - 0.45 * dy, fill=False, **EDGE, rasterized=True
+    )
     _face_axes(ax, x, y, dx, dy)
 
 
@@ -376,8 +394,10 @@ def _colour_limits(values: list[NDArray]) -> tuple[float, float]:
 def _draw_patches(ax: Axes, points: NDArray, frame: NDArray, values: NDArray) -> PolyCollection:
     """Draw a coloured rectangle for each point of a face."""
     x, y, dx, dy = face_coordinates(points, frame)
+    # y is horizontal and x vertical
     centres = np.stack([y, x], axis=1)[:, None]
-    corners = centres + 0.48 * np.array([(-dy, -dx), (dy, -dx), (dy, dx), (-dy, dx)])
+    half_sides = 0.48 * np.array([(-dy, -dx), (dy, -dx), (dy, dx), (-dy, dx)])
+    corners = centres + half_sides  # (n, 4, 2)
     patches = PolyCollection(list(corners), cmap="viridis", edgecolor="0.4", linewidth=0.3)
     patches.set_array(np.ma.masked_invalid(values))
     ax.add_collection(patches)

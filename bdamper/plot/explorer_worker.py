@@ -234,16 +234,21 @@ class Answers:
         if harmonics:
             return self._provisional_curve(question, harmonics)
         study = self.varied(question)
-        linear = self.varied(question, 1)
+        # the curves without contact and with stuck contacts have one harmonic
+        linear = self.varied(question, harmonics=1)
         load = question.preload
         band = self.band(question)
         key = self._key(self.curve, question, None)
-        curve: ResponseCurve = self.once(
-            key, lambda: _whole(study.frequency_response(load, band, options=None))
-        )
-        limits = self.once(
-            ("limits", key), lambda: (linear.free(band), linear.stuck(band, load or 1.0))
-        )
+
+        def compute_curve() -> ResponseCurve:
+            return _whole(study.frequency_response(load, band, options=None))
+
+        def compute_limits() -> Any:
+            # without preload, the contacts that any preload closes are stuck
+            return linear.free(band), linear.stuck(band, load or 1.0)
+
+        curve: ResponseCurve = self.once(key, compute_curve)
+        limits = self.once(("limits", key), compute_limits)
         answer = Answer(question, True, study, curve, limits)
         if not len(curve):
             return answer
@@ -300,11 +305,20 @@ class Answers:
         assert curve is not None
 
         def compute() -> Any:
+            # without an amplitude in time, the page shows the reason
             try:
                 return _whole(answer.study.time_response(curve))
             except BdamperError as error:
-                unknown = TimeResponse(*(np.nan,) * 4, question.preload, np.nan)
-                return replace(unknown, status=NOT_FOUND, reason=str(error))
+                return TimeResponse(
+                    mean=np.nan,
+                    lowest=np.nan,
+                    highest=np.nan,
+                    frequency=np.nan,
+                    preload=question.preload,
+                    balance=np.nan,
+                    status=NOT_FOUND,
+                    reason=str(error),
+                )
 
         found = self.once(self._key(self.time_response, question, None), compute)
         return replace(answer, time_response=found)

@@ -210,8 +210,9 @@ def contact_status(problem: Problem, unknowns: NDArray, preload: float) -> Conta
     always_open = ((0.0, 2.0 * np.pi, OPEN),)
     parts: list[tuple[Parts, ...]] = [(always_open, always_open)] * len(points)
     point_of_element = np.arange(len(motion)) if elements.index is None else elements.index
-    # the first of two elements at a point
-    for point, element in zip(*np.unique(point_of_element, return_index=True)):
+    # a point may have two elements, of which the first one is drawn
+    points_with_element, first_element = np.unique(point_of_element, return_index=True)
+    for point, element in zip(points_with_element, first_element):
         parts[point] = _parts_of_element(problem, system.structure.arrays, motion, element)
     return ContactStatus(points, tuple(face_of_point), tuple(parts))
 
@@ -236,14 +237,14 @@ def _parts_of_element(
     law = int(elements["law"][i])
     of_directions = segments(
         motion[i],
-        elements["kt"][i],
-        normal_stiffness,
-        float(elements["mu"][i]),
-        normal_load,
-        elements["w"][i],
-        law,
-        problem.settings.contact_forces,
-        float(elements["load"][i]),
+        kt=elements["kt"][i],
+        kn=normal_stiffness,
+        mu=float(elements["mu"][i]),
+        n0=normal_load,
+        slider=elements["w"][i],
+        law=law,
+        contact_forces=problem.settings.contact_forces,
+        load=float(elements["load"][i]),
     )
     is_two_sided = law in (LAW_CONSTANT, LAW_COUPLED_CONSTANT, LAW_BONDED)
     parts = []
@@ -256,18 +257,20 @@ def _parts_of_element(
 
 
 def _joined(pieces: list[tuple[float, float, int]]) -> Parts:
-    """Return the parts of the period with the states of plots.
+    """Return the parts of the period, each with start, end and the state for plots.
 
-    Adjacent parts with slip in either direction are merged.
+    The codes of the kernel tell the direction of slip, the states for plots do not.  Adjacent parts
+    with the same state are merged.
     """
     joined: list[tuple[float, float, int]] = []
     for start, end, code in pieces:
         state = PLAIN[code]
-        if joined and joined[-1][2] == state:
-            first_start, _, _ = joined[-1]
-            joined[-1] = (first_start, end, state)
-        else:
-            joined.append((start, end, state))
+        if joined:
+            previous_start, _, previous_state = joined[-1]
+            if previous_state == state:
+                joined[-1] = (previous_start, end, state)
+                continue
+        joined.append((start, end, state))
     return tuple(joined)
 
 

@@ -79,9 +79,12 @@ def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
         name_point(ax, f"EO {order}", (rpm, frequency))
     _draw_linear_crossings(ax, campbell)
     _draw_damped_crossings(ax, campbell, orders)
-    has_crossing = np.isfinite(campbell.met[:, 2:]).any()
+    # a row of met has order, mode, and the speeds of the crossings with free and stuck modes
+    crossing_speeds = campbell.met[:, 2:]
+    has_crossing = np.isfinite(crossing_speeds).any()
     if orders and diameters and not has_crossing:
         text = campbell._headline()
+        # at the highest speed
         frequency_of_mode_1 = campbell.free[campbell.row(diameters[0]), -1, 0]
         rpm_of_crossing = 60.0 * frequency_of_mode_1 / orders[0]
         if np.isfinite(rpm_of_crossing):

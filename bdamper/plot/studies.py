@@ -99,6 +99,7 @@ def plot_sweep(result: SweepResult, quantity: str | None = None, ax: Axes = NEW)
     across = np.array(settings if is_numeric else [str(x) for x in settings])
     lines = values.reshape(-1, n_across)
     for k, (line, look) in enumerate(zip(lines, looks(len(lines)))):
+        # the points of a line follow each other and share all settings but the last
         point = row_of(result.points, k * n_across)
         other_settings = {name: point[name] for name in result.names[:-1]}
         ax.plot(across, line, **look, label=as_words(other_settings) or None)
@@ -465,9 +466,11 @@ def draw_table(
         **style,
     }
     ax.plot(across, up, **look)
-    # a line needs two adjacent points
+    # a line needs two adjacent points; the padding is a gap at both ends
     is_known = np.pad(np.isfinite(across + up), 1)
-    is_single = is_known[1:-1] & ~is_known[:-2] & ~is_known[2:]
+    known_before = is_known[:-2]
+    known_after = is_known[2:]
+    is_single = is_known[1:-1] & ~known_before & ~known_after
     if is_single.any() and not look["marker"]:
         ax.plot(across[is_single], up[is_single], ".", color=look["color"])
     _set_label_and_scale(ax.xaxis, table, x, x_values)

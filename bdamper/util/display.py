@@ -233,15 +233,21 @@ class Summarised:
             lines.append(counted(len(remarks) - FEW_ROWS, "further remark"))
         if isinstance(self, WithRowStatus):
             lines += not_run_lines(self.status, self.reason, "parts")
-            failed = [reason for s, reason in zip(self.status, self.reason) if s == FAILED]
-            lines += [with_reason(FAILED, reason) for reason in dict.fromkeys(failed)]
+            reasons = [
+                reason for status, reason in zip(self.status, self.reason) if status == FAILED
+            ]
+            # each reason once, in the order of the rows
+            for reason in dict.fromkeys(reasons):
+                lines.append(with_reason(FAILED, reason))
         return lines
 
     def _cost_text(self) -> str:
         """Return the cost as text, added up over all parts."""
         cost = getattr(self, "cost", "")
+        # a structured array with the cost of each part
         if isinstance(cost, np.ndarray):
-            cost = Cost(**{name: sum(cost[name].tolist()) for name in names_of(cost)})
+            totals = {name: sum(cost[name].tolist()) for name in names_of(cost)}
+            cost = Cost(**totals)
         return str(cost or "").strip()
 
     def _remarks(self) -> list[str]:
@@ -266,19 +272,24 @@ class Summarised:
         if statement is not None:
             return statement.with_remark(ALL_VALUES).text
         headline = self._in_unit_of_response(self._headline())
-        # no line break between a number and its unit
-        kept = re.sub(r"(\d) (?=(?:\S{1,2}|[kMG]Pa|rad/s)\b)", "\\1\0", headline)
-        first = textwrap.fill(kept, width=100).replace("\0", " ")
+        # a null character, at which no line is broken, holds a number and its unit together
+        with_nulls = re.sub(r"(\d) (?=(?:\S{1,2}|[kMG]Pa|rad/s)\b)", "\\1\0", headline)
+        first = textwrap.fill(with_nulls, width=100).replace("\0", " ")
 
+        # single values have rows of a name and a text, a tabular result has more columns
         rows = [row for row in self._table() if row]
-        lines = table_lines(rows) if rows and len(rows[0]) > 2 else aligned(rows)
+        is_tabular = bool(rows) and len(rows[0]) > 2
+        lines = table_lines(rows) if is_tabular else aligned(rows)
+        # the header of a table and the first rows
+        n_shown = SHOWN_ROWS + 1
         last = ALL_VALUES
-        if len(lines) > SHOWN_ROWS + 1:
-            last = f"{counted(len(lines) - SHOWN_ROWS - 1, 'further row')}; {last}"
+        if len(lines) > n_shown:
+            last = f"{counted(len(lines) - n_shown, 'further row')}; {last}"
         if not lines:
-            after_headline = self.summary().split("\n")[1:]
+            _, *after_headline = self.summary().split("\n")
+            # without the line of the cost
             lines = [line for line in after_headline if " of the processor: " not in line]
-        shown = [*lines[: SHOWN_ROWS + 1], last]
+        shown = [*lines[:n_shown], last]
         rest = "\n".join(f"  {line.removeprefix('  ')}" for line in shown)
         return f"{first}\n{self._in_unit_of_response(rest)}"
 
@@ -362,8 +373,9 @@ def _owners(name: str) -> str:
             owners[kind.__name__] = kind
     if not owners:
         return ""
+    first_three = list(owners)[:3]
     verb = "has" if len(owners) == 1 else "have"
-    return f"; {' and '.join([*owners][:3])} {verb} it"
+    return f"; {' and '.join(first_three)} {verb} it"
 
 
 def _kinds(of: type[Any]) -> Iterator[type[Any]]:
@@ -373,21 +385,31 @@ def _kinds(of: type[Any]) -> Iterator[type[Any]]:
         yield from _kinds(kind)
 
 
+def _has_own_text(value: object) -> bool:
+    """Return whether a dataclass defines how it prints; the text of Python lists all fields."""
+    return is_dataclass(value) and type(value).__str__ is not object.__str__
+
+
 def _facts_of(label: str, value: Any, unit: str, several: bool) -> Iterator[Fact]:
     """Yield rows for a value: one for a single value, one for each field of a small record.
 
-    With ``several``, mappings and sequences also give a row for each item.
+    With ``several``, arrays give their length, and mappings and sequences a row for each item.
+    Other values, such as None, give no row.
     """
     plain = value.item() if isinstance(value, np.generic) else value
     if isinstance(plain, int | float | str):
         yield Fact(label, plain, unit)
     elif isinstance(value, Summarised):
+        # another result has a headline; a row without text is not printed
         yield Fact(label, value._headline() if several else "")
-    elif is_dataclass(value) and type(value).__str__ is not object.__str__:
+    elif _has_own_text(value):
         yield Fact(label, str(value))
     elif is_dataclass(value) or hasattr(value, "_fields"):
-        for name in getattr(value, "_fields", None) or [f.name for f in fields(value)]:
+        # the names of a named tuple, or of a dataclass
+        names = getattr(value, "_fields", None) or [field.name for field in fields(value)]
+        for name in names:
             item = getattr(value, name)
+            # nested records and arrays are left out
             if isinstance(item, int | float | str):
                 yield Fact(f"{label} {spaced(name)}", item, UNITS.get(name, ""))
     elif several and isinstance(value, np.ndarray):
@@ -412,9 +434,12 @@ def _facts_of_items(label: str, items: Sequence[Any]) -> Iterator[Fact]:
 
 
 def _html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    def line(cells: Sequence[str], kind: str) -> str:
-        cell = f'<{kind} style="text-align:left">{{}}</{kind}>'
-        return f"<tr>{''.join(cell.format(html.escape(text)) for text in cells)}</tr>"
+    """Return a table in HTML; the header may be empty."""
+
+    def line(texts: Sequence[str], tag: str) -> str:
+        """Return a row with cells of a tag: th in the header, td below."""
+        cells = [f'<{tag} style="text-align:left">{html.escape(text)}</{tag}>' for text in texts]
+        return f"<tr>{''.join(cells)}</tr>"
 
     lines = [line(head, "th")] if head else []
     lines += [line(row, "td") for row in rows]
@@ -567,10 +592,12 @@ class Comparable(Summarised):
         first = _flat(own)
         second = _flat(others)
         settings = []
+        # each name once, in the order of the first object
         for name in dict.fromkeys([*first, *second]):
-            pair = (first.get(name, MISSING), second.get(name, MISSING))
-            if pair[0] != pair[1]:
-                settings.append((name, *pair))
+            before = first.get(name, MISSING)
+            after = second.get(name, MISSING)
+            if before != after:
+                settings.append((name, before, after))
         kinds = (type(self).__name__, type(other).__name__)
         return Differences(tuple(settings), tuple(outcomes), kinds)
 

@@ -84,7 +84,7 @@ class Range:
         low = self.low(sizes, key) if callable(self.low) else self.low
         high = self.high(sizes, key) if callable(self.high) else self.high
         if low >= 0.0 and self.compared is not largest:
-            # the function itself rejects negative values
+            # the function of the user's call rejects negative values itself, with an error
             values = values[values >= 0.0]
         if not len(values):
             return
@@ -513,10 +513,10 @@ def check(
         for key, numbers in _numbers(value):
             known.check(_item_of(item, key), numbers, sizes, part or key)
     elif isinstance(known, tuple):
-        # one range for each number
+        # a range for each place, for example of a lowest and a highest value
         for key, numbers in _numbers(value):
-            for limits, number in zip(known, numbers[:, None]):
-                limits.check(_item_of(item, key), number, sizes, part or key)
+            for limits, number in zip(known, numbers):
+                limits.check(_item_of(item, key), np.array([number]), sizes, part or key)
     if sizes is not None and (known is PRELOAD or known == UNEXCITED):
         for _, numbers in _numbers(value):
             sizes.check_preload(numbers)
@@ -530,8 +530,12 @@ def _check_settings(
     sizes: Rotating | None,
     function: str | None,
 ) -> None:
-    """Check a mapping of settings, or of settings for each of several studies."""
+    """Check a mapping of settings, or of settings for each of several studies.
+
+    The settings are parameters of ``names.of``, or of ``function`` if it is given.
+    """
     for key, value in settings.items():
+        # the settings of one of the studies
         if isinstance(value, Mapping):
             check(owner, name, value, sizes, function=function)
         elif function is None:
@@ -554,9 +558,10 @@ def _leading(values: object, count: int | None) -> object:
 
 
 def _numbers(value: object, key: object = None) -> Iterator[tuple[object, NDArray]]:
-    """Yield arrays of the numbers in a value, with their keys in mappings.
+    """Yield the numbers in a value as pairs of key and array (n,).
 
-    Complex numbers by magnitude.
+    The key belongs to the innermost mapping; without a mapping it is ``key``.  Complex numbers are
+    replaced by their magnitudes.  Texts, and arrays with infinite or unknown numbers, are skipped.
     """
     if isinstance(value, Mapping):
         for name, inner in value.items():
@@ -568,7 +573,7 @@ def _numbers(value: object, key: object = None) -> Iterator[tuple[object, NDArra
         return
     if array.dtype.kind not in "fiuc" or not array.size or not np.isfinite(array).all():
         return
-    # the diagonal of a matrix has its magnitudes
+    # off its diagonal, a matrix may have small or negative entries
     if array.ndim == 2 and array.shape[0] == array.shape[1] > 1:
         array = np.diagonal(array)
     if array.dtype.kind == "c":

@@ -76,6 +76,7 @@ class LongWork:
         self, kind: type[BaseException] | None, error: BaseException | None, *_: object
     ) -> bool:
         _passed_on.reset(self.outer)
+        # a returned True suppresses the interrupt, which nested work passes on to the outer work
         self.interrupted = kind is not None and issubclass(kind, KeyboardInterrupt)
         self.reason = str(error) if isinstance(error, ExecutorEnded) else ""
         return self.interrupted and not is_part_of_work()
@@ -208,7 +209,9 @@ def progress_bar(
     with progress_stages(show, what, "%") as report:
 
         def report_point(point: Any) -> None:
-            percent = min(100.0, percent_per_unit * (point.y[-1] - low))
+            # the last unknown is the coordinate of the path
+            coordinate = point.y[-1]
+            percent = min(100.0, percent_per_unit * (coordinate - low))
             report("", int(percent), 100)
 
         yield report_point if show else None

@@ -190,16 +190,27 @@ def is_array(hint: object) -> bool:
 
 
 def _item(cls: Kind, field: Any) -> Item:
+    """Return the description of a field of a dataclass from its type hint and default.
+
+    A mapping of known types has the type of its keys, a tuple of records has the keys ``tuple``,
+    and any other field has none.
+    """
     declared = declarations(cls)[field.name]
     data = declared.mark(Data) or Data()
     kind = declared.kind
     keys = None
-    inner = get_args(kind)
-    if get_origin(kind) in (Mapping, dict) and inner[1] is not Any:
-        keys, kind = inner
-    elif get_origin(kind) is tuple and isinstance(inner[0], type) and issubclass(inner[0], Record):
-        keys = tuple
-        kind = inner[0]
+    origin = get_origin(kind)
+    arguments = get_args(kind)
+    if origin in (Mapping, dict):
+        key_type, value_type = arguments
+        if value_type is not Any:
+            keys = key_type
+            kind = value_type
+    elif origin is tuple:
+        item_type = arguments[0]
+        if isinstance(item_type, type) and issubclass(item_type, Record):
+            keys = tuple
+            kind = item_type
     if is_array(kind):
         kind = np.ndarray
     optional = declared.optional or kind is Any
@@ -228,13 +239,20 @@ def write_record(group: h5py.Group, record: object) -> None:
         if not item.keys:
             _write(group, item.place(), value, item)
             continue
-        new_group(group, item.file.rpartition("*")[0])
+        # the path of the field has a star for the key; an empty mapping leaves an empty group
+        before_key, _, _ = item.file.rpartition("*")
+        new_group(group, before_key)
         parts = enumerate(value) if item.keys is tuple else value.items()
         for key, part in parts:
             _write(group, item.place(key), part, item)
 
 
 def _write(group: h5py.Group, path: str, value: Any, item: Item) -> None:
+    """Write one value of a field at a path below a group.
+
+    Records become groups, arrays and numbers with units datasets, other numbers and texts
+    attributes, and all other values texts in JSON.
+    """
     if item.is_record:
         write_record(new_group(group, path), value)
         return
@@ -245,6 +263,7 @@ def _write(group: h5py.Group, path: str, value: Any, item: Item) -> None:
     elif item.kind in (int, float):
         owner.attrs[name] = item.kind(value)
     elif item.is_attribute:
+        # a text, or tuples of names, each written with dots
         text = value if isinstance(value, str) else [".".join(names) for names in value]
         write_text(owner, name, text)
     else:
@@ -376,15 +395,16 @@ def _read_members(group: h5py.Group, item: Item) -> Any:
             return None
         parent = subgroup(group, group_name)
     members = parent.attrs if item.is_attribute else parent
-    # names in the file by key
-    names: dict[Any, str] = {name: name for name in members}
+    name_of_key: dict[Any, str] = {name: name for name in members}
     if item.keys is int:
+        # other members of the group do not belong to the field
         matches = [_DIAMETER.fullmatch(name) for name in members]
-        names = {int(match[1]): match[0] for match in matches if match}
+        name_of_key = {int(match[1]): match[0] for match in matches if match}
     elif item.keys is tuple:
-        names = dict(sorted((int(name), name) for name in members))
+        # in the order of the numbers, 2 before 10
+        name_of_key = dict(sorted((int(name), name) for name in members))
     parts = {}
-    for key, name in names.items():
+    for key, name in name_of_key.items():
         value = _read(parent, name + tail, item)
         if value is not None:
             parts[key] = value
@@ -697,7 +717,10 @@ def check_record(record: object, kind: Kind, item: str, sizes: Sizes | None = No
 
     # vectors come before matrices because they show the named sizes
     def matrices_and_mappings_last(field: Item) -> tuple[bool, bool]:
-        return len(field.data.shape) > 1, field.keys is not None
+        """Return a key for sorting, in which False comes before True."""
+        is_matrix = len(field.data.shape) > 1
+        is_mapping = field.keys is not None
+        return is_matrix, is_mapping
 
     for field in sorted(layout(kind), key=matrices_and_mappings_last):
         value = getattr(record, field.name)
@@ -713,6 +736,10 @@ def check_record(record: object, kind: Kind, item: str, sizes: Sizes | None = No
 
 
 def _check_value(value: Any, field: Item, item: str, sizes: Sizes) -> None:
+    """Check one value of a field by its type; values of other types are not checked.
+
+    Named sizes of an array are added to ``sizes``.
+    """
     kind = field.kind
     limits = field.data.limits
     if kind is np.ndarray:
@@ -760,13 +787,15 @@ def _check_number_type(array: NDArray, kind: str, item: str) -> None:
 
 
 def _check_shape(array: NDArray, expected: Shape, item: str, sizes: Sizes) -> None:
-    """Check the shape of an array; a named size may be unknown."""
+    """Check the shape of an array; a name that ``sizes`` does not contain permits any size."""
+    # None for any size
     shape = [sizes.get(size) if isinstance(size, str) else size for size in expected]
     fits = len(shape) == array.ndim
     for size, found in zip(shape, array.shape):
         if size is not None and size != found:
             fits = False
     text = ", ".join("any" if size is None else str(size) for size in shape)
+    # Python writes a tuple of one number with a comma
     if len(shape) == 1:
         text += ","
     check(fits, item, f"shape ({text})", array.shape)
@@ -796,12 +825,16 @@ def check_all(good: NDArray, array: NDArray, expected: str, item: str) -> None:
 
 
 def check_hermitian(matrix: NDArray, item: str, word: str = "Hermitian") -> None:
+    """Raise ModelError unless a matrix is square and Hermitian except for rounding.
+
+    ``word`` is the kind of matrix in the message, which gives the largest difference.
+    """
     check(matrix.shape[0] == matrix.shape[1], item, f"a {word} matrix", f"shape {matrix.shape}")
     error = np.abs(matrix - matrix.conj().T)
     size = np.abs(matrix).max(initial=0.0)
     if error.max(initial=0.0) <= ROUNDING * size:
         return
-    row, column = (int(i) for i in np.unravel_index(np.argmax(error), error.shape))
+    row, column = divmod(int(np.argmax(error)), error.shape[1])
     largest = error[row, column]
     found = f"a difference of {largest:.3g} at {(row, column)}, size {size:.3g}"
     raise mismatch(item, f"a {word} matrix", found)
