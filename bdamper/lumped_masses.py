@@ -416,6 +416,7 @@ class _Modes:
         of equal frequency.
         """
         self._turn_equal_frequencies(C)
+        # modal damping, and its entries outside the diagonal
         D = self.shapes.T @ C @ self.shapes
         coupling = np.abs(D - np.diag(np.diag(D)))
         if coupling.max() > ROUNDING * max(np.abs(D).max(), 1e-300):
@@ -439,10 +440,12 @@ class _Modes:
 
     def _turn_equal_frequencies(self, C: NDArray) -> None:
         """Turn modes of equal frequency so that their damping is diagonal."""
+        # a group of equal frequencies begins with the mode `first`; omega2 is ascending
         first = 0
+        rounding = ROUNDING * self.omega2[-1]
         for end in range(1, self.n + 1):
             # continue the group while the next frequency is the same
-            if end < self.n and self.omega2[end] - self.omega2[first] <= ROUNDING * self.omega2[-1]:
+            if end < self.n and self.omega2[end] - self.omega2[first] <= rounding:
                 continue
             group = self.shapes[:, first:end]
             _, turn = np.linalg.eigh(group.T @ C @ group)
@@ -458,6 +461,8 @@ class _Modes:
         D : (n, n) float, 1/s
             Damping in the modes of mass and stiffness.
         """
+        # all new modes have the lowest frequency; springs add the remaining stiffness, which is
+        # not diagonal in these modes
         d, turn = np.linalg.eigh(D)
         least = self.omega2[0]
         beyond_least = turn.T @ np.diag(self.omega2 - least) @ turn
@@ -530,6 +535,7 @@ def _coupled_free_motion(D: NDArray, coupling: NDArray) -> SettingError:
     """Return the error of damping (n, n), 1/s, that couples modes if a motion has no stiffness."""
     strongest = np.unravel_index(np.argmax(coupling), D.shape)
     i, j = sorted(int(index) for index in strongest)
+    # without damping of one of the modes the coupling in 1/s
     own_damping = np.sqrt(abs(D[i, i] * D[j, j]) or 1.0)
     share = coupling[i, j] / own_damping
     return SettingError(
@@ -612,13 +618,14 @@ def _excitation(
     """Return the excitation, and a field of forces if several degrees of freedom are excited."""
     largest = max(abs(force) for force in forces.values())
     if len(forces) == 1:
-        ((key, force),) = forces.items()
+        key, force = next(iter(forces.items()))
         phase = float(np.angle(force))
         return Excitation(modes.name(key), amplitude=abs(force), phase=phase), {}
     # forces that are all zero remain so
     unit = largest or 1.0
     field = sum(force / unit * modes.motion(key, "forces") for key, force in forces.items())
     name = modes.free("forces")
+    # the study uses the conjugate of the row of a location as modal force
     return Excitation(name, amplitude=largest), {name: np.conj(field)}
 
 
@@ -687,30 +694,35 @@ def _model(
     rows = {name: modes.shapes[freedom] for name, freedom in modes.locations.items()}
     rows |= combined_rows
     basis = ModalBasis(
-        modes.omega2,
-        modes.damping_ratio,
-        shapes,
+        omega2=modes.omega2,
+        damping_ratio=modes.damping_ratio,
+        contact_modes=shapes,
         # a location moves in its first direction only
-        {name: np.array([row, zero, zero]) for name, row in rows.items()},
+        locations={name: np.array([row, zero, zero]) for name, row in rows.items()},
         drag=modes.drag if modes.drag.any() else None,
     )
     load = None
     if load_per_preload is not None:
         load = _body_load(modes, shapes, load_per_preload)
     masses = Body(
-        BODY,
-        "lumped",
-        tuple((name, "b") for name in faces),
-        {0: basis},
+        name=BODY,
+        kind="lumped",
+        ports=tuple((name, "b") for name in faces),
+        bases={0: basis},
         load=load,
         constant_force=preload_force,
     )
-    ground = Body(GROUND, "ground", tuple((name, "a") for name in faces))
-    locations = {name: Location(name, BODY, np.zeros(3)) for name in rows}
+    ground = Body(name=GROUND, kind="ground", ports=tuple((name, "a") for name in faces))
+    locations = {name: Location(name, BODY, position=np.zeros(3)) for name in rows}
     if base:
-        locations[BASE] = Location(BASE, BODY, np.zeros(3), "base")
-    bodies = {BODY: masses, GROUND: ground}
-    return Model(1, bodies, interfaces, locations, provenance={"source": "lumped masses"})
+        locations[BASE] = Location(BASE, BODY, position=np.zeros(3), kind="base")
+    return Model(
+        n_blades=1,
+        bodies={BODY: masses, GROUND: ground},
+        interfaces=interfaces,
+        locations=locations,
+        provenance={"source": "lumped masses"},
+    )
 
 
 def _motion_or_rest(modes: _Modes, row: Any, name: str) -> NDArray:
@@ -722,10 +734,18 @@ def _motion_or_rest(modes: _Modes, row: Any, name: str) -> NDArray:
 
 def _interface(name: str, kind: Any, gap: float) -> Interface:
     """Return an interface of one point between the ground and the masses."""
-    position = np.zeros((1, 3))
-    area = np.ones(1)
-    axes = np.eye(3)[None]
-    return Interface(name, kind, GROUND, 0, BODY, 0, position, area, axes, np.array([gap]))
+    return Interface(
+        name=name,
+        kind=kind,
+        body_a=GROUND,
+        sector_a=0,
+        body_b=BODY,
+        sector_b=0,
+        points=np.zeros((1, 3)),
+        area=np.ones(1),
+        frame=np.eye(3)[None],
+        gap=np.array([gap]),
+    )
 
 
 def _body_load(
@@ -746,5 +766,9 @@ def _body_load(
     validation.check(modal_force.any(), what, expected, dict(load_per_preload))
     # free masses have no static displacement
     elastic = modes.omega2 > 0.0
-    displacement = shapes[..., elastic] @ (modal_force[elastic] / modes.omega2[elastic])
-    return BodyLoad(np.array([0.0, 0.0, 1.0]), modal_force, displacement)
+    coordinates = modal_force[elastic] / modes.omega2[elastic]
+    return BodyLoad(
+        direction=np.array([0.0, 0.0, 1.0]),
+        generalised=modal_force,
+        displacement=shapes[..., elastic] @ coordinates,
+    )

@@ -61,9 +61,11 @@ def check_law(
     law = _Law(function, parameters, n_state)
     rng = np.random.default_rng(0)
     for size in length * np.array(LENGTHS):
+        # mostly closed: the normal motion is positive if the surfaces approach
         path = size * rng.uniform([-1.0, -1.0, -0.3], 1.0, (STEPS, 3))
         F, D, states = law.follow(path)
         finite = np.isfinite(F).all() and np.isfinite(D).all() and np.isfinite(states).all()
+        # only the shortest path has to be finite
         if not finite and size > length:
             return
         expected = "finite forces, states and derivatives"
@@ -90,9 +92,15 @@ def _check_slopes(where: str, law: _Law, path: NDArray, F: NDArray, D: NDArray, 
     Each motion of the path is displaced along each direction.
     """
     rounding = 1e3 * np.finfo(float).eps * np.abs(F).max() / h
-    for j, displacement in enumerate(h * np.eye(path.size).reshape(-1, *path.shape)):
-        forward = (law.follow(path + displacement)[0] - F) / h
-        backward = (law.follow(path - displacement)[0] - F) / -h
+    # column j of D: direction j % 3 of the motion in step j // 3
+    for j in range(path.size):
+        step, direction = divmod(j, 3)
+        displacement = np.zeros_like(path)
+        displacement[step, direction] = h
+        F_forward, _, _ = law.follow(path + displacement)
+        F_backward, _, _ = law.follow(path - displacement)
+        forward = (F_forward - F) / h
+        backward = (F_backward - F) / -h
         # the law may have a corner here: one side must agree
         slope = forward
         if np.abs(backward - D[:, j]).max() < np.abs(forward - D[:, j]).max():
@@ -103,8 +111,8 @@ def _check_slopes(where: str, law: _Law, path: NDArray, F: NDArray, D: NDArray, 
         if error.max() <= SLOPE * largest + rounding:
             continue
         i = int(np.argmax(error))
-        steps_before = STEPS - 1 - j // 3
-        entry = f"of force {i + 1} by motion {j % 3 + 1}, {steps_before} steps before"
+        steps_before = STEPS - 1 - step
+        entry = f"of force {i + 1} by motion {direction + 1}, {steps_before} steps before"
         raise SettingError(
             f"{where}: expected derivatives that agree with finite differences, "
             f"{slope[i]:.6g} {entry}, found {D[i, j]:.6g}"
@@ -182,12 +190,14 @@ class _Law:
         for k, x in enumerate(path):
             after = self.step(x, before, s)
             by_motions = after.state_by_state @ by_motions
-            # the law has the new motion first, the path the motion before
-            by_motions[:, 3 * k : 3 * k + 6] += after.state_by_motions[:, [3, 4, 5, 0, 1, 2]]
+            # columns of the motion before and of x; the law has x first
+            before_and_x = slice(3 * k, 3 * k + 6)
+            by_motions[:, before_and_x] += after.state_by_motions[:, [3, 4, 5, 0, 1, 2]]
             before = x
             s = after.state
             states.append(s)
         D = after.force_by_state @ by_motions[:, 3:]
+        # the force also depends on the last motion directly
         D[:, -3:] += after.force_by_x
         return after.force, D, np.array(states)
 

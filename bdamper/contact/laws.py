@@ -89,20 +89,24 @@ def power_law_sliders(
         # measured for a from 0.02 to 10: 1.0 to 1.9 % off the power law between the ends
         n = int(np.ceil(np.ceil(3.75 + 3.0 * a) * decades)) + 1
     ends = np.concatenate([[0.0], np.geomspace(10.0**-decades, 1.0, n)])
+    # integrals of a phi^(a - 1) phi^power over each interval, (4, n)
     power = np.arange(4)[:, None]
     moment = a / (a + power) * np.diff(ends ** (a + power))
     stiffness = moment[0]
 
+    # moments of the distribution in each interval
     mean = moment[1] / stiffness
     square = moment[2] / stiffness
     cube = moment[3] / stiffness
     variance = square - mean**2
+    # third central moment over the variance
     skewed = (cube - 3.0 * mean * square + 2.0 * mean**3) / variance
     half = np.hypot(0.5 * skewed, np.sqrt(variance))
     # two points of Gaussian quadrature
     low = mean + 0.5 * skewed - half
     high = mean + 0.5 * skewed + half
     of_low = (high - mean) / (high - low)
+    # (n, 2), so that both sliders of an interval are adjacent
     share = np.stack([stiffness * of_low, stiffness * (1.0 - of_low)], axis=1)
     slip = np.stack([low, high], axis=1)
     return share.ravel(), slip.ravel()
@@ -616,7 +620,9 @@ class OwnLaws:
                 check_law(where, law.pointer, parameters, law.n_state, length)
         if not any(points):
             return None
-        return cls(points, np.where(kn > 0.0, -gap, 0.0))
+        # without a normal spring there is no contact to close
+        rest = np.where(kn > 0.0, -gap, 0.0)
+        return cls(points, rest)
 
     @property
     def _own_points(self) -> list[LawPoint]:
@@ -640,7 +646,9 @@ class OwnLaws:
         ----------
         motion : (n_points, 3, n_coef) complex, m
         """
+        # bound of the tangential motion of each point: sum of the coefficients without the mean
         moved = np.abs(motion[:, :2, 1:]).sum(axis=2).max(axis=1)
+        # by law and interface
         largest: dict[str, float] = {}
         resolution: dict[str, float] = {}
         for point, x in zip(self.points, moved.tolist()):

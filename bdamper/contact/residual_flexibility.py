@@ -198,6 +198,7 @@ def force_patterns(flexibility: NDArray, what: str, resolved: float = RESOLVED) 
             "a positive flexibility at every contact point",
             f"{diagonal.min():.3g} m/N; the retained modes are more flexible than the full model",
         )
+    # entry (i, j) of the scaled matrix is divided by d_i d_j
     size = np.sqrt(diagonal)
     eigenvalue, vectors = np.linalg.eigh(flexibility / size[:, None] / size)
     if eigenvalue.min(initial=0.0) < -NEGATIVE:
@@ -233,18 +234,23 @@ def stuck_modes(
     force : (3 n, n_modes) complex or float
         Contact forces.
     """
+    # F F^H is the contact stiffness, so the structure has K + G^H F F^H G
     F = force_patterns(residual, what, resolved)
     G = F.conj().T @ basis.G
     squared_frequency, Q = np.linalg.eigh(np.diag(basis.omega2) + G.conj().T @ G)
-    return np.sqrt(np.maximum(squared_frequency, 0.0)), F @ (G @ Q)
+    # a free rigid body has 0, up to rounding
+    frequency = np.sqrt(np.maximum(squared_frequency, 0.0))
+    return frequency, F @ (G @ Q)
 
 
 def softest_forces(flexibility: NDArray, n: int) -> NDArray:
-    """Return the n unit forces (n_active, n) that are softest in units of the points."""
+    """Return the n unit forces (n_active, n) with the largest flexibility, in units of the points."""
     size = np.sqrt(np.diag(flexibility).real)
+    # eigenvalues ascend: the softest is the last column
     _, vectors = np.linalg.eigh(flexibility / size[:, None] / size)
-    softest = vectors[:, ::-1][:, :n] / size[:, None]
-    return np.asarray(softest / np.linalg.norm(softest, axis=0))
+    softest_first = vectors[:, ::-1]
+    forces = softest_first[:, :n] / size[:, None]
+    return np.asarray(forces / np.linalg.norm(forces, axis=0))
 
 
 def parts_of_faces(coupling: Coupling) -> dict[str, NDArray]:
@@ -262,8 +268,10 @@ def parts_of_faces(coupling: Coupling) -> dict[str, NDArray]:
         same = SAME_PLACE * np.hypot(np.ptp(along_t1), np.ptp(along_t2))
         from_axis = np.hypot(face.points[:, 0], face.points[:, 1])
         from_middle = along_t1 - along_t1.mean()
-        # t1 of the faces of a wedge point outwards on one face and inwards on the other
-        if from_middle @ (from_axis - from_axis.mean()) < -same * np.abs(from_middle).sum():
+        # t1 points outwards on one face of a wedge and inwards on the other; negative correlation
+        # with the radius, beyond rounding, means inwards
+        outward = from_middle @ (from_axis - from_axis.mean())
+        if outward < -same * np.abs(from_middle).sum():
             along_t1 = -along_t1
         found["inner"].append(rows[_near_lower_end(along_t1, same)])
         found["outer"].append(rows[_near_lower_end(-along_t1, same)])
@@ -273,7 +281,10 @@ def parts_of_faces(coupling: Coupling) -> dict[str, NDArray]:
 
 
 def _near_lower_end(x: NDArray, same: float) -> NDArray:
-    """Return which positions (n,) are in the lowest part of their range, within ``same``."""
+    """Return which positions (n,) are in the lowest part of their range.
+
+    Positions beyond the limit by up to ``same`` (m) also count.
+    """
     return np.asarray(x - x.min() <= PART * np.ptp(x) + same)
 
 
@@ -303,11 +314,13 @@ def _stuck_static(
     load, shift = coupling.load()
     if not np.any(load):
         return None
+    # R^-1 = F F^T: motion and shift of the points in units of the force vectors
     F = force_patterns(R, what)
     G = F.T @ basis.G
     s = F.T @ shift.ravel()[kept]
     # (Omega^2 + G^T R^-1 G) q = f - G^T R^-1 s
-    q = np.linalg.lstsq(np.diag(basis.omega2) + G.T @ G, load - G.T @ s, rcond=1e-13)[0]
+    stiffness = np.diag(basis.omega2) + G.T @ G
+    q = np.linalg.lstsq(stiffness, load - G.T @ s, rcond=1e-13)[0]
     return np.asarray(F @ (G @ q + s))
 
 
@@ -316,8 +329,12 @@ def _hermitian(matrix: NDArray) -> NDArray:
 
 
 def _independent(vectors: NDArray, most: int) -> NDArray:
-    """Return the columns that do not depend on previous ones, at most ``most`` (Gram-Schmidt)."""
+    """Return the columns that do not depend on previous ones, at most ``most`` (Gram-Schmidt).
+
+    The columns of ``vectors`` have unit length.
+    """
     chosen: list[int] = []
+    # columns without their parts along the chosen ones
     remainder = vectors.copy()
     for k in range(vectors.shape[1]):
         size = np.linalg.norm(remainder[:, k])
@@ -403,7 +420,8 @@ class ResidualSet:
         validation.check(active.any(), "residual modes", "an interface with friction", "none")
         point_flexibility = np.diag(coupling.residual_flexibility(1)).real
         diagonal = np.where(active.ravel(), point_flexibility, 0.0).reshape(-1, 3)
-        unscaled = cls(coupling, options, active, diagonal, 1.0, static)
+        unscaled = cls(coupling, options, active, flexibility=diagonal, share=1.0, static=static)
+        # no force vector may have more flexibility in the diagonal than in total
         largest = max(unscaled._point_share(0), unscaled._point_share(1))
         share = min(options.contact_share, (1.0 - MARGIN) / largest)
         return replace(unscaled, flexibility=share * unscaled.flexibility, share=share)
@@ -425,11 +443,12 @@ class ResidualSet:
         W = self._choose_vectors(harmonic, R_active)
         energy = _hermitian(W.conj().T @ R_active @ W)
         if harmonic <= 1 and self._fades:
+            # all but the first vector may fade out; _choose_vectors has decoupled it
             others = W[:, 1:]
             points = np.diag(R_active).real
             in_points = _hermitian(others.conj().T @ (points[:, None] * others))
-            energy[1:, 1:] = _faded(energy[1:, 1:], in_points, SOFT_ENOUGH)
-        self._vectors[harmonic] = _ForceVectors(R, W, energy)
+            energy[1:, 1:] = _faded(energy[1:, 1:], in_points, least=SOFT_ENOUGH)
+        self._vectors[harmonic] = _ForceVectors(flexibility=R, vectors=W, energy=energy)
         return self._vectors[harmonic]
 
     def _choose_vectors(self, harmonic: int, R: NDArray) -> NDArray:
@@ -449,8 +468,9 @@ class ResidualSet:
             R = R.real
             G = G.real
         restricted = replace(basis, G=G)
-        _, modes = stuck_modes(restricted, R, what, resolved)
-        columns = [modes]
+        _, forces_of_modes = stuck_modes(restricted, R, what, resolved)
+        # earlier vectors take precedence: static forces with friction, then in stick, then modes
+        columns = [forces_of_modes]
         if harmonic == 0:
             stuck = _stuck_static(self.coupling, restricted, R, active, what)
             if stuck is not None:
@@ -459,17 +479,23 @@ class ResidualSet:
                 columns.insert(0, self.static.ravel()[active])
         W = np.concatenate([c.reshape(len(R), -1) for c in columns], axis=1)
         norm = np.linalg.norm(W, axis=0)
+        not_zero = norm > 0.0
         n_vectors = self.options.n_vectors
-        W = _independent(W[:, norm > 0.0] / norm[norm > 0.0], n_vectors)
+        W = _independent(W[:, not_zero] / norm[not_zero], most=n_vectors)
         # a study may have fewer stuck modes than vectors
-        soft = softest_forces(R, self.options.n_soft + n_vectors - W.shape[1])
-        W = _independent(np.concatenate([W, soft], axis=1), W.shape[1] + soft.shape[1])
+        n_missing = n_vectors - W.shape[1]
+        soft = softest_forces(R, self.options.n_soft + n_missing)
+        candidates = np.concatenate([W, soft], axis=1)
+        W = _independent(candidates, most=candidates.shape[1])
         if not self.options.partial_contact:
             return W
-        partial = self._forces_of_parts(restricted, R, what, resolved)
-        W = _independent(np.concatenate([W, partial], axis=1), W.shape[1] + partial.shape[1])
-        # the others, which may fade out, do no work on the motion under the first
-        first, others = W[:, :1], W[:, 1:]
+        of_parts = self._forces_of_parts(restricted, R, what, resolved)
+        candidates = np.concatenate([W, of_parts], axis=1)
+        W = _independent(candidates, most=candidates.shape[1])
+        # the others, which may fade out, do no work on the motion under the first: (n_active, 1)
+        # and (n_active, n - 1)
+        first = W[:, :1]
+        others = W[:, 1:]
         work = (first.conj().T @ R @ others) / (first.conj().T @ R @ first)
         return np.concatenate([first, others - first @ work], axis=1)
 
@@ -480,12 +506,13 @@ class ResidualSet:
 
         ``basis`` and ``R`` have the active components only.
         """
+        # row of each component (n_points, 3) among the active ones, -1 if not active
         number = np.full(self.active.shape, -1)
         number[self.active] = np.arange(len(R))
         columns = []
         for points in parts_of_faces(self.coupling).values():
-            rows = number[points].ravel()
-            rows = rows[rows >= 0]
+            of_points = number[points].ravel()
+            rows = of_points[of_points >= 0]
             of_part = replace(basis, G=basis.G[rows])
             frequency, force = stuck_modes(of_part, R[np.ix_(rows, rows)], what, resolved)
             size = np.linalg.norm(force, axis=0)
@@ -501,13 +528,15 @@ class ResidualSet:
         return np.stack(columns, axis=1)
 
     def _point_share(self, harmonic: int) -> float:
-        """Return the largest fraction of the flexibility under a force vector in the diagonal."""
+        """Return the largest fraction of the flexibility under force vectors that the diagonal has."""
         parts = self._force_vectors(harmonic)
         W = parts.vectors
         D = self.flexibility.ravel()[self.active.ravel()]
+        # W^H D W v = fraction W^H R W v
         in_diagonal = W.conj().T @ (D[:, None] * W)
         fractions = scipy.linalg.eigh(in_diagonal, parts.energy, eigvals_only=True)
-        return float(fractions[-1])
+        largest = fractions[-1]
+        return float(largest)
 
     def basis(self, harmonic: int) -> HarmonicBasis:
         """Return the residual coordinates of one harmonic as a basis."""
@@ -518,13 +547,16 @@ class ResidualSet:
         active = self.active.ravel()
         D = self.flexibility.ravel()
 
-        # E W, including rows of axial stops: friction forces move them
+        # motion (3 n_points, n) under the force vectors that the diagonal does not contain, also at
+        # axial stops: friction forces move them
         columns = (parts.flexibility - np.diag(D))[:, active] @ W
         in_diagonal = _hermitian(W.conj().T @ (D[active][:, None] * W))
         energy = parts.energy
         # at higher harmonics the diagonal may contain the complete flexibility under a force vector
         if harmonic > 1 and self._fades:
-            energy = _faded(energy, in_diagonal, 1.0 / (1.0 - MARGIN))
+            energy = _faded(energy, in_diagonal, least=1.0 / (1.0 - MARGIN))
+        # fraction of the flexibility that the diagonal does not contain; columns of V have unit
+        # energy in it
         fraction, V = scipy.linalg.eigh(energy - in_diagonal, energy)
         represented = fraction > 0.5 * MARGIN
         V = V[:, represented] / np.sqrt(fraction[represented])
@@ -536,6 +568,7 @@ class ResidualSet:
             omitted, omega2, ratio = self.coupling.left_out_modes(harmonic)
             # V^H W^H R_2 W V = P P^H
             P = (W @ V).conj().T @ omitted[active] / omega2
+            # coordinates with a diagonal mass matrix
             mass, rotation = np.linalg.eigh(P @ P.conj().T)
             mass = np.where(mass > ROUNDING * mass.max(initial=0.0), mass, 0.0)
             V = V @ rotation

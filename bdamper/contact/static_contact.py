@@ -141,9 +141,11 @@ class _Solver:
 
     def __init__(self, problem: StaticContactProblem) -> None:
         self.problem = problem
+        # numbers of points and of rigid-body coordinates
         self.n = len(problem.friction)
         self.m = problem.rigid.shape[1]
         self.flexibility = problem.flexibility
+        # stiffness of the contact elements, N/m
         self.k = (1.0 / np.diag(problem.flexibility)).reshape(self.n, 3)
         # scale rigid-body coordinates by the displacement that they cause
         self.largest = float(np.abs(problem.rigid).max()) if problem.rigid.size else 1.0
@@ -162,8 +164,8 @@ class _Solver:
     def motion(self, F: NDArray, eta: NDArray) -> NDArray:
         """Return the relative motion (n, 3) of the surfaces."""
         p = self.problem
-        of_forces = (p.rigid @ eta - self.flexibility @ F.ravel()).reshape(-1, 3)
-        return of_forces + p.offset + self.extra_motion
+        of_unknowns = p.rigid @ eta - self.flexibility @ F.ravel()
+        return of_unknowns.reshape(-1, 3) + p.offset + self.extra_motion
 
     def iterate(self, F: NDArray, eta: NDArray, rest: NDArray) -> _Iterate:
         """Evaluate contact law and equilibrium at forces and coordinates, with sliders ``rest``."""
@@ -172,11 +174,13 @@ class _Solver:
         z = self.motion(F, eta) + F / self.k
         level = self.k[:, 2] * z[:, 2]
         trial = self.k[:, :2] * (z[:, :2] - rest)
-        law, status = limited_forces(level, trial, p.friction)
-        r = (F - law).ravel()
+        by_law, status = limited_forces(level, trial, p.friction)
+        law_residual = (F - by_law).ravel()
         balance = p.rigid.T @ F.ravel() - p.load + self.drag @ (eta - self.eta_before)
-        size = float(np.sqrt(r @ r + balance @ balance / self.largest**2))
-        return _Iterate(F, eta, r, balance, status, size)
+        size = float(np.sqrt(law_residual @ law_residual + balance @ balance / self.largest**2))
+        return _Iterate(
+            force=F, eta=eta, law_residual=law_residual, balance=balance, status=status, size=size
+        )
 
     def newton_step(self, r: NDArray, balance: NDArray, status: NDArray) -> tuple[NDArray, NDArray]:
         """Return the changes of F and eta that cancel both residuals in the given states."""
@@ -186,9 +190,12 @@ class _Solver:
         B = law_tangent(self.k[:, :2], self.k[:, 2], p.friction, status)
         unit = self.largest
 
-        # F - law(x + F/k): dF - B (dF/k + Psi deta - R dF)
+        # F - law(x + F/k) with the derivative B (n, 3, 3) of the law of each point:
+        # dF - B (dF/k + Psi deta - R dF) = (1 + B R - B/k) dF - B Psi deta
         by_force = np.matmul(B, self.flexibility.reshape(n, 3, 3 * n)).reshape(3 * n, 3 * n)
+        # add 1 to the diagonal
         by_force.flat[:: 3 * n + 1] += 1.0
+        # a view with one diagonal block for each point
         of_points = by_force.reshape(n, 3, n, 3)
         of_points[range(n), :, range(n)] -= B / self.k[:, None]
         by_rigid = -np.matmul(B, p.rigid.reshape(n, 3, m)).reshape(3 * n, m)
@@ -201,7 +208,9 @@ class _Solver:
         A[3 * n :, 3 * n :] = self.drag / (unit * self.rigid_unit)
         b = -np.concatenate([r, balance / unit])
         step = _solution(A, b)
-        return step[: 3 * n].reshape(n, 3), step[3 * n :] / self.rigid_unit
+        dF = step[: 3 * n].reshape(n, 3)
+        deta = step[3 * n :] / self.rigid_unit
+        return dF, deta
 
     def creep(self) -> tuple[_Iterate, bool, NDArray]:
         r"""Follow an overdamped motion from rest to equilibrium, with sliders that follow slip.
@@ -221,6 +230,7 @@ class _Solver:
             Slider positions.
         """
         p = self.problem
+        # diagonal of R, (n, 3)
         S = 1.0 / self.k
         D = p.rigid.T @ (self.k.ravel()[:, None] * p.rigid)
         # a small part for rigid-body motions without motion at the contacts
@@ -237,7 +247,8 @@ class _Solver:
             damped.drag = D / dt
             damped.eta_before = now.eta
             damped.iterations = 0
-            after, converged = damped.newton(now.force, now.eta, rest, 0.01 * TOLERANCE)
+            after, converged = damped.newton(now.force, now.eta, rest, tolerance=0.01 * TOLERANCE)
+            # rounding may prevent the small tolerance
             if not converged:
                 after, converged = damped.newton(after.force, after.eta, rest, most=2)
             if not converged:
@@ -293,10 +304,14 @@ class _Solver:
         return trials[0]
 
     def bonded(self) -> tuple[NDArray, NDArray]:
-        """Return F and eta with all points in stick as the initial guess."""
-        x = self.motion(np.zeros((self.n, 3)), np.zeros(self.m))
+        """Return F and eta with all points in stick as the initial guess.
+
+        In stick the equations are linear: one Newton step from zero solves them.
+        """
+        x = self.motion(F=np.zeros((self.n, 3)), eta=np.zeros(self.m))
         all_stick = np.full((self.n, 2), STICK)
-        return self.newton_step(-(self.k * x).ravel(), -self.problem.load, all_stick)
+        law_residual = -(self.k * x).ravel()
+        return self.newton_step(law_residual, balance=-self.problem.load, status=all_stick)
 
 
 def _solution(A: NDArray, b: NDArray) -> NDArray:
@@ -355,8 +370,13 @@ def solve_static_contact(problem: StaticContactProblem) -> StaticContactSolution
             "static contact: the Newton iteration on the contact states did not converge; "
             "set contact_stiffness, or store finite element contact forces in the model"
         )
-    motion = solver.motion(end.force, end.eta)
-    return StaticContactSolution(end.force, motion, end.eta, end.status, rest)
+    return StaticContactSolution(
+        force=end.force,
+        motion=solver.motion(end.force, end.eta),
+        rigid=end.eta,
+        status=end.status,
+        rest=rest,
+    )
 
 
 def forces_in_balance(
@@ -382,15 +402,22 @@ def forces_in_balance(
         ``status`` 2: no equilibrium; 3: no lower bound.
     """
     n = len(friction)
+    # equations of equilibrium with coefficients up to 1
     unit = np.abs(rigid).max(axis=0)
     unit[unit == 0.0] = 1.0
-    # +-T_d - mu N <= 0 for each of the four directions
+    # +-T_d - mu N <= 0: four rows for each point, with columns T1, T2, N
     tangents = [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]]
     normals = [[0.0, 0.0, 1.0]] * 4
     limits = np.kron(np.eye(n), tangents) - np.kron(np.diag(friction), normals)
+    # T1 and T2 have either sign
     bounds = [(None, None), (None, None), (0.0, None)] * n
     return scipy.optimize.linprog(
-        cost, limits, np.zeros(4 * n), (rigid / unit).T, load / unit, bounds
+        cost,
+        A_ub=limits,
+        b_ub=np.zeros(4 * n),
+        A_eq=(rigid / unit).T,
+        b_eq=load / unit,
+        bounds=bounds,
     )
 
 
@@ -492,15 +519,19 @@ def _corners(coupling: Coupling, name: str, friction: NDArray) -> NDArray:
     rows = np.arange(coupling.n_points)[coupling.rows(name)]
     relative = face.points - face.points.mean(axis=0)
     size = float(np.abs(relative).max())
+    # axes of the first point
     tangents = face.frame[0, :2]
     normal = face.frame[0, 2]
     flat = np.abs(relative @ normal).max() <= 1e-9 * size
     same_axes = np.ptp(face.frame, axis=0).max() <= 1e-9
-    if not (flat and same_axes) or np.ptp(friction[rows]) > 0.0:
+    same_friction = np.ptp(friction[rows]) == 0.0
+    if not (flat and same_axes and same_friction):
         return rows
+    in_plane = relative @ tangents.T / size
     try:
-        hull = scipy.spatial.ConvexHull(relative @ tangents.T / size)
-    except (scipy.spatial.QhullError, ValueError):  # fewer than three points, or all on a line
+        hull = scipy.spatial.ConvexHull(in_plane)
+    # fewer than three points, or all on a line
+    except (scipy.spatial.QhullError, ValueError):
         return rows
     return rows[np.sort(hull.vertices)]
 
@@ -550,8 +581,10 @@ def wedge_friction(
     rigid = basis.omega2 == 0.0
     corners = [_corners(coupling, name, friction) for name in load_on]
     rows = np.concatenate(corners)
+    # rigid-body motion (3 n_rows, n_rigid) of these points
     G = basis.G.real[rows][..., rigid].reshape(3 * len(rows), -1)
     mu = friction[rows]
+    # index of the face of each point
     face_of_row = np.repeat(np.arange(len(corners)), [len(points) for points in corners])
 
     n = len(load_on)
@@ -561,9 +594,11 @@ def wedge_friction(
     mean_mu = np.empty(n)
     for i, (name, pressing) in enumerate(load_on.items()):
         on_face = face_of_row == i
+        # its product with stacked forces (T1, T2, N) is the total normal force of the face
         normal_force = np.kron(on_face, [0.0, 0.0, 1.0])
+        # the highest force is found as the lowest negative force
         for sign, bound in ((1.0, lowest), (-1.0, highest)):
-            optimum = forces_in_balance(sign * normal_force, mu, G, force[rigid])
+            optimum = forces_in_balance(sign * normal_force, mu, rigid=G, load=force[rigid])
             if optimum.status == NO_EQUILIBRIUM:
                 raise SettingError(
                     f"wedge friction: no contact forces at '{name}' and the other faces are in "
@@ -573,7 +608,14 @@ def wedge_friction(
             bound[i] = sign * optimum.fun * load if bounded else np.inf
         angle[i] = _angle_to_load(faces[name].frame[:, 2], pressing.direction)
         mean_mu[i] = mu[on_face].mean()
-    return WedgeFriction(tuple(load_on), float(load), lowest, highest, angle, mean_mu)
+    return WedgeFriction(
+        interfaces=tuple(load_on),
+        load=float(load),
+        lowest=lowest,
+        highest=highest,
+        angle=angle,
+        friction=mean_mu,
+    )
 
 
 def _angle_to_load(normals: NDArray, direction: NDArray) -> float:

@@ -93,7 +93,8 @@ class StaticSystem:
     @property
     def scales(self) -> bool:
         """Whether states are proportional to the load, except for gaps: nothing else acts."""
-        pressed = np.any(self.n0 + self.kn * self.shift_at(0.0)[:, 2] > 0.0)
+        normal_at_rest = self.n0 + self.kn * self.shift_at(0.0)[:, 2]
+        pressed = np.any(normal_at_rest > 0.0)
         return not (pressed or np.any(self.constant_force) or np.any(self.constant_shift))
 
 
@@ -136,6 +137,7 @@ def limited_forces(level: NDArray, trial: NDArray, mu: NDArray) -> tuple[NDArray
     """
     force = np.empty((*level.shape, 3))
     normal = np.maximum(level, 0.0, out=force[..., 2])
+    # the same limit for both directions, (..., n_points, 1)
     limit = (mu * normal)[..., None]
     np.minimum(np.maximum(trial, -limit), limit, out=force[..., :2])
     status = np.full(trial.shape, STICK)
@@ -183,6 +185,7 @@ def _forces(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDAr
 
     if system.own is not None:
         compiled = system.own.held
+        # one motion (n_points, 3) at a time
         for i in np.ndindex(x.shape[:-2]):
             law_force, derivative, _ = system.own.step(x[i], w[:, 2:])
             force[i][compiled] = law_force[compiled]
@@ -198,7 +201,9 @@ def _compiled_states(system: StaticSystem, derivative: NDArray) -> NDArray:
     # a law without stiffness counts as separated
     stiffness = np.abs(derivative).max(axis=(1, 2))
     closed = stiffness > 1e-12 * np.maximum(system.kt.max(axis=1), system.kn)
-    return np.where(closed[:, None], np.where(slips, SLIP_PLUS, STICK), OPEN)
+    # the state does not tell the sense of slip
+    of_closed = np.where(slips, SLIP_PLUS, STICK)
+    return np.where(closed[:, None], of_closed, OPEN)
 
 
 @dataclass(frozen=True)
@@ -242,11 +247,13 @@ def _contacts(system: StaticSystem, x: NDArray, w: NDArray) -> _Contacts:
 
     memory = None
     if system.own is not None:
-        memory = system.own.step(x, w[:, 2:])[2]
+        _, _, memory = system.own.step(x, w[:, 2:])
 
+    # compression of the normal springs, negative for a gap; 0 without spring
     level = system.n0 + system.kn * x[:, 2]
-    presses = system.kn > 0.0
-    closing = np.where(presses, level / np.where(presses, system.kn, 1.0), 0.0)
+    has_normal_spring = system.kn > 0.0
+    kn = np.where(has_normal_spring, system.kn, 1.0)
+    closing = np.where(has_normal_spring, level / kn, 0.0)
     return _Contacts(force, status, slider, memory, closing)
 
 
@@ -263,13 +270,17 @@ def _jacobian(
     contribute their tangents.  Without x, cubic springs contribute nothing and compiled laws the
     springs of stick.
     """
+    # derivatives of the forces of each point, (n_points, 3, 3)
     tangent = law_tangent(system.kt, system.kn, system.mu, status)
     if x is not None:
+        # the diagonal entries of both tangential directions
         tangent[:, [0, 1], [0, 1]] += 3.0 * system.cubic * x[:, :2] ** 2
     if system.own is not None and x is not None and w is not None:
         compiled = system.own.held
-        tangent[compiled] = system.own.step(x, w[:, 2:])[1][compiled]
-    return np.diag(system.stiffness) + G.T @ (tangent @ system.G).reshape(len(G), -1)
+        _, derivative, _ = system.own.step(x, w[:, 2:])
+        tangent[compiled] = derivative[compiled]
+    by_coordinates = (tangent @ system.G).reshape(len(G), -1)
+    return np.diag(system.stiffness) + G.T @ by_coordinates
 
 
 def _solve(J: NDArray, r: NDArray) -> NDArray:
@@ -284,10 +295,12 @@ def _solve(J: NDArray, r: NDArray) -> NDArray:
     factors, pivot, info = _getrf(A)
     if info == 0:
         norm = float(np.abs(A).sum(axis=0).max())
-        reciprocal_condition = _gecon(factors, norm)[0]
+        reciprocal_condition, _ = _gecon(factors, norm)
         if reciprocal_condition > 1e-12:
-            return scale * _getrs(factors, pivot, scale * r)[0]
-    return scale * np.linalg.lstsq(A, scale * r, rcond=1e-12)[0]
+            scaled, _ = _getrs(factors, pivot, scale * r)
+            return np.asarray(scale * scaled)
+    scaled, *_ = np.linalg.lstsq(A, scale * r, rcond=1e-12)
+    return np.asarray(scale * scaled)
 
 
 def _force_unit(system: StaticSystem, loads: tuple[float, float], w: NDArray) -> float:
@@ -360,9 +373,12 @@ class _LoadStep:
         system = self.system
         level = system.n0 + system.kn * self.shift[:, 2]
         stretch = self.shift[:, :2] - self.w[:, :2]
-        # the normal force is given as a force, with the derivative 1 by itself
-        per_level = law_tangent(system.kt, np.ones(len(level)), system.mu, status)
-        contact = per_level @ np.concatenate([stretch, level[:, None]], axis=1)[..., None]
+        # contact forces at q = 0: the tangential motion acts through kt, and the normal force,
+        # which is known, with the factor 1 instead of kn
+        per_unit = law_tangent(system.kt, np.ones(len(level)), system.mu, status)
+        # columns (n_points, 3, 1)
+        known = np.concatenate([stretch, level[:, None]], axis=1)[..., None]
+        contact = per_unit @ known
         jacobian = _jacobian(system, self.G, status)
         return _solve(jacobian, self.force - self.G.T @ contact.ravel())
 
@@ -393,9 +409,11 @@ class _LoadStep:
         motion = self.motion(self.linear_solution(states))
         level = system.n0 + system.kn * motion[:, 2]
         closed = ~(states == OPEN).any(axis=1) & (level > 0.0)
-        rubs = np.flatnonzero(closed & (system.mu > 0.0) & (system.kt > 0.0).all(axis=1))
+        has_friction = (system.mu > 0.0) & (system.kt > 0.0).all(axis=1)
+        rubs = np.flatnonzero(closed & has_friction)
         if not len(rubs):
             return None
+        # both directions of a point have its limit
         limit = np.repeat(system.mu[rubs] * level[rubs], 2)
         try:
             C, x_0 = self._tangential_flexibility(closed, rubs)
@@ -420,28 +438,33 @@ class _LoadStep:
             If the normal springs do not hold the structure.
         """
         system = self.system
+        # normal motion (n_points, n_modes)
         kn = np.where(closed, system.kn, 0.0)
         Gn = system.G[:, 2]
         stiffness = np.diag(system.stiffness) + Gn.T @ (kn[:, None] * Gn)
         factors = scipy.linalg.cho_factor(stiffness)
-        pressed = np.where(closed, system.n0, 0.0) + kn * self.shift[:, 2]
-        without_friction = scipy.linalg.cho_solve(factors, self.force - Gn.T @ pressed)
+        # normal forces without motion of the modes
+        normal_at_rest = np.where(closed, system.n0, 0.0) + kn * self.shift[:, 2]
+        q_frictionless = scipy.linalg.cho_solve(factors, self.force - Gn.T @ normal_at_rest)
 
+        # tangential motion (2 n_rubs, n_modes), and stretch of the springs without it
         Gt = system.G[rubs, :2].reshape(-1, len(stiffness))
         stretch = (self.shift[rubs, :2] - self.w[rubs, :2]).ravel()
-        springs = np.diag(1.0 / system.kt[rubs].ravel())
-        C = Gt @ scipy.linalg.cho_solve(factors, Gt.T) + springs
-        return C, Gt @ without_friction + stretch
+        of_springs = np.diag(1.0 / system.kt[rubs].ravel())
+        C = Gt @ scipy.linalg.cho_solve(factors, Gt.T) + of_springs
+        return C, Gt @ q_frictionless + stretch
 
     def solve(self, status: NDArray) -> _Equilibrium:
         """Solve for the states by Newton iteration with line search from the given states."""
+        # the slip of compiled laws is unknown: start from stick
         if self.system.own is not None:
             closed = self.system.own.held[:, None] & (status != OPEN)
             status = np.where(closed, STICK, status)
         q = self.linear_solution(status)
         (r,), (status,) = self.residuals(q)
         stalls = 0
-        for iteration in range(1, 61):
+        most_iterations = 60
+        for iteration in range(1, most_iterations + 1):
             norm = float(np.abs(r).max())
             if norm <= EQUILIBRIUM * self.unit or stalls == STALLS:
                 return _Equilibrium(q, status, iteration, norm / self.unit)
@@ -457,18 +480,21 @@ class _LoadStep:
 
         The last value tells whether the residual decreases enough from ``norm``.
         """
+        # smallest relative decrease for a full step; less for shorter ones
+        decrease = 1e-3
         full = q + dq
         (r_full,), (status_full,) = self.residuals(full)
         norm_full = float(np.abs(r_full).max())
-        if norm_full < (1.0 - 1e-3) * norm:
+        if norm_full < (1.0 - decrease) * norm:
             return full, r_full, status_full, True
 
-        # the best of the steps up to the first with sufficient decrease
+        # one row for each of the shorter steps, longest first
         fractions = 0.5 ** np.arange(1, 10)
         shorter = q + fractions[:, None] * dq
         residuals, states = self.residuals(*shorter)
         norms = np.abs(residuals).max(axis=1)
-        sufficient = np.flatnonzero(norms < (1.0 - 1e-3 * fractions) * norm)
+        # the best of the steps up to the first with sufficient decrease
+        sufficient = np.flatnonzero(norms < (1.0 - decrease * fractions) * norm)
         reduced = len(sufficient) > 0
         if reduced:
             norms = norms[: sufficient[0] + 1]
@@ -483,13 +509,14 @@ def _shares_of_limits(C: NDArray, x_0: NDArray, limit: NDArray) -> NDArray:
 
     They minimise the energy ``T C T / 2 - T x_0``, which is strictly convex.
     """
-    # the energy as least squares, with a triangular matrix
-    triangle = np.linalg.cholesky(C * limit[:, None] * limit)
-    right = scipy.linalg.solve_triangular(triangle, limit * x_0, lower=True)
+    # with T = limit s and L L^T = limit C limit the energy is |L^T s - L^-1 limit x_0|^2 / 2, up to
+    # a constant
+    L = np.linalg.cholesky(C * limit[:, None] * limit)
+    right = scipy.linalg.solve_triangular(L, limit * x_0, lower=True)
     # the tolerances of the solver are absolute
     unit = max(float(np.linalg.norm(right)), 1e-300)
     minimum = scipy.optimize.lsq_linear(
-        triangle.T / unit, right / unit, (-1.0, 1.0), method="bvls", tol=1e-14
+        L.T / unit, right / unit, bounds=(-1.0, 1.0), method="bvls", tol=1e-14
     )
     return np.asarray(minimum.x)
 
@@ -508,6 +535,7 @@ def _creep(
     """
     w = _slider_memory(system, state)
     step = _LoadStep(system, load, w, unit)
+    # (3 n_points, n_modes), with the springs as a column
     G = step.G
     springs = np.concatenate([system.kt, system.kn[:, None]], axis=1).reshape(-1, 1)
     D = np.diag(system.stiffness) + G.T @ (springs * G)
@@ -715,8 +743,8 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
 class _LoadPath:
     """Change of the load from the latest ``state`` to ``load`` (N).
 
-    Steps are fractions of the complete ``change`` (N).  ``left`` is the fraction that remains, and
-    ``lost`` tells that no equilibrium follows the latest state.
+    Steps are fractions of the complete ``change`` (N), at most ``longest``.  ``left`` is the
+    fraction that remains, and ``lost`` tells that no equilibrium follows the latest state.
     """
 
     def __init__(
@@ -804,7 +832,8 @@ class _LoadPath:
             if end.ok:
                 return replace(end, iterations=iterations)
         # from rest many points begin to slip at once, and the Newton iteration may cycle
-        limited = load_step.at_fixed_limits(stuck) if self.left == 1.0 else None
+        from_rest = self.left == 1.0
+        limited = load_step.at_fixed_limits(stuck) if from_rest else None
         if limited is not None:
             from_limits = load_step.solve(limited)
             iterations += from_limits.iterations
@@ -822,7 +851,8 @@ class _LoadPath:
         """Let an overdamped motion lead to another equilibrium after a short step."""
         # at first a body may have to cross a gap: without the longer step a shroud with two strips
         # has no state
-        tried = (step, self.longest) if self.left == 1.0 else (step,)
+        from_rest = self.left == 1.0
+        tried = (step, self.longest) if from_rest else (step,)
         for step in tried:
             load = self._load_after(step)
             end, reached = _creep(self.system, load, self.state, self.unit)
@@ -892,10 +922,13 @@ def scaled_state(system: StaticSystem, state: PreloadState, load: float) -> Prel
         return None
 
     ratio = load / state.load
-    x = ratio * ((system.G @ state.q) + state.load * system.shift)
+    motion = system.G @ state.q + state.load * system.shift
+    x = ratio * motion
     gapped = system.n0 < 0.0
     level = system.n0 + system.kn * x[:, 2]
-    if np.any(state.status[gapped] != OPEN) or np.any(level[gapped] >= 0.0):
+    was_closed = np.any(state.status[gapped] != OPEN)
+    becomes_closed = np.any(level[gapped] >= 0.0)
+    if was_closed or becomes_closed:
         return None
 
     q = ratio * state.q

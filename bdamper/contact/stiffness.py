@@ -123,11 +123,14 @@ def report(contacts: Mapping[str, ContactStiffness], note: str) -> Statement:
             fallback = contact.fallback
         n_fallback += int(fallback.sum())
         values = [_median_and_range(k) for k in contact.stiffness.T]
-        by_direction = ", ".join(
-            f"{n} along {axis}" for n, axis in zip(fallback.sum(axis=0), DIRECTIONS) if n
-        )
+        # fallback values in each direction
+        counts = []
+        for n, axis in zip(fallback.sum(axis=0), DIRECTIONS):
+            if n:
+                counts.append(f"{n} along {axis}")
         n_points = str(len(contact.stiffness))
-        table.append((name, n_points, *values, by_direction, contact.source.replace("_", " ")))
+        source = contact.source.replace("_", " ")
+        table.append((name, n_points, *values, ", ".join(counts), source))
     if not n_fallback:
         fallbacks = "no fallback values"
     else:
@@ -190,7 +193,9 @@ def contact_stiffness(
         force, displacement = paper_contact(coupling, friction)
         for name in coupling.friction_faces:
             rows = coupling.rows(name)
-            stiffness[name] = paper_equations(displacement[rows], force[rows], stiffness[name], FAR)
+            stiffness[name] = paper_equations(
+                displacement[rows], force[rows], substitute=stiffness[name], far=FAR
+            )
     return ContactModel(stiffness)
 
 
@@ -239,12 +244,15 @@ def paper_equations(
     ContactStiffness
         ``fallback`` marks the points and directions with the value of ``substitute``.
     """
+    # largest force of the face in each direction
     largest = np.abs(force).max(axis=0)
-    usable = (np.abs(force) > SMALL_FORCE * largest) & (displacement * force > 0.0)
+    large_enough = np.abs(force) > SMALL_FORCE * largest
+    positive = displacement * force > 0.0
+    usable = large_enough & positive
     quotient = np.divide(force, displacement, out=np.ones_like(force), where=usable)
     usable &= np.abs(np.log(quotient / substitute.stiffness)) < np.log(far)
     stiffness = np.where(usable, quotient, substitute.stiffness)
-    return ContactStiffness(stiffness, "cigeroglu2009", ~usable)
+    return ContactStiffness(stiffness, source="cigeroglu2009", fallback=~usable)
 
 
 def paper_contact(coupling: Coupling, friction: NDArray) -> tuple[NDArray, NDArray]:
@@ -307,6 +315,7 @@ def _omitted_displacement(coupling: Coupling, force: NDArray) -> NDArray:
     """
     problem = static_contact_problem(coupling)
     rows = coupling.friction_rows
+    # indices of the three components of these points in stacked vectors (3 n_points,)
     components = (3 * rows[:, None] + np.arange(3)).ravel()
     motion = np.zeros((coupling.n_points, 3))
     for name in coupling.friction_faces:
@@ -317,9 +326,9 @@ def _omitted_displacement(coupling: Coupling, force: NDArray) -> NDArray:
     # the motion of an elastic body plus a rigid-body motion
     deformation = problem.flexibility @ force.ravel()
     elastic = problem.offset.ravel() - deformation
-    to_fit = motion.ravel() - elastic
-    eta = np.linalg.lstsq(problem.rigid[components], to_fit[components], rcond=None)[0]
-    difference = to_fit - problem.rigid @ eta
+    rigid_motion = motion.ravel() - elastic
+    eta, *_ = np.linalg.lstsq(problem.rigid[components], rigid_motion[components], rcond=None)
+    difference = rigid_motion - problem.rigid @ eta
     size = max(float(np.linalg.norm(deformation[components])), 1e-300)
     relative_difference = float(np.linalg.norm(difference[components]) / size)
     limit = 0.2
@@ -330,9 +339,11 @@ def _omitted_displacement(coupling: Coupling, force: NDArray) -> NDArray:
         f"a difference of {relative_difference:.3g} times the deformation",
     )
 
-    modal = problem.flexibility - coupling.residual_flexibility(0).real
+    # flexibility of the retained modes
+    R_modal = problem.flexibility - coupling.residual_flexibility(0).real
     # motion = offset + Psi eta - R_modal F - omitted displacement
-    omitted = problem.offset.ravel() + problem.rigid @ eta - modal @ force.ravel() - motion.ravel()
+    F = force.ravel()
+    omitted = problem.offset.ravel() + problem.rigid @ eta - R_modal @ F - motion.ravel()
     displacement = np.zeros((coupling.n_points, 3))
     displacement[rows] = omitted.reshape(-1, 3)[rows]
     return displacement
@@ -365,10 +376,12 @@ def unit_traction(residual: NDArray, area: NDArray) -> ContactStiffness:
     """
     # residual = full model - retained modes: negative if the retained modes are more flexible
     n = len(area)
+    # point and direction of the displacement, then of the force
     blocks = residual.real.reshape(n, 3, n, 3)
     stiffness = np.empty((n, 3))
     fallback = np.zeros((n, 3), bool)
     for axis in range(3):
+        # per traction of 1 N/m2 along the same direction, m3/N
         displacement = blocks[:, axis, :, axis] @ area
         positive = displacement > 0.0
         check(
@@ -391,6 +404,7 @@ def _unit_tractions(coupling: Coupling) -> dict[str, ContactStiffness]:
     stiffness = {}
     for name in coupling.interfaces:
         rows = coupling.rows(name)
+        # three components of each point
         block = slice(3 * rows.start, 3 * rows.stop)
         area = coupling.model.interfaces[name].area
         stiffness[name] = unit_traction(residual[block, block], area)
@@ -443,6 +457,7 @@ def _checked_stiffness(face: Interface, value: Any) -> NDArray:
     setting = f"contact_stiffness['{face.name}']"
     shape = (face.n_points, 3)
     if isinstance(value, PerArea):
+        # (n_points, 1) times one number or (3,)
         value = face.area[:, None] * np.asarray(value.stiffness, float)
     try:
         k = np.array(np.broadcast_to(np.asarray(value, float), shape))

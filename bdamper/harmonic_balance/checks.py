@@ -66,14 +66,18 @@ def check_result(problem: Problem, result: SomeResult, name: str = "result") -> 
     if isinstance(friction, Mapping):
         used = current["friction_coefficient"]
         user_laws = problem.settings.own_laws()
-        recorded["friction_coefficient"] = {
-            face: mu for face, mu in friction.items() if face in used or face not in user_laws
-        }
-    different = [
-        key
-        for key in current
-        if key in recorded and recorded[key] != current[key] and key != "stability"
-    ]
+        without_user_laws = {}
+        for face, mu in friction.items():
+            if face in used or face not in user_laws:
+                without_user_laws[face] = mu
+        recorded["friction_coefficient"] = without_user_laws
+    different = []
+    for key in current:
+        # a stability analysis does not change the solutions
+        if key == "stability" or key not in recorded:
+            continue
+        if recorded[key] != current[key]:
+            different.append(key)
 
     if "speed" in different:
         speed_of_study = _speed_text(current["speed"])
@@ -102,6 +106,7 @@ def check_solution(
 
     The point (n_unknowns + 1,) must solve them as well as its ``residual`` says.
     """
+    # the last entry is the frequency
     n = len(y) - 1
     validation.check(
         n == problem.n_unknowns,
@@ -132,11 +137,13 @@ def unknowns_of(problem: Problem, result: SomeResult) -> NDArray:
         If there are no solutions, or they belong to another problem.
     """
     given: Any = result
-    if hasattr(given, "y"):
+    is_peak = hasattr(given, "y")
+    if is_peak:
         if not given.ok:
             raise SettingError(
                 f"result: expected a converged peak, found status {given.status_text!r}"
             )
+        # one solution, without its frequency
         unknowns = np.asarray(given.y)[None, :-1]
     elif hasattr(given, "unknowns"):
         unknowns = np.asarray(given.unknowns)
@@ -208,10 +215,11 @@ def response_at(problem: Problem, result: SomeResult, place: Response) -> NDArra
     validation.check(possible, "absolute", expected, "a relative one")
     rows = problem.rows_at(place)
     unknowns = unknowns_of(problem, result)
-    harmonics = [
-        problem.layout.amplitudes(unknowns, harmonic) @ row for harmonic, row in enumerate(rows)
-    ]
-    return np.stack(harmonics, axis=-1)
+    by_harmonic = []
+    for harmonic, row in enumerate(rows):
+        # (n, n_modes) @ (n_modes,)
+        by_harmonic.append(problem.layout.amplitudes(unknowns, harmonic) @ row)
+    return np.stack(by_harmonic, axis=-1)
 
 
 def warn_of_small_slip(problem: Problem, system: Equations[Any], unknowns: NDArray) -> None:
@@ -219,12 +227,14 @@ def warn_of_small_slip(problem: Problem, system: Equations[Any], unknowns: NDArr
     resolution = problem.model.slip_resolution
     if problem.own_laws is None and resolution is None:
         return
-    motion = system.contact(unknowns)[0]
+    motion, _, _ = system.contact(unknowns)
     if problem.own_laws is not None:
         problem.own_laws.warn_below(motion)
     if resolution is None:
         return
-    largest = float(np.abs(motion[:, :2, 1:]).sum(axis=2).max())
+    # bound of the tangential motion: sum of the coefficients without the mean
+    tangential = motion[:, :2, 1:]
+    largest = float(np.abs(tangential).sum(axis=2).max())
     if largest < resolution:
         warn(
             f"the joint moves by {largest:.3g} m, less than the {resolution:.3g} m that its "
@@ -238,7 +248,7 @@ def warn_of_small_slip(problem: Problem, system: Equations[Any], unknowns: NDArr
 def check_settings(problem: Problem) -> None:
     """Warn if settings of a problem are outside their plausible ranges, or have no effect."""
     sizes = problem.sizes
-    for setting in _given(problem):
+    for setting in _effective_settings(problem):
         plausible_ranges.check(setting.owner, setting.name, setting.value, sizes, setting.item)
     settings = problem.settings
     # a lumped model has the coefficients of its contacts; Problem.replace warns of others
@@ -249,7 +259,8 @@ def check_settings(problem: Problem) -> None:
         n = max(problem.model.n_blades, 1)
         orders = [problem.engine_order * harmonic for harmonic in settings.harmonic_numbers]
         used = {order % n for order in orders}
-        if not set(flow) & used:
+        in_common = set(flow) & used
+        if not in_common:
             warn_implausible(
                 "aerodynamic_damping",
                 f"values at the nodal diameters of the study, {sorted(used)}",
@@ -257,7 +268,7 @@ def check_settings(problem: Problem) -> None:
             )
 
 
-class _Given(NamedTuple):
+class _Setting(NamedTuple):
     """Value of a setting with owner and name in the table of ranges, and its name in a warning.
 
     Without ``item`` the table has the name in a warning.
@@ -269,33 +280,37 @@ class _Given(NamedTuple):
     item: str = ""
 
 
-def _given(problem: Problem) -> Iterator[_Given]:
-    """Yield the settings of a problem, with the values that take effect."""
+def _effective_settings(problem: Problem) -> Iterator[_Setting]:
+    """Yield the settings of a problem, with the values that take effect.
+
+    Masses of free bodies and the mean contact stiffness are also compared with plausible ranges.
+    """
     settings = problem.settings
     sizes = problem.sizes
     for field in fields(settings):
-        yield _Given("Study", field.name, _effective(problem, field.name))
+        yield _Setting("Study", field.name, _effective(problem, field.name))
     for force in (settings.excitation, *settings.excitation.beside):
         place = settings.model.locations.get(force.location)
         # others are force fields and modal forces
         if place is not None and place.kind is None:
             amplitude = {force.location: force.amplitude}
-            yield _Given("Excitation", "amplitude", amplitude, "excitation amplitude")
+            yield _Setting("Excitation", "amplitude", amplitude, item="excitation amplitude")
     for body in problem.model.bodies.values():
         if body.is_free and body.ports and sizes.volume(body.name) > 0.0:
-            yield _Given("Body", f"mass.{body.name}", body.mass or 0.0)
+            yield _Setting("Body", f"mass.{body.name}", body.mass or 0.0)
 
-    # a computed stiffness needs no check
+    # a stiffness that bdamper computes needs no check; residual modes have n_vectors
     method = settings.contact_stiffness
     computed = method is None or isinstance(method, str) or hasattr(method, "n_vectors")
     if method == "model" or not computed:
         stiffness = problem.point_stiffness[problem.friction_points]
-        item = f"contact_stiffness of {type(method).__name__}"
         if stiffness.any() and np.isfinite(sizes.body_stiffness):
             mean = float(stiffness.mean())
-            yield _Given(
-                "Study", "contact_stiffness", mean, item if isinstance(method, PerArea) else ""
-            )
+            # the value that is compared is not the value that the user has given
+            item = ""
+            if isinstance(method, PerArea):
+                item = f"contact_stiffness of {type(method).__name__}"
+            yield _Setting("Study", "contact_stiffness", mean, item)
 
 
 def _effective(problem: Problem, name: str) -> Any:
@@ -361,12 +376,13 @@ def check_unloaded(problem: Problem) -> None:
     settings = problem.settings
     shares = settings.given_loads("load_per_preload")
     varied = {name for name, share in shares.items() if share}
-    constant = {
-        name: load
-        for name, load in settings.given_loads("constant_loads").items()
-        if name in varied and np.any(load)
-    }
-    if varied and set(constant) == varied:
+    # constant loads on bodies or faces with a preload
+    constant = {}
+    for name, load in settings.given_loads("constant_loads").items():
+        if name in varied and np.any(load):
+            constant[name] = load
+    all_constant = set(constant) == varied
+    if varied and all_constant:
         loads = ", ".join(
             f"{float(np.sum(load)):g} N on {name!r}" for name, load in constant.items()
         )
@@ -410,8 +426,10 @@ def check_interval(case: LoadCase, frequency: tuple[float, float]) -> None:
     low, high = frequency
     contained = [resonance for resonance in resonances if low < resonance.frequency < high]
     as_radians = [resonance for resonance in resonances if low < resonance.omega < high]
+    # free resonances have one springs object (None), stuck ones another
     states_as_radians = {id(resonance.springs) for resonance in as_radians}
-    if contained and len(states_as_radians) < 2:
+    both_states = len(states_as_radians) == 2
+    if contained and not both_states:
         return
 
     response = _strongest(sector, contained)
@@ -480,11 +498,13 @@ def _check_direction(problem: Problem, sector: SectorData, frequency: tuple[floa
     if not within.any():
         return
     excitation = problem.settings.excitation
+    # motion (3, n) of the location in each mode, its size, and its part along the force
     at_location = problem.location_modes(excitation.location, 1) @ modes[:, within]
     motion = np.linalg.norm(at_location, axis=0)
     force = problem.modal_force(1)
     along = np.abs(force.conj() @ modes[:, within]) / excitation.amplitude
-    if not (along <= ALONG * motion).all():
+    all_across = (along <= ALONG * motion).all()
+    if not all_across:
         return
     share = np.max(along / np.where(motion > 0.0, motion, 1.0))
     modes_at = ", ".join(f"{f:.5g}" for f in hertz[within][:3])

@@ -77,6 +77,7 @@ def energies(
     damping = 0.0
     excitation = 0.0
     kinetic = 0.0
+    # l is the harmonic, with modal amplitudes q and excitation e
     for l in range(1, system.n_harmonics + 1):
         q = layout.amplitudes(u, l)
         e = layout.amplitudes(system.structure.force, l)
@@ -85,16 +86,19 @@ def energies(
         damping += np.pi * l**2 * omega * float(basis.damping @ np.abs(q) ** 2)
         kinetic += 0.5 * (l * omega) ** 2 * float(basis.mass @ np.abs(q) ** 2)
 
-    # complex amplitudes of motion and force of the contact points, without the mean
+    # coefficients: mean, then cosine and sine of each harmonic; complex amplitudes of motion and
+    # force (n_points, 3, n_harmonics)
     X, F, _ = system.contact(u)
     x = X[..., 1::2] - 1j * X[..., 2::2]
     f = F[..., 1::2] - 1j * F[..., 2::2]
     harmonics = np.arange(1, system.n_harmonics + 1)
+    # sum over directions and harmonics
     contact = np.pi * (harmonics * (f * x.conj()).imag).sum(axis=(1, 2))
 
     # the equivalent stiffness does the same work on the response as the contacts
     counted = np.ones(system.n_points, bool) if contacts is None else contacts
-    work_at_points = bodily_motion(system, u).conj() * f[..., 0]
+    first_harmonic_force = f[..., 0]
+    work_at_points = bodily_motion(system, u).conj() * first_harmonic_force
     work = complex(work_at_points[counted].sum())
     response = float(np.abs(layout.amplitudes(u, 1) @ system.response_rows[1]))
     stiffness = complex(np.nan, np.nan)
@@ -157,6 +161,7 @@ def histories(system: Equations[SectorData], u: NDArray, theta: NDArray) -> tupl
 
     # bonded points and points of constant load have two-sided normal springs, others may open
     two_sided = np.isin(law, (LAW_CONSTANT, LAW_COUPLED_CONSTANT, LAW_BONDED))
+    # (n_points, n_theta)
     normal = arrays["n0"][:, None] + arrays["kn"][:, None] * X[:, 2]
     F[:, 2] = np.where(two_sided[:, None], normal, np.maximum(normal, 0.0))
 
@@ -165,7 +170,8 @@ def histories(system: Equations[SectorData], u: NDArray, theta: NDArray) -> tupl
     for i in np.flatnonzero(uncoupled).tolist():
         F[i, :2] = _uncoupled(arrays, i, coefficients[i], forces[i], theta)
 
-    # a point in permanent stick has a range of admissible sliders: use the slider of the equations
+    # a point in permanent stick has a range of admissible sliders: use the slider of the equations;
+    # the first state is stick
     stuck = coupled & (share[:, 0] > 1.0 - 1e-9)
     F[stuck, :2] = at_angles(forces[stuck, :2], theta)
     slides = coupled & ~stuck
@@ -178,8 +184,11 @@ def histories(system: Equations[SectorData], u: NDArray, theta: NDArray) -> tupl
 
 
 def _integrate_user_laws(system: Equations[SectorData], X: NDArray, F: NDArray) -> None:
-    """Integrate user-defined contact laws over the cycle until their state variables are
-    periodic."""
+    """Integrate user-defined contact laws over the cycle until their state variables are periodic.
+
+    ``X`` (n_points, 3, n_theta) is the motion.  The forces are written into ``F`` of the same
+    shape, at the points with such a law.
+    """
     laws = system.structure.points.own
     memory = system.structure.points.memory
     assert laws is not None and memory is not None
@@ -214,6 +223,7 @@ def _uncoupled(arrays: dict[str, Any], i: int, x: NDArray, f: NDArray, theta: ND
     slider = arrays["w"][i]
 
     def limit(angles: NDArray) -> NDArray:
+        """Return the friction limit at angles, N."""
         if law == LAW_CONSTANT:
             return np.full(len(angles), mu * max(load, 0.0))
         return mu * np.maximum(n0 + kn * at_angles(x[2], angles), 0.0)
@@ -221,33 +231,44 @@ def _uncoupled(arrays: dict[str, Any], i: int, x: NDArray, f: NDArray, theta: ND
     friction = np.zeros((2, len(theta)))
     # the exact events, even if the equations were solved with sampled contact forces
     by_direction = segments(x, kt, kn, mu, n0, slider, law, "event_driven", load)
+    sense_of = {SLIP_PLUS: 1.0, SLIP_MINUS: -1.0, OPEN: 0.0}
     for d, parts in enumerate(by_direction):
-        if kt[d] == 0.0 or not parts:  # no friction
+        # no friction
+        if kt[d] == 0.0 or not parts:
             continue
         moves = [k for k, (_, _, state) in enumerate(parts) if state != STICK]
+        # permanent stick
         if not moves:
             friction[d] = at_angles(f[d], theta)
             continue
-        # the first segment that slips or opens determines the slider of the next stick
+        # begin with a segment that slips or opens, because its end determines the slider of the
+        # next stick
         first = moves[0]
-        w = np.nan  # slider at the beginning of the segment
+        slider_in_stick = np.nan
         for start, end, state in parts[first:] + parts[:first]:
+            # segments may end beyond 2 pi
             within = (theta - start) % (2.0 * np.pi) <= end - start
             if state == STICK:
-                friction[d, within] = kt[d] * (at_angles(x[d], theta[within]) - w)
+                u = at_angles(x[d], theta[within])
+                friction[d, within] = kt[d] * (u - slider_in_stick)
                 continue
-            sense = {SLIP_PLUS: 1.0, SLIP_MINUS: -1.0, OPEN: 0.0}[state]
+            sense = sense_of[state]
             friction[d, within] = sense * limit(theta[within])
-            last = np.array([end])
-            w = float((at_angles(x[d], last) - sense * limit(last) / kt[d])[0])
+            (u_end,) = at_angles(x[d], np.array([end]))
+            (limit_end,) = limit(np.array([end]))
+            slider_in_stick = float(u_end - sense * limit_end / kt[d])
     return friction
 
 
 def _coupled(arrays: dict[str, Any], X: NDArray, normal: NDArray) -> NDArray:
     """Return the friction forces (n, 2, n_theta) of coupled sliders, integrated over the cycle
-    until they are periodic."""
+    until they are periodic.
+
+    ``X`` (n, 3, n_theta) is the motion and ``normal`` (n, n_theta) the normal force.
+    """
     constant = arrays["law"] == LAW_COUPLED_CONSTANT
     constant_load = np.maximum(arrays["load"], 0.0)
+    # (n, n_theta)
     load = np.where(constant[:, None], constant_load[:, None], normal)
     limit = arrays["mu"][:, None] * load
     kt = arrays["kt"]
@@ -258,13 +279,14 @@ def _coupled(arrays: dict[str, Any], X: NDArray, normal: NDArray) -> NDArray:
     for _ in range(MOST_PERIODS):
         before = w
         for k in range(n_theta):
+            # tangential motion (n, 2), and the size of the spring force without slip
             u = X[:, :2, k]
             trial_force = np.linalg.norm(kt * (u - w), axis=1)
             # beyond the limit the slider follows until the force equals the limit
             divisor = np.where(trial_force > 0.0, trial_force, 1.0)
             slips = trial_force > limit[:, k]
-            share = np.where(slips, limit[:, k] / divisor, 1.0)
-            w = u - share[:, None] * (u - w)
+            remaining_stretch = np.where(slips, limit[:, k] / divisor, 1.0)
+            w = u - remaining_stretch[:, None] * (u - w)
             friction[..., k] = kt * (u - w)
         if np.abs(w - before).max() <= 1e-9 * largest_motion:
             break

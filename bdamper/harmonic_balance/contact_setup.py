@@ -93,7 +93,8 @@ def at_points(
     values = validation.numbers(name, value)
     # values of the model's points, whose patches the study has united
     face_of_model = settings.model.interfaces[face.name]
-    if len(values) == face_of_model.n_points != face.n_points:
+    are_united = face.n_points != face_of_model.n_points
+    if are_united and len(values) == face_of_model.n_points:
         values = united(face_of_model, settings.contact_points, values, kind)
     validation.check_value(
         values.shape == (face.n_points,), name, f"one or {face.n_points} finite numbers", values
@@ -112,10 +113,10 @@ def normal_loads(coupling: Coupling, settings: Settings, item: str) -> NDArray:
     item : {"load_per_preload", "constant_loads"}
         Newtons per newton of preload, or constant loads in N.
     """
-    out = np.full(coupling.n_points, np.nan)
+    by_point = np.full(coupling.n_points, np.nan)
     loads = getattr(settings, item)
     if loads is None:
-        return out
+        return by_point
     for name, load in loads.items():
         # other names are bodies
         if name not in coupling.interfaces:
@@ -125,8 +126,8 @@ def normal_loads(coupling: Coupling, settings: Settings, item: str) -> NDArray:
         # a single number is the sum over the face
         if np.ndim(load) == 0:
             values = values * face.area / face.area.sum()
-        out[coupling.rows(name)] = values
-    return out
+        by_point[coupling.rows(name)] = values
+    return by_point
 
 
 def approach(
@@ -152,10 +153,11 @@ def approach(
     SettingError
         If a loaded point has no normal stiffness, or there is no state at rest.
     """
-    out = np.zeros((len(load_per_preload), 3))
+    # components along t1, t2 and n; surfaces approach along n
+    approach_at_points = np.zeros((len(load_per_preload), 3))
     pressed = ~np.isnan(load_per_preload)
     if not pressed.any():
-        return out
+        return approach_at_points
     kn = system.kn
     validation.check(
         (kn[pressed] > 0.0).all(),
@@ -164,24 +166,26 @@ def approach(
         f"one of {kn[pressed].min():g} N/m",
     )
 
-    # an almost vanishing normal spring holds N constant while the structure deforms
+    # an almost vanishing normal spring holds N constant while the structure deforms; a negative
+    # constant load keeps other points apart
     apart = ~pressed & ~touching
-    others = np.where(apart, -1.0, system.n0)
+    load_of_others = np.where(apart, -1.0, system.n0)
     held = replace(
         system,
         own=None,
         kt=system.kt * ~apart[:, None],
         kn=np.where(pressed | apart, 1e-12 * kn, kn),
-        n0=np.where(pressed, load_per_preload, others),
+        n0=np.where(pressed, load_per_preload, load_of_others),
         bonded=system.bonded & ~apart,
     )
-    state = static_state(held, 0.0)
+    state = static_state(held, load=0.0)
     validation.check(state.ok, item, "a structure that can carry them at rest", state.reason)
 
     # e = N/kn - v
     motion = system.G @ state.q
-    out[pressed, 2] = load_per_preload[pressed] / kn[pressed] - motion[pressed, 2]
-    return out
+    v = motion[pressed, 2]
+    approach_at_points[pressed, 2] = load_per_preload[pressed] / kn[pressed] - v
+    return approach_at_points
 
 
 def gaps(coupling: Coupling, settings: Settings) -> NDArray:
@@ -255,7 +259,9 @@ def assembly_offsets(spread: float, seed: int, friction: NDArray) -> NDArray:
     Points with friction have the standard deviation ``spread``.
     """
     drawn = np.random.default_rng(seed).standard_normal((len(friction), 2))
-    return np.asarray(spread * drawn * (friction > 0.0)[:, None])
+    # both directions of a point without friction have the offset 0
+    has_friction = (friction > 0.0)[:, None]
+    return np.asarray(spread * drawn * has_friction)
 
 
 # ---- contact stiffness ----
@@ -286,7 +292,8 @@ def contact_of(settings: Settings, coupling: Coupling, friction: NDArray) -> Con
     except (ModelError, SettingError) as error:
         reason = str(error)
     in_model = all(name in settings.model.contact for name in coupling.interfaces)
-    contact = _contact_by(settings, coupling, friction, "model" if in_model else "unit_traction")
+    second_best = "model" if in_model else "unit_traction"
+    contact = _contact_by(settings, coupling, friction, second_best)
     note = (
         f'contact stiffness "{contact.method}" instead of residual modes ({reason}); peaks may be '
         "off by tens of per cent, which more blade modes would show"
@@ -374,12 +381,14 @@ def without_separation(
         for i in np.flatnonzero(np.isin(keep, held)):
             law = int(retained.law[i])
             retained.law[i] = CONSTANT.get(law, law)
+        # component 2 is the normal force
         retained = replace(retained, load=state.force[keep, 2])
         return [replace(basis, G=basis.G[keep]) for basis in bases], retained
 
     # each held point has a second one with the opposite normal, without friction
     source = np.concatenate([keep, held])
     added = slice(len(keep), None)
+    # factors on (u1, u2, v); the second points have no tangential motion
     sign = np.ones((len(source), 3))
     sign[added] = [-0.0, -0.0, -1.0]
     doubled = points.taken(source)
@@ -389,5 +398,9 @@ def without_separation(
     doubled.slider[added] = 0.0
     doubled.n0[added] *= -1.0
     doubled = replace(doubled, shift=doubled.shift * sign)
-    signed_bases = [replace(basis, G=basis.G[source] * sign[..., None]) for basis in bases]
+    signed_bases = []
+    for basis in bases:
+        # (n_points, 3, n_modes)
+        G = basis.G[source] * sign[..., None]
+        signed_bases.append(replace(basis, G=G))
     return signed_bases, doubled

@@ -87,11 +87,13 @@ class Problem:
     """
 
     settings: Settings
-    _given: InitVar[Mapping[str, Any] | None] = None
+    # derived quantities by name, such as "bases", that replace the computed ones; see `given`
+    _derived: InitVar[Mapping[str, Any] | None] = None
 
-    def __post_init__(self, _given: Mapping[str, Any] | None) -> None:
-        if _given is not None:
-            for name, part in _given.items():
+    def __post_init__(self, _derived: Mapping[str, Any] | None) -> None:
+        # a cached property returns an attribute of its name without computing it
+        if _derived is not None:
+            for name, part in _derived.items():
                 object.__setattr__(self, name, part)
         # these raise if a nodal diameter is missing or a gap is not valid
         _ = self.modal_bases
@@ -108,8 +110,9 @@ class Problem:
         from_model = isinstance(method, str) and method == "model"
         if not from_model:
             check_method(method)
-        values = not isinstance(method, str | ResidualModes)
-        if from_model or values:
+        # using them raises if a value is missing or not valid
+        are_values = not isinstance(method, str | ResidualModes)
+        if from_model or are_values:
             _ = self.contact
 
     @property
@@ -173,12 +176,17 @@ class Problem:
         return Problem(changed)
 
     def given(self, **parts: Any) -> Problem:
-        """Return the problem with the given derived quantities; others already computed are reused."""
-        derived = {
-            name: part
-            for name, part in vars(self).items()
-            if name not in ("settings", "sizes", "_load_cases")
-        }
+        """Return the problem with the given derived quantities; others already computed are reused.
+
+        Parameters
+        ----------
+        **parts
+            Values of properties, for example ``bases=``.
+        """
+        derived = dict(vars(self))
+        # sizes and load cases refer to this problem
+        for name in ("settings", "sizes", "_load_cases"):
+            derived.pop(name, None)
         return Problem(self.settings, derived | parts)
 
     # ---- derived quantities, computed once ----
@@ -234,6 +242,7 @@ class Problem:
         return self._with_residual(self.coupling.basis(0), 0)
 
     def _with_residual(self, basis: HarmonicBasis, harmonic: int) -> HarmonicBasis:
+        """Append the residual modes of a harmonic, if the contact stiffness has them."""
         residual = self.contact.residual
         if residual is None:
             return basis
@@ -248,14 +257,20 @@ class Problem:
         acceleration.
         """
         kinds = {name: place.kind for name, place in self.model.locations.items()}
-        forces = self.settings.excited.get(harmonic, ())
-        moves = any(kinds.get(at) == "base" for at, *_ in forces)
-        if not (self.settings.response_location.absolute and moves):
+        base_moves = False
+        for location, _direction, _force in self.settings.excited.get(harmonic, ()):
+            if kinds.get(location) == "base":
+                base_moves = True
+        if not (self.settings.response_location.absolute and base_moves):
             return basis
-        zero, no_motion = np.zeros(3), np.zeros((*basis.G.shape[:2], 3), basis.G.dtype)
-        coordinates = tuple(Coordinate(BASE, i, f"base {axis}") for i, axis in enumerate("XYZ"))
+        n_points = len(basis.G)
         translations = HarmonicBasis(
-            coordinates, zero, zero, no_motion, basis.nodal_diameter, mass=np.ones(3)
+            coordinates=tuple(Coordinate(BASE, i, f"base {axis}") for i, axis in enumerate("XYZ")),
+            omega2=np.zeros(3),
+            damping_ratio=np.zeros(3),
+            G=np.zeros((n_points, 3, 3), basis.G.dtype),
+            nodal_diameter=basis.nodal_diameter,
+            mass=np.ones(3),
         )
         return joined(basis, translations)
 
@@ -278,8 +293,10 @@ class Problem:
         bases = []
         for harmonic, basis in enumerate(self.modal_bases):
             if harmonic in active:
-                basis = self._with_residual(self._with_base(basis, harmonic), harmonic)
-            wave = int(self.engine_order) * harmonic if harmonic else None
+                basis = self._with_base(basis, harmonic)
+                basis = self._with_residual(basis, harmonic)
+            # a mean is no wave
+            wave = int(self.engine_order) * harmonic if harmonic > 0 else None
             bases.append(self.damped(basis, wave))
         return bases
 
@@ -306,10 +323,10 @@ class Problem:
         drag = self.settings.by_body("damper_drag")
         if not (any(ratio.values()) or any(drag.values())):
             return {}
-        # springs of stuck friction faces and of spring interfaces
+        # springs of stuck friction faces and of spring interfaces, (n_points, 3)
         held = self.friction_points | self.coupling.spring_points
         springs = held[:, None] * self.stick_stiffness
-        rates = damper_drag(self.model, self.static_basis, springs, ratio, drag)
+        rates = damper_drag(self.model, self.static_basis, springs, ratio=ratio, drag=drag)
         # a ring has other motions at each nodal diameter, all with the same rate
         for basis in self.modal_bases:
             for mode in basis.coordinates:
@@ -321,7 +338,9 @@ class Problem:
     @property
     def stick_stiffness(self) -> NDArray:
         """Stiffness (n_points, 3) of points that stick, N/m; 0 along t1 and t2 without friction."""
-        return np.concatenate([self.tangential_stiffness, self.point_stiffness[:, 2:]], axis=1)
+        # columns t1 and t2, then n
+        normal_stiffness = self.point_stiffness[:, 2:]
+        return np.concatenate([self.tangential_stiffness, normal_stiffness], axis=1)
 
     @made_once
     def friction(self) -> NDArray:
@@ -376,16 +395,18 @@ class Problem:
         ]
         if not user_laws:
             return None
-        # the static response in stick gives the laws a length
+        # a typical motion of the points: the static response in stick to the excitation
         basis = self.bases[1]
-        G = basis.G.reshape(-1, basis.G.shape[-1])
-        K = np.diag(basis.omega2) + G.conj().T @ (self.point_stiffness.reshape(-1, 1) * G)
-        q = np.linalg.lstsq(K, self.modal_force(1), rcond=None)[0]
-        x = np.abs(G @ q).reshape(-1, 3)
-        length = max(float(x[rows].max()) for rows, _, _ in user_laws)
+        G = basis.G.reshape(-1, basis.n_modes)
+        springs = self.point_stiffness.reshape(-1, 1)
+        K = np.diag(basis.omega2) + G.conj().T @ (springs * G)
+        q, *_ = np.linalg.lstsq(K, self.modal_force(1), rcond=None)
+        motion = np.abs(G @ q).reshape(-1, 3)
+        length = max(float(motion[rows].max()) for rows, _, _ in user_laws)
         if length == 0.0:
             length = 1.0
-        return OwnLaws.of(user_laws, self.point_stiffness[:, 2], self.point_gaps, length)
+        kn = self.point_stiffness[:, 2]
+        return OwnLaws.of(user_laws, kn, self.point_gaps, length)
 
     @made_once
     def point_stiffness(self) -> NDArray:
@@ -429,6 +450,7 @@ class Problem:
     def tangential_stiffness(self) -> NDArray:
         """Contact stiffness (n_points, 2) along t1 and t2, N/m; 0 without friction or bond."""
         frictionless = np.isin(self.point_laws, (LAW_NORMAL, LAW_CUBIC))
+        # (n_points, 2) * (n_points, 1)
         return self.point_stiffness[:, :2] * ~frictionless[:, None]
 
     @made_once
@@ -519,10 +541,14 @@ class Problem:
                 row = direction @ self.location_modes(location, harmonic)
                 if place.elastic is not None:
                     row = row + self._strain_of_residual_modes(place, harmonic)
-                moves_base = [c.body == BASE for c in self.bases[harmonic].coordinates]
-                rows.append(row if place.absolute else np.where(moves_base, 0.0, row))
+                # a relative response excludes the motion of the base
+                if not place.absolute:
+                    moves_base = [c.body == BASE for c in self.bases[harmonic].coordinates]
+                    row = np.where(moves_base, 0.0, row)
+                rows.append(row)
             else:
                 rows.append(np.zeros(0))
+        # the mean is real
         rows[0] = rows[0].real
         return rows
 
@@ -544,9 +570,10 @@ class Problem:
                     "study.gauge_stress includes it"
                 )
             return row
+        # with G c = s the strain -s^H F is -c^H G^H F = c^H omega2 q
         G = basis.G.reshape(-1, basis.n_modes)[:, is_residual]
-        parts = np.linalg.lstsq(G, strain, rcond=1e-9)[0]
-        row[is_residual] = parts.conj() * basis.omega2[is_residual]
+        c, *_ = np.linalg.lstsq(G, strain, rcond=1e-9)
+        row[is_residual] = c.conj() * basis.omega2[is_residual]
         return row
 
     @made_once
@@ -591,7 +618,7 @@ class Problem:
         """Return the static contact problem under the loads."""
         force, shift = self.damper_load
         constant_force, constant_shift = self.fixed_load
-        # displacement by rotation and preload rise together from 0
+        # displacement by rotation and preload rise together from 0; shift is per newton of preload
         if preload > 0.0:
             shift = shift + self.displacement_by_rotation / preload
         else:
@@ -639,17 +666,20 @@ class Problem:
         else:
             factors = check_history("history", history)
         key = preload, *factors
-        if key not in self.static_states:
-            watch = CostMeter()
-            system = self.static_system(preload)
-            state = None
-            slips_at_assembly = self.settings.residual_slip_std or self.settings.constant_loads
-            if len(factors) == 1 and preload > 0.0 and not slips_at_assembly:
-                state = self._scaled_static(system, preload, factors[0])
-            if state is None:
-                state = self._loaded_static(system, preload, factors)
-                watch.count(state.iterations)
-            self.static_states[key] = replace(state, cost=watch.read(), **self._surfaces)
+        if key in self.static_states:
+            return self.static_states[key]
+        watch = CostMeter()
+        system = self.static_system(preload)
+        state = None
+        slips_at_assembly = self.settings.residual_slip_std or self.settings.constant_loads
+        one_load = len(factors) == 1
+        if one_load and preload > 0.0 and not slips_at_assembly:
+            state = self._scaled_static(system, preload, factors[0])
+        # states are not proportional to the load
+        if state is None:
+            state = self._loaded_static(system, preload, factors)
+            watch.count(state.iterations)
+        self.static_states[key] = replace(state, cost=watch.read(), **self._surfaces)
         return self.static_states[key]
 
     def _scaled_static(
@@ -659,12 +689,14 @@ class Problem:
 
         The fixed load keeps results independent of the order of calls.
         """
-        # the displacement by rotation makes the system depend on the preload
+        # one state under 1 N serves all preloads, unless the displacement by rotation makes the
+        # system depend on the preload
         system_of = preload * np.any(self.displacement_by_rotation)
         key = 1.0, 1.0, system_of
         if key not in self.static_states:
-            self.static_states[key] = replace(static_state(system, 1.0), **self._surfaces)
-        return scaled_state(system, self.static_states[key], factor * preload)
+            under_one_newton = static_state(system, load=1.0)
+            self.static_states[key] = replace(under_one_newton, **self._surfaces)
+        return scaled_state(system, self.static_states[key], load=factor * preload)
 
     def _loaded_static(
         self, system: StaticSystem, preload: float, factors: Sequence[float]
@@ -747,6 +779,7 @@ class Problem:
         """Return the problem under one preload (N); store the latest 16."""
         preload = self.check_preload(preload)
         if preload not in self._load_cases:
+            # all but the latest 15; another thread may have removed one
             for former in list(self._load_cases)[:-15]:
                 self._load_cases.pop(former, None)
             self._load_cases[preload] = LoadCase(self, preload)
@@ -792,7 +825,9 @@ class LoadCase:
         their interface has no free body and no point closed by the preload.
         """
         problem = self.problem
-        closed = ~(self.equilibrium.status == OPEN).any(axis=1) & ~problem.coupling.spring_points
+        is_open = (self.equilibrium.status == OPEN).any(axis=1)
+        # springs of the bodies are no contacts
+        closed = ~is_open & ~problem.coupling.spring_points
         if touching:
             for name in problem.coupling.friction_faces:
                 rows = problem.coupling.rows(name)
@@ -850,6 +885,7 @@ class LoadCase:
                 constant_load=not settings.variable_normal_load,
             )
 
+        # reference force of the mean: the largest modal force of load, contacts and excitation
         load, _ = problem.damper_load
         by_load = float(np.abs(state.load * load).max())
         by_contacts = np.einsum("pdm,pd->m", problem.static_basis.G.real, state.force)
@@ -895,11 +931,12 @@ class LoadCase:
         load, _ = problem.damper_load
         constant_force, _ = problem.fixed_load
         force = np.zeros(layout.n_unknowns)
-        mean = layout.slices(0)[0]
+        mean, _ = layout.slices(0)
         force[mean] = (self.equilibrium.load * load + constant_force)[mean]
         for harmonic, modal in forces.items():
-            rows = np.r_[layout.slices(harmonic)]
-            force[rows] = np.append(modal.real, -modal.imag)
+            cosine, sine = layout.slices(harmonic)
+            force[cosine] = modal.real
+            force[sine] = -modal.imag
         return force, vibration
 
     def _points(self, state: PreloadState) -> PointArrays:

@@ -115,6 +115,7 @@ def rows_to_slide(faces: list[FaceInSection], load: NDArray, loaded_at: NDArray)
         return 0
     # the normals meet where centre + distance * normal is the same on both faces
     between = second.centre - first.centre
+    # distance along the normal of each face
     distances = np.array([_cross(between, second.normal), _cross(between, first.normal)]) / sine
     meeting = first.centre + distances[0] * first.normal
     moment_of_load = _cross(loaded_at - meeting, load)
@@ -127,6 +128,7 @@ def rows_to_slide(faces: list[FaceInSection], load: NDArray, loaded_at: NDArray)
         # a turn about this point moves both faces along themselves
         force_on_first = _force_per_newton(first, distances[0], sense)
         force_on_second = _force_per_newton(second, distances[1], sense)
+        # N_1 force_on_first + N_2 force_on_second + load = 0, by Cramer's rule
         determinant = _cross(force_on_first, force_on_second)
         normal_force = np.array([_cross(force_on_second, load), _cross(load, force_on_first)])
         normal_force /= determinant
@@ -142,7 +144,9 @@ def rows_to_slide(faces: list[FaceInSection], load: NDArray, loaded_at: NDArray)
         rolls_on_points = moment > carried_by_points
         slides_on_faces = share <= (MOST_ROWS - 1) / MOST_ROWS
         if rolls_on_points and slides_on_faces:
-            enough = max(enough, int(np.ceil(1.0 / (1.0 - share))))
+            # smallest n with (n - 1) / n >= share
+            rows = int(np.ceil(1.0 / (1.0 - share)))
+            enough = max(enough, rows)
     return enough
 
 
@@ -152,9 +156,15 @@ def _cross(a: NDArray, b: NDArray) -> float:
 
 
 def _force_per_newton(face: FaceInSection, distance: float, sense: float) -> NDArray:
-    """Return the force of a face per newton of normal force, with friction against a turn."""
-    lever = -distance * face.normal
-    against_turn = -sense * np.array([-lever[1], lever[0]]) / abs(distance)
+    """Return the force (2,) of a face per newton of normal force, with friction against a turn.
+
+    The body turns about the point at ``distance`` along the normal, counterclockwise for the sense
+    1.
+    """
+    # from the point of the turn to the face
+    lever_x, lever_y = -distance * face.normal
+    velocity = sense * np.array([-lever_y, lever_x])
+    against_turn = -velocity / abs(distance)
     return face.normal + face.friction * against_turn
 
 
@@ -174,8 +184,10 @@ def _in_section(problem: Problem, face: Interface) -> FaceInSection:
     """Return a face in the plane across the axis of rotation."""
     rows, rows_along_axis = rows_of_points(face)
     centre = face.points.mean(axis=0)
+    # along t1 in the section, along t2 the axis, and n
     from_centre = np.einsum("pij,pj->pi", face.frame, face.points - centre)
     reach, reach_along_axis = np.abs(from_centre[:, :2]).max(axis=0)
+    # points lie in the middle of their patches
     if rows > 1:
         half_length = rows / (rows - 1) * reach
     else:

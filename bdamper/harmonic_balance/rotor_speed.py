@@ -141,7 +141,9 @@ class Conditions:
     def reach(self, engine_order: int) -> tuple[float, float]:
         """Return the range of speeds (rad/s) that all tables over speed cover."""
         # with a temperature the friction coefficient is a table over temperature, not speed
-        over_speed: list[Any] = [self.friction if self.temperature is None else self.temperature]
+        over_speed: list[Any] = [self.friction]
+        if self.temperature is not None:
+            over_speed = [self.temperature]
         if isinstance(self.excitation, Mapping):
             over_speed.append(self.excitation.get(engine_order))
         tables = [table for table in over_speed if isinstance(table, Mapping)]
@@ -312,15 +314,19 @@ class Family:
     def at(self, omega: float) -> Equations[SectorData]:
         """Return the equations at the speed that belongs to a frequency (rad/s), with the frequency
         as a free parameter."""
+        # weights (n,) of the sectors at this speed
         weights = self.rows.basis(omega, len(self.speeds)) @ self.weights
         middle = self.sectors[len(self.sectors) // 2]
 
         def mixed(name: str) -> NDArray:
+            """Return an array of the core at this speed."""
             return sum(w * sector.arrays[name] for w, sector in zip(weights, self.sectors))
 
         # the arrays of the core contain the modes of all harmonics one after the other
         n_points = len(middle.points.kn)
-        ends = np.cumsum([len(b.omega2) for b in middle.bases])[:-1]
+        n_modes = [len(b.omega2) for b in middle.bases]
+        # indices at which the next harmonic begins
+        ends = np.cumsum(n_modes)[:-1]
         stiffness = np.split(mixed("stiffness"), ends)
         mass = np.split(mixed("mass"), ends)
         damping = np.split(mixed("damping"), ends)
@@ -417,11 +423,13 @@ def family_equations(
     # polynomials through the values at the speeds, in the squared speed mapped to (-1, 1)
     centre = 0.5 * float(squares.max() + squares.min())
     half = 0.5 * float(squares.max() - squares.min())
+    # [i, k]: T_k at speed i; the inverse gives coefficients from values
     polynomials = chebyshev.chebvander((squares - centre) / half, len(squares) - 1)
     weights = np.linalg.inv(polynomials)
+    # response rows (n, 2, n_unknowns) at the speeds
     values = np.array([system.rows.coefficients[0] for system in systems])
     coefficients = np.tensordot(weights, values, 1)
-    rows = Rows(coefficients, (centre, half), engine_order)
+    rows = Rows(coefficients, squares=(centre, half), engine_order=engine_order)
     sectors = tuple(system.structure for system in systems)
     return Equations(
         core=core,

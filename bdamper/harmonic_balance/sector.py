@@ -78,14 +78,17 @@ class Linear:
         basis = self.bases[harmonic]
         n_modes = len(basis.omega2)
         w = harmonic * omega
-        Z = np.diag(basis.omega2 - w**2 * basis.mass + 1j * w * basis.damping).astype(complex)
+        of_modes = basis.omega2 - w**2 * basis.mass + 1j * w * basis.damping
+        Z = np.diag(of_modes).astype(complex)
         if contact is None and not np.any(self.springs):
             return Z
 
-        # the springs act on the motion of the contact points
+        # motion of the contact points, (n_points, 3, n_modes)
         G = basis.G.reshape(-1, 3, n_modes)
         springs = self.springs + (0.0 if contact is None else contact)
+        # springs of the bodies may be one number: (n_points, 3)
         springs = np.broadcast_to(springs, G.shape[:2])
+        # G^H K_c G, with points and directions as rows
         forces = (springs[..., None] * G).reshape(-1, n_modes)
         Z += G.reshape(-1, n_modes).conj().T @ forces
         return Z
@@ -101,12 +104,16 @@ class Linear:
         # rigid-body modes have zero stiffness: a shift of omega**2 makes the matrix definite
         shift = max(float(np.abs(np.diag(K)).max()) * 1e-6, 1.0)
         shifted = 0.5 * (K + K.conj().T) + shift * M
-        # the eigenvalues are 1 / (omega**2 + shift), and zero for massless coordinates
+        # ascending eigenvalues 1 / (omega**2 + shift); they are zero for massless coordinates
         inverse, vectors = scipy.linalg.eigh(M, shifted)
-        has_mass = inverse > 1e-12 * inverse[-1]
-        ascending = np.flatnonzero(has_mass)[::-1]
-        omega2 = np.maximum(1.0 / inverse[ascending] - shift, 0.0)
-        return np.sqrt(omega2), vectors[:, ascending] / np.sqrt(inverse[ascending])
+        largest = inverse[-1]
+        has_mass = inverse > 1e-12 * largest
+        # ascending in omega, hence reversed
+        order = np.flatnonzero(has_mass)[::-1]
+        omega2 = np.maximum(1.0 / inverse[order] - shift, 0.0)
+        # eigh normalises v^H shifted v = 1, so v^H M v is the eigenvalue
+        mass_normalised = vectors[:, order] / np.sqrt(inverse[order])
+        return np.sqrt(omega2), mass_normalised
 
     def response(self, omega: float, contact: NDArray | None, harmonic: int = 1) -> NDArray:
         """Return the complex modal amplitudes of a harmonic under linear contact; unrestrained
@@ -135,6 +142,7 @@ class Linear:
             for omega, vector in zip(frequencies, vectors.T):
                 if not low < omega < high:
                     continue
+                # half of the modal damping
                 damped_width = 0.5 * float(np.abs(vector) ** 2 @ basis.damping)
                 width = max(damped_width, UNDAMPED * float(omega))
                 row = vector.conj() * basis.mass
@@ -240,14 +248,14 @@ class SectorData:
     @cached_property
     def evaluation_code(self) -> tuple[int, int]:
         """Evaluation method and number of samples in the encoding of the core."""
-        return evaluation_code(
-            self.contact_forces, len(self.bases) - 1, np.asarray(self.points.law)
-        )
+        n_harmonics = len(self.bases) - 1
+        return evaluation_code(self.contact_forces, n_harmonics, np.asarray(self.points.law))
 
     @property
     def exact(self) -> bool:
         """Whether contact forces are event-driven, not sampled."""
-        return self.evaluation_code[0] == 0
+        method, _ = self.evaluation_code
+        return method == 0
 
     @cached_property
     def layout(self) -> Layout:
@@ -322,7 +330,7 @@ class SectorData:
             n_coef = 2 * len(self.bases) - 1
             contact = 28e3 * n_coef
         else:
-            n_time = self.evaluation_code[1]
+            _, n_time = self.evaluation_code
             contact = 120e3 + 1.2e3 * n_time
         evaluation = n_points * contact
         jacobian = 6.0 * n_points * n**2
@@ -357,8 +365,10 @@ class SectorData:
 def row_scale(layout: Layout, force_scale: tuple[float, float]) -> NDArray:
     """Return the factors (n_unknowns,) that divide the residual by the reference forces of the mean
     and the harmonics."""
-    scale = np.full(layout.n_unknowns, 1.0 / force_scale[1])
-    scale[: layout.n_mode[0]] = 1.0 / force_scale[0]
+    mean_force, vibration_force = force_scale
+    n_mean = layout.n_mode[0]
+    scale = np.full(layout.n_unknowns, 1.0 / vibration_force)
+    scale[:n_mean] = 1.0 / mean_force
     return scale
 
 
@@ -371,6 +381,7 @@ def excitation_ramp(
     (n_unknowns, n_unknowns).
     """
     assert isinstance(system.core, _core.SectorEquations)
+    # the static load keeps its full size
     ramp = np.array(system.structure.force, float)
     ramp[: system.n_mean] = 0.0
     eased = _core.Eased(system.core, float(omega), ramp, support)
@@ -456,7 +467,9 @@ def segments(
     # the core also returns force and derivatives, which are not needed here
     F = np.empty_like(x)
     J = np.empty(x.shape + x.shape)
-    mode, n_time = evaluation_code(contact_forces, x.shape[1] // 2, np.array(law))
+    # coefficients: mean, then cosine and sine of each harmonic
+    n_harmonics = x.shape[1] // 2
+    mode, n_time = evaluation_code(contact_forces, n_harmonics, np.array(law))
     _, parts = _core.evaluate_contact(
         np.ascontiguousarray(x),
         kt,

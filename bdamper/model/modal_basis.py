@@ -129,10 +129,13 @@ class SpeedBasis(Record):
         found = f"a negative squared frequency at {omega:.6g} rad/s"
         validation.check(not unstable, "rotor speed", "a stable structure", found)
 
-        # by the largest total similarity of shape
-        order = scipy.optimize.linear_sum_assignment(-(np.abs(shapes) ** 2))[1]
+        # rows are modes of the basis, columns modes at this speed: one column for each row, with
+        # the largest sum of squared components
+        similarity = np.abs(shapes) ** 2
+        _, order = scipy.optimize.linear_sum_assignment(-similarity)
         omega2 = np.maximum(omega2[order], 0.0)
         shapes = shapes[:, order]
+        # the projection on the assigned mode becomes real and positive
         overlap = np.diag(shapes)
         size = np.maximum(np.abs(overlap), np.finfo(float).tiny)
         turn_back = np.where(overlap == 0.0, 1.0, overlap.conj() / size)
@@ -194,6 +197,7 @@ class SpeedBasis(Record):
             raise SettingError("coriolis_size: this basis has no Coriolis matrix")
         size = omega * np.abs(self.coriolis)
         frequency = np.sqrt(omega2)
+        # [i, j] between modes i and j; a mode does not mix with itself
         difference = np.abs(frequency[:, None] - frequency)
         np.fill_diagonal(difference, np.inf)
         difference = np.maximum(difference, np.finfo(float).tiny)
@@ -372,7 +376,10 @@ def rigid_motions(
     """
     if turning is None:
         turning = axes
-    rotations = np.cross(turning[:, None], points - centre).transpose(1, 2, 0)
+    # (3 axes, 1, 3) x (n_points, 3) = (3 axes, n_points, 3)
+    by_axis = np.cross(turning[:, None], points - centre)
+    # point, direction and axis
+    rotations = by_axis.transpose(1, 2, 0)
     translations = np.broadcast_to(axes.T, rotations.shape)
     motions = np.concatenate([translations, rotations], axis=2)
     return np.ascontiguousarray(motions).reshape(-1, 6)
@@ -393,9 +400,12 @@ def fix_phase(vectors: NDArray, mass: NDArray | sp.spmatrix) -> NDArray:
         finite = finite * turn_back
     # in a symmetric body several components are equally large up to rounding: use the first of them
     size = np.abs(finite)
-    first = (size > (1.0 - 1e-6) * size.max(axis=0)).argmax(axis=0)
-    largest = np.take_along_axis(finite, first[None], axis=0)[0]
-    return vectors * np.where(largest.real < 0.0, -1.0, 1.0)
+    is_largest = size > (1.0 - 1e-6) * size.max(axis=0)
+    # argmax finds the first True of each column
+    first = is_largest.argmax(axis=0)
+    largest = finite[first, np.arange(finite.shape[1])]
+    sign = np.where(largest.real < 0.0, -1.0, 1.0)
+    return vectors * sign
 
 
 # ---- Local basis of blade and disk ----
@@ -471,10 +481,12 @@ class LocalBasis(Record):
         return self._with_disk(self.blade_mass, self.disk_mass[d])
 
     def _with_disk(self, blade: NDArray, disk: NDArray) -> NDArray:
+        """Add a matrix of the disk to a matrix of the blade; the root shapes are last."""
         if not np.any(disk.imag):
             disk = disk.real
         matrix = blade.astype(disk.dtype)
-        matrix[-self.n_interface :, -self.n_interface :] += disk
+        roots = slice(-self.n_interface, None)
+        matrix[roots, roots] += disk
         return matrix
 
     def modes(self, d: int) -> tuple[NDArray, NDArray]:
@@ -492,6 +504,7 @@ class LocalBasis(Record):
         """
         if ratio is None:
             ratio = self.damping_ratio
+        # C = M Phi diag(2 zeta omega) Phi^H M, because Phi^H M Phi = 1
         omega2, phi = self.modes(d)
         weighted = self.mass(d) @ phi
         rate = 2.0 * ratio * np.sqrt(omega2)
@@ -504,6 +517,7 @@ class LocalBasis(Record):
         """
         if self.flexibility is None:
             return None
+        # cantilever and attachment modes: all but the root shapes
         clamped = slice(self.n - self.n_interface)
         shapes = self.contact_modes.reshape(-1, self.n)[:, clamped]
         stiffness = self.blade_stiffness[clamped, clamped]

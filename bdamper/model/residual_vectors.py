@@ -61,7 +61,10 @@ def completed(
     retained = dict(modes)
     stress = dict(model.stress)
     for name, body in model.bodies.items():
-        on_body = [place for place in places if model.locations[place[0]].body == name]
+        on_body = []
+        for location, direction in places:
+            if model.locations[location].body == name:
+                on_body.append((location, direction))
         has_shapes = any(basis.static_shapes is not None for basis in body.bases.values())
         if not on_body or not has_shapes:
             continue
@@ -96,6 +99,7 @@ def _combinations(basis: ModalBasis, n: int, places: Sequence[Place]) -> NDArray
     They are in descending order of their singular values, without those that count as zero.  The
     first n modes are retained.
     """
+    # (n_places, n_modes); loads (n_omitted, n_places) on the omitted coordinates
     rows = np.array([direction @ basis.locations[location] for location, direction in places])
     loads = rows[:, n:].conj().T
     frequency = np.sqrt(basis.omega2[n:])
@@ -115,24 +119,28 @@ def _with_vectors(basis: ModalBasis, n: int, energies: NDArray) -> tuple[ModalBa
 
     ``energies`` (m, k) contains the combinations of :func:`_combinations`.
     """
+    # static shapes (m, k) of unit strain energy, in the omitted coordinates
     frequency = np.sqrt(basis.omega2[n:])
-    shapes = energies / frequency[:, None]
-    # orthogonal and mass-normalised; the longest shape has the lowest frequency
-    squared_length, V = np.linalg.eigh(shapes.conj().T @ shapes)
+    static_shapes = energies / frequency[:, None]
+    # orthogonal and mass-normalised; eigenvalues ascend, and the longest shape has the lowest
+    # frequency
+    squared_length, V = np.linalg.eigh(static_shapes.conj().T @ static_shapes)
     omega2 = 1.0 / squared_length[::-1]
-    normalised = shapes @ V / np.sqrt(squared_length)
+    normalised = static_shapes @ V / np.sqrt(squared_length)
     shapes = normalised[:, ::-1]
 
     # the largest component of the motion at the locations is positive
     at_locations = [rows[:, n:] @ shapes for rows in basis.locations.values()]
+    # (3 n_locations, k)
     moved = np.concatenate(at_locations)
-    place_of_largest = np.abs(moved).argmax(axis=0)
-    largest = np.take_along_axis(moved, place_of_largest[None], axis=0)[0]
+    row_of_largest = np.abs(moved).argmax(axis=0)
+    largest = moved[row_of_largest, np.arange(moved.shape[1])]
     no_turn = np.ones_like(largest)
     turn = np.divide(np.abs(largest), largest, out=no_turn, where=largest != 0.0)
     shapes = shapes * turn
 
-    # the residual vectors replace this part of the other modes
+    # columns of T: the previous coordinates, less the part that the residual vectors replace, then
+    # the residual vectors
     total = basis.n_modes
     count = len(omega2)
     T = np.eye(total, total + count, dtype=shapes.dtype)

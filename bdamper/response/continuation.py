@@ -25,7 +25,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.harmonic_balance.equations import OK, STATUS_TEXT, Correction, Equations, Plane, norm2
+from bdamper.harmonic_balance.equations import (
+    NOT_CONVERGED,
+    OK,
+    STATUS_TEXT,
+    Correction,
+    Equations,
+    Plane,
+    norm2,
+)
 from bdamper.response.events import ContinuationOptions, Events, Path, Step, is_drift
 
 DRIFTED_OFF = (
@@ -98,22 +106,34 @@ class Follower:
     def path(self, status: str, reason: str) -> Path:
         """Return the path computed so far."""
         return Path(
-            tuple(self.points),
-            status,
-            reason,
-            self.iterations + self.events.iterations,
-            self.failed,
-            self.tangle,
+            points=tuple(self.points),
+            status=status,
+            reason=reason,
+            iterations=self.iterations + self.events.iterations,
+            failed_steps=self.failed,
+            tangle=self.tangle,
         )
 
     # ---- steps ----
 
     def try_step(self, here: Correction, step: float) -> tuple[Correction, str]:
         """Return the result of one predictor and corrector, and why it is rejected, or ""."""
-        y, tangent, scale = here.y, here.tangent, here.scale
+        y = here.y
+        tangent = here.tangent
+        scale = here.scale
         predicted = y + step * tangent * scale
-        if not predicted[-1] > 0.0:
-            return Correction(1, predicted, tangent, scale, 0, np.inf, 0), "frequency not positive"
+        predicted_omega = predicted[-1]
+        if not predicted_omega > 0.0:
+            no_solution = Correction(
+                status=NOT_CONVERGED,
+                y=predicted,
+                tangent=tangent,
+                scale=scale,
+                iterations=0,
+                residual=np.inf,
+                rank_deficiency=0,
+            )
+            return no_solution, "frequency not positive"
         options = self.options
         c = self.system.solve(
             predicted, Plane(tangent), scale, options.tolerance, options.max_iterations, reach=step
@@ -126,8 +146,8 @@ class Follower:
         # below a step of 1e-3 a large turn is a corner, not curvature
         if step > 1e-3 and float(c.tangent @ tangent) < np.cos(self.options.max_turn):
             return c, "tangent turned too much"
-        # a solution on a part of the curve with the opposite direction, unless a bifurcation was
-        # passed
+        # a part of the curve with the opposite direction; at the smallest steps a bifurcation was
+        # passed, and the new direction is right
         if step > 1e-5 and self.sign and c.orientation == -self.sign:
             return c, "orientation of the curve changed"
         if self.events.over_resonance(y, c.y):
@@ -161,28 +181,44 @@ class Follower:
                 if corner is not None:
                     beyond_corner, length = corner
                     return beyond_corner, length, step, ""
+            # Newton's method without convergence needs a much shorter step than a rejected solution
             step *= 0.5 if new.status == OK else 0.25
         return None, step, step, refused
 
     def longer(self, step: float, turn: float, iterations: int) -> float:
-        """Return the length of the next step from turn and iterations of the last step."""
+        """Return the length of the next step from the last step.
+
+        ``turn`` (rad) is the angle between the tangents at its ends, and ``iterations`` the number
+        of Newton iterations.
+        """
+        # a turn is proportional to the step: aim at 0.6 of the allowed turn
         by_turn = 0.6 * self.options.max_turn / max(turn, 1e-9)
+        # twice the step after three iterations
         by_iterations = 2.0 * (3.0 / max(iterations, 1)) ** 1.5
         growth = min(2.0, by_turn, by_iterations)
         return min(self.options.max_step, step * max(0.5, growth))
 
     def end_at(self, last: Correction, beyond: NDArray, omega: float) -> Correction | None:
-        """Return the end of the path at a bound that a step crosses, None without a solution."""
-        share = (omega - last.y[-1]) / (beyond[-1] - last.y[-1])
+        """Return the end of the path at a bound ``omega`` that a step crosses, or None.
+
+        ``last`` and ``beyond`` are the points on both sides of the bound.
+        """
+        last_omega = last.y[-1]
+        share = (omega - last_omega) / (beyond[-1] - last_omega)
         guess = last.y + share * (beyond - last.y)
         scale = last.scale
         c = self.system.correct_at(
-            guess[:-1], omega, scale, self.options.tolerance, 2 * self.options.max_iterations
+            guess[:-1],
+            omega,
+            scale,
+            self.options.tolerance,
+            max_iterations=2 * self.options.max_iterations,
         )
         self.iterations += c.iterations
         if c.status != OK or norm2((c.y - guess) / scale) >= 1.0:
             return None
-        # along the path, not along frequency
+        # the tangent of a solution at fixed frequency points to higher frequency; turn it along
+        # the path
         chord = (c.y - last.y) / scale
         sense = np.copysign(1.0, c.tangent @ chord)
         return replace(c, tangent=sense * c.tangent)
@@ -190,23 +226,26 @@ class Follower:
     # ---- end of a path ----
 
     def _far(self, y: NDArray, start: NDArray, ratio: float) -> bool:
-        """Return whether the mean is large compared with the vibration and its initial value."""
+        """Return whether the mean exceeds the vibration and its initial value by a ratio."""
         n_mean = self.system.n_mean
-        return norm2(y[:n_mean]) > ratio * max(self.largest, norm2(start[:n_mean]))
+        mean = norm2(y[:n_mean])
+        initial_mean = norm2(start[:n_mean])
+        return mean > ratio * max(self.largest, initial_mean)
 
     def _closes(self, y: NDArray, new: Correction) -> bool:
         """Return whether a step passes through the first point of the path as at the start."""
         first = self.points[0]
         chord = (new.y - y) / first.scale
-        offset = (first.y - y) / first.scale
+        to_first = (first.y - y) / first.scale
         length = norm2(chord)
-        along = float(offset @ chord) / length
+        # the first point in coordinates along the step and normal to it
+        along = float(to_first @ chord) / length
         if not 0.0 <= along <= length:
             return False
         same_direction = float(chord @ first.tangent) >= 0.8 * length
         if not same_direction:
             return False
-        distance = norm2(offset - along * chord / length)
+        distance = norm2(to_first - along * chord / length)
         return distance < 0.05 * length
 
     def _tangled(self, since: int) -> Path:
@@ -241,8 +280,13 @@ class Follower:
         """Follow the curve from a point near it; see :func:`follow`."""
         options = self.options
         scale = self.scale_at(start)
+        start_omega = start[-1]
         c = self.system.correct_at(
-            start[:-1], start[-1], scale, options.tolerance, 4 * options.max_iterations
+            start[:-1],
+            start_omega,
+            scale,
+            options.tolerance,
+            max_iterations=4 * options.max_iterations,
         )
         self.iterations += c.iterations
         if c.status != OK:
@@ -251,15 +295,16 @@ class Follower:
         self.events.sense = 1.0 if up else -1.0
         point = self.record(replace(c, tangent=c.tangent if up else -c.tangent, kind="end"))
         step = options.step
-        # frequencies passed, and number of points at the last progress beyond them
-        lowest = highest = float(start[-1])
+        # range of the frequencies passed, and number of points when it last became wider
+        lowest = highest = float(start_omega)
         progress_at = 1
         while len(self.points) < options.max_points:
             y = point.y
-            beyond = max(lowest - y[-1], y[-1] - highest)
+            omega = y[-1]
+            beyond = max(lowest - omega, omega - highest)
             if beyond > 1e-4 * (self.high - self.low):
-                lowest = min(lowest, y[-1])
-                highest = max(highest, y[-1])
+                lowest = min(lowest, omega)
+                highest = max(highest, omega)
                 progress_at = len(self.points)
             elif len(self.points) - progress_at > options.patience:
                 return self._tangled(progress_at)
@@ -271,8 +316,9 @@ class Follower:
             new, step, reach, refused = self.advance(here, step)
             if new is None:
                 return self._stopped(y, tangent, start, refused)
-            if not self.low <= new.y[-1] <= self.high:
-                bound = self.high if new.y[-1] > self.high else self.low
+            new_omega = new.y[-1]
+            if not self.low <= new_omega <= self.high:
+                bound = self.high if new_omega > self.high else self.low
                 end = self.end_at(here, new.y, bound)
                 if end is not None:
                     last_step = Step(here, end, norm2((end.y - y) / scale))
@@ -280,7 +326,8 @@ class Follower:
                     for event in located:
                         self.record(event)
                     self.record(replace(end, kind="end"))
-                    return self._arrived(bound, up, start[-1])
+                    return self._arrived(bound, up, start_omega)
+                # no solution at the bound: approach it with shorter steps
                 step *= 0.5
                 self.failed += 1
                 if step < options.min_step:
@@ -290,7 +337,7 @@ class Follower:
             if new.orientation:
                 self.sign = new.orientation
             if len(self.points) > 10 and self._closes(y, new):
-                place = self.place(new.y[-1])
+                place = self.place(new_omega)
                 return self.path("closed", f"the branch closes on itself at {place}")
             located, kind = self.events.between(Step(here, new, reach))
             for event in located:
@@ -307,6 +354,7 @@ class Follower:
                 if self.failed == failed_before:
                     step = min(4.0 * step, 2.0)
             else:
+                # angle between the unit tangents
                 turn = float(np.arccos(np.clip(new.tangent @ tangent, -1.0, 1.0)))
                 step = self.longer(step, turn, new.iterations)
         return self.path(
@@ -342,4 +390,5 @@ def follow(
     Path
         Converged points; ``status`` and ``reason`` describe how the path ended.
     """
-    return Follower(system, limits, options or ContinuationOptions(), on_point).run(start, up)
+    follower = Follower(system, limits, options or ContinuationOptions(), on_point)
+    return follower.run(start, up)

@@ -94,20 +94,24 @@ def follow_upward(
         None if the peak vanishes, is a corner, falls to the amplitude ``above``, or if a preload in
         between has no solution, for example no static state.
     """
+    # steps are in ln(preload)
     smallest, step, largest = STEPS
+    # the parameter of a peak is its preload
     here = peak
     before: Peak | None = None
-    while here.parameter < preload * (1.0 - 1e-12):
+    rounding = 1e-12
+    while here.parameter < preload * (1.0 - rounding):
         if here.corner or step < smallest:
             return None
         next_preload = min(here.parameter * np.exp(step), preload)
         guess = here.y
         if before is not None:
-            # secant over ln(preload)
+            # secant through the last two peaks
             last_step = np.log(here.parameter / before.parameter)
-            guess = here.y + (here.y - before.y) * np.log(next_preload / here.parameter) / last_step
+            next_step = np.log(next_preload / here.parameter)
+            guess = here.y + (here.y - before.y) * next_step / last_step
+        # direction of the curve; without it the search starts from the point alone
         shape: dict[str, Any] = {}
-        # without a direction of the curve the search starts from the point alone
         if here.tangent.any():
             shape = {
                 "tangent": here.tangent,
@@ -120,6 +124,7 @@ def follow_upward(
             new = find_peak(
                 system, guess, options=options, parameter=next_preload, reach=REACH, **shape
             )
+        # a large change of the amplitude is a jump to another peak
         if new is None or not new.ok or abs(np.log(new.amplitude / here.amplitude)) >= CHANGE:
             step *= 0.5
             continue
@@ -178,6 +183,7 @@ def followed_peaks(
         Followed peaks at each preload, including those of ``before``.
     """
     found = dict(before or {})
+    # the next lower preload
     below: float | None = None
     for preload in sorted(heights):
         if preload in found:
@@ -230,7 +236,8 @@ def without_lost_peaks(
     changed: dict[float, AtPreload] = {}
     for preload, followed in found.items():
         if preload not in before:
-            top = Highest(followed.peak, "peak", index=-1, note=followed.note)
+            # it is no point of the curve, so it has no index
+            top = Highest(followed.peak, kind="peak", index=-1, note=followed.note)
             changed[preload] = replace(known[preload], top=top, slope=np.nan)
     return changed
 
@@ -307,4 +314,6 @@ def _coarse_at(
         # a curve of closed branches alone has no highest point, and no peak is followed from it
         with suppress(*FAILURES_AT_ONE_PRELOAD):
             top = highest_of_curve(case.equations, curve, options=options)
-    return AtPreload(preload, curve, top, np.nan, "", meter.read())
+    return AtPreload(
+        preload=preload, curve=curve, top=top, slope=np.nan, rattles="", cost=meter.read()
+    )

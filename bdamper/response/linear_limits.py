@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from bdamper.harmonic_balance.checks import check_interval
 from bdamper.harmonic_balance.problem import LoadCase, Problem
 from bdamper.harmonic_balance.rotor_speed import preload_at
-from bdamper.harmonic_balance.sector import NEAREST, around
+from bdamper.harmonic_balance.sector import NEAREST, Linear, around
 from bdamper.response.branches import UNBOUNDED, LeftOut
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
@@ -49,7 +49,7 @@ def _linear(
 ) -> ResponseCurve:
     """Compute the linear response over an interval (Hz).
 
-    Springs (n_points, 3) in N/m replace the contact.
+    Springs (n_points, 3) in N/m replace the contact; None is no contact.
     """
     meter = CostMeter()
     lowest, highest = validation.interval("frequency", frequency)
@@ -60,52 +60,38 @@ def _linear(
     system = case.equations
     linear = system.structure.linear
     row = system.response_rows[1]
-    omega = np.linspace(low, high, 201)
-    undamped = []
-    for pole, width, _ in linear.resonances((springs,), *around(low, high)):
-        maximum, amplitude = linear.maximum(row, springs, pole, width)
-        if np.isinf(amplitude):
-            undamped.append(pole)
-            distances = np.outer((-1.0, 1.0), np.geomspace(NEAREST, 1e-2, 40)).ravel()
-            near_pole = pole * (1.0 + distances)
-        else:
-            # equal steps of phase around each resonance
-            steps = np.tan(np.linspace(-1.56, 1.56, 161))
-            near_pole = np.append(pole + width * steps, maximum)
-        omega = np.concatenate([omega, near_pole])
+    omega, undamped = _sample(linear, row, springs, low, high)
     missing_ranges = []
     for pole in undamped:
-        # there is no response at the pole of an undamped mode
-        omega = omega[np.abs(omega - pole) >= 0.5 * NEAREST * pole]
         if low < pole < high:
             f = pole / (2.0 * np.pi)
             why = f"{UNBOUNDED}: no damping"
             missing_ranges.append(LeftOut(f * (1.0 - NEAREST), f * (1.0 + NEAREST), why))
-    omega = np.unique(omega[(omega >= low) & (omega <= high)])
 
     def amplitude_at(w: float) -> float:
         return float(abs(linear.response(w, springs) @ row))
 
-    # the points next to a pole are no maxima
-    tops = [
-        top
-        for top in _maxima(amplitude_at, omega)
-        if all(abs(top - pole) >= 2.0 * NEAREST * pole for pole in undamped)
-    ]
+    tops = []
+    for top in _maxima(amplitude_at, omega):
+        # the points next to the pole of an undamped mode are no maxima
+        if all(abs(top - pole) >= 2.0 * NEAREST * pole for pole in undamped):
+            tops.append(top)
     omega = np.unique(np.concatenate([omega, tops]))
     n = len(omega)
     u = np.zeros((n, system.n_unknowns))
+    # largest residual of all excited harmonics at each frequency
     unbalanced = np.zeros(n)
     largest_force = 1e-300
     for harmonic in problem.settings.excited:
         force = system.layout.amplitudes(system.structure.force, harmonic)
         cosine, sine = system.layout.slices(harmonic)
+        # complex modal amplitudes (n, n_modes)
         q = np.array([linear.response(w, springs, harmonic) for w in omega])
         u[:, cosine] = q.real
         u[:, sine] = -q.imag
         for i, w in enumerate(omega):
-            rest = np.abs(linear.matrix(w, springs, harmonic) @ q[i] - force).max()
-            unbalanced[i] = np.maximum(unbalanced[i], rest)
+            residual = linear.matrix(w, springs, harmonic) @ q[i] - force
+            unbalanced[i] = np.maximum(unbalanced[i], np.abs(residual).max())
         largest_force = max(largest_force, float(np.abs(force).max()))
     return ResponseCurve(
         kind=kind,
@@ -127,6 +113,33 @@ def _linear(
     )
 
 
+def _sample(
+    linear: Linear, row: NDArray, springs: NDArray | None, low: float, high: float
+) -> tuple[NDArray, list[float]]:
+    """Return ascending frequencies (rad/s) of an interval, dense around the resonances.
+
+    The second value contains the poles of undamped modes, at which there is no response.
+    """
+    parts = [np.linspace(low, high, 201)]
+    undamped = []
+    for pole, width, _ in linear.resonances((springs,), *around(low, high)):
+        maximum, amplitude = linear.maximum(row, springs, pole, width)
+        if np.isinf(amplitude):
+            undamped.append(pole)
+            one_side = np.geomspace(NEAREST, 1e-2, 40)
+            distances = np.outer((-1.0, 1.0), one_side).ravel()
+            parts.append(pole * (1.0 + distances))
+        else:
+            # equal steps of phase around each resonance
+            steps = np.tan(np.linspace(-1.56, 1.56, 161))
+            parts.append(np.append(pole + width * steps, maximum))
+    omega = np.concatenate(parts)
+    for pole in undamped:
+        omega = omega[np.abs(omega - pole) >= 0.5 * NEAREST * pole]
+    inside = (omega >= low) & (omega <= high)
+    return np.unique(omega[inside]), undamped
+
+
 def _shares(problem: Problem, springs: NDArray | None) -> NDArray:
     """Return the fractions (3,) in stick, slip and separation of points with friction or a bond."""
     counted = problem.friction_points & ((problem.friction > 0.0) | problem.bonded_points)
@@ -134,7 +147,9 @@ def _shares(problem: Problem, springs: NDArray | None) -> NDArray:
         return np.zeros(3)
     if springs is None:
         return np.array([0.0, 0.0, 1.0])
-    stick = float((springs[counted] > 0.0).any(axis=1).mean())
+    # a stuck point has a spring in at least one direction
+    is_stuck = (springs[counted] > 0.0).any(axis=1)
+    stick = float(is_stuck.mean())
     return np.array([stick, 0.0, 1.0 - stick])
 
 
@@ -146,11 +161,13 @@ def _maxima(height: Callable[[float], float], omega: NDArray) -> list[float]:
     # smaller relative dips between two maxima are rounding
     rounding = 1e-9
     peaks, _ = scipy.signal.find_peaks(padded, prominence=rounding * padded)
+    # indices without the padding
     peaks = peaks - 1
     inside = (peaks > 0) & (peaks < len(amplitude) - 1)
     maxima = []
     for i in peaks[inside].tolist():
-        low, high = float(omega[i - 1]), float(omega[i + 1])
+        low = float(omega[i - 1])
+        high = float(omega[i + 1])
         refined = scipy.optimize.minimize_scalar(
             lambda w: -height(w),
             bounds=(low, high),
@@ -204,10 +221,12 @@ def free_and_stuck(case: LoadCase, modes: int) -> tuple[NDArray, NDArray]:
     validation.check(1 <= modes <= len(omega2), "mode", f"1 to {len(omega2)}", modes)
     free = np.sqrt(omega2[:modes])
     stuck_frequencies, *_ = sector.linear.modes(case.stuck_springs(touching=True))
+    # ascending resonances that no lower mode has taken
     left = list(stuck_frequencies)
+    rounding = 1e-9
     stuck = []
     for omega in free:
-        left = [pole for pole in left if pole >= omega * (1.0 - 1e-9)]
+        left = [pole for pole in left if pole >= omega * (1.0 - rounding)]
         stuck.append(left.pop(0) if left else omega)
     return free / (2.0 * np.pi), np.array(stuck) / (2.0 * np.pi)
 
@@ -229,11 +248,13 @@ def resonance_interval(case: LoadCase, mode: int = 1) -> tuple[float, float]:
     StaticError
         If there is no static state at the preload.
     """
+    # all modes up to this one
     free_frequencies, stuck_frequencies = free_and_stuck(case, mode)
     free = float(free_frequencies[-1])
     stuck = float(stuck_frequencies[-1])
     margin = beyond(free, stuck)
-    return max(0.1 * free, free - margin), stuck + margin
+    low = max(0.1 * free, free - margin)
+    return low, stuck + margin
 
 
 def beyond(free: float, stuck: float) -> float:

@@ -30,24 +30,31 @@ def half_range(harmonics: NDArray) -> NDArray:
     if len(orders) == 1:
         return np.asarray(np.abs(harmonics[..., 1]))
     theta = np.linspace(0.0, 2.0 * np.pi, SAMPLES * len(orders), endpoint=False)
-    # without the mean
-    x = (harmonics[..., 1:] @ np.exp(1j * np.outer(orders, theta))).real
+    # samples (..., n_samples) of the motion without the mean
+    waves = np.exp(1j * np.outer(orders, theta))
+    x = (harmonics[..., 1:] @ waves).real
+    # the maximum of -x is minus the minimum of x
     return np.asarray(0.5 * (_highest(x) + _highest(-x)))
 
 
 def _highest(x: NDArray) -> NDArray:
-    """Return the maxima (...,) of periodic samples (..., n), by the parabola through three."""
+    """Return the maxima (...,) of periodic samples (..., n).
+
+    Each is the vertex of the parabola through the highest sample and its two neighbours.
+    """
     n = x.shape[-1]
+    # index of the highest sample, (..., 1)
     top = x.argmax(axis=-1, keepdims=True)
     before = np.take_along_axis(x, (top - 1) % n, axis=-1)[..., 0]
     highest = np.take_along_axis(x, top, axis=-1)[..., 0]
     after = np.take_along_axis(x, (top + 1) % n, axis=-1)[..., 0]
     bend = before - 2.0 * highest + after
-    # a constant has no parabola
+    # three equal samples have no vertex
     flat = bend == 0.0
     bend_or_one = np.where(flat, 1.0, bend)
-    rise = (after - before) ** 2 / (8.0 * bend_or_one)
-    return np.asarray(highest - np.where(flat, 0.0, rise))
+    # the vertex is above the highest sample, because bend is negative
+    vertex_offset = (after - before) ** 2 / (8.0 * bend_or_one)
+    return np.asarray(highest - np.where(flat, 0.0, vertex_offset))
 
 
 def exceeds(half: float, amplitude: float) -> bool:

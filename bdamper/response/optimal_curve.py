@@ -101,7 +101,9 @@ def at_preload(
     rattles.
     """
     cost = Cost()
-    for limit in dict.fromkeys((budget, None)):
+    # None is the default budget
+    limits = [None] if budget is None else [budget, None]
+    for limit in limits:
         why_rattling = ""
         with stopped_by(stop or Event()):
             try:
@@ -113,7 +115,9 @@ def at_preload(
             except FAILURES_AT_ONE_PRELOAD as error:
                 failure = f"failed: {type(error).__name__}: {error}"
                 empty = without_points(problem, preload, failure, ContinuationOptions(), Cost())
-                response = AtPreload(preload, empty, None, np.nan, "", Cost())
+                response = AtPreload(
+                    preload=preload, curve=empty, top=None, slope=np.nan, rattles="", cost=Cost()
+                )
         cost += response.cost
         used_up = limit is not None and response.curve.cost.evaluations >= limit
         if response.known or why_rattling or not used_up:
@@ -348,12 +352,13 @@ class Curves:
         return quiet
 
     def follow(
-        self, preloads: Sequence[float], budget: int | None = None, row: int = 0
+        self, preloads: Sequence[float], budget: int | None = None, most_rattling: int = 0
     ) -> list[AtPreload]:
         """Compute the response curves at preloads (N) concurrently; return them in this order.
 
-        If ``row`` is not 0, the computation stops after this number of consecutive preloads at
-        which the damper rattles. Finished curves are stored, also before an interruption.
+        If ``most_rattling`` is not 0, the computation stops after this number of consecutive
+        preloads at which the damper rattles, and the result is shorter. Finished curves are stored,
+        also before an interruption.
         """
         stop = Event()
         running: dict[float, Future[AtPreload]] = {}
@@ -367,8 +372,8 @@ class Curves:
                 else:
                     running[preload] = self._submit(preload, budget, stop)
             for i, preload in enumerate(preloads):
-                if row and len(in_order) >= row:
-                    last = in_order[-row:]
+                if most_rattling and len(in_order) >= most_rattling:
+                    last = in_order[-most_rattling:]
                     if all(response.rattles for response in last):
                         break
                 n_left = len(preloads) - i
@@ -388,6 +393,7 @@ class Curves:
             stop.set()
             for future in running.values():
                 future.cancel()
+        # this may replace responses
         self._follow_drops()
         return [self.known[response.preload] for response in in_order]
 
@@ -436,11 +442,13 @@ class Curves:
 
 def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
     """Find the preload of minimum amplitude; compute curves near which it may lie."""
-    curves.follow([float(p) for p in values[::-1]], BUDGET, row=MAX_RATTLING)
+    # the highest preload first, because dampers rattle at low ones
+    descending = [float(preload) for preload in values[::-1]]
+    curves.follow(descending, BUDGET, most_rattling=MAX_RATTLING)
     known = curves.known
     edge = rattling_below(known)
-    # with the edge: the minimum may lie just above it
-    by_log = {float(np.log(p)): known[p] for p in known if p >= edge}
+    # responses by ln(preload); with the edge, because the minimum may lie just above it
+    by_log = {float(np.log(preload)): known[preload] for preload in known if preload >= edge}
     with_value = [
         response
         for response in by_log.values()
@@ -453,12 +461,16 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
         flat = Ending(NOT_FOUND, "the preload does not matter")
         lowest = with_value[int(np.argmin(log_amplitudes))]
         assert lowest.top is not None
-        return _optimum_at(np.nan, lowest.top.peak, "flat", np.inf, flat)
+        return _optimum_at(np.nan, lowest.top.peak, kind="flat", uncertainty=np.inf, end=flat)
+
+    # find_minimum minimises ln(amplitude) over x = ln(preload)
 
     def sample(x: float) -> Sample:
         response = by_log[x]
+        # the edge of rattling rises if a new preload rattles
         steady = response.preload > rattling_below(known)
-        return Sample(x, response.value if steady else np.inf, response.slope)
+        value = response.value if steady else np.inf
+        return Sample(x, value, response.slope)
 
     def evaluate(logs: Sequence[float]) -> list[Sample]:
         responses = curves.follow([float(np.exp(x)) for x in logs])
@@ -466,6 +478,7 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
         return [sample(x) for x in logs if x in by_log]
 
     def refine(a: Sample, b: Sample, x: float) -> float | None:
+        """Return the minimum between two samples; the guess ``x`` is not needed."""
         tops = [by_log[a.x].top, by_log[b.x].top]
         ends = [top.peak for top in tops if top is not None]
         return smooth_minimum(curves.problem.system, ends, a, b, curves.options)
@@ -479,7 +492,8 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
     peak = optimum.top.peak
     edge = rattling_below(known)
     kind = best.kind
-    # the next lower preload has no steady response, and the amplitude does not fall towards it
+    # the next lower preload has no steady response, and the amplitude falls towards it or has no
+    # slope
     if kind == "unknown" and not optimum.slope < 0.0:
         below = by_log[samples[best.index - 1].x]
         if below.preload <= edge:
@@ -504,7 +518,15 @@ def _optimum_at(
 
 
 def _no_optimum(end: Ending) -> OptimumPoint:
-    return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, end.status, end.reason)
+    return OptimumPoint(
+        preload=np.nan,
+        amplitude=np.nan,
+        frequency=np.nan,
+        kind="none",
+        uncertainty=np.inf,
+        status=end.status,
+        reason=end.reason,
+    )
 
 
 def _why_no_value(responses: Sequence[AtPreload]) -> str:
@@ -527,8 +549,9 @@ def _ending_of_optimum(
     may_be_lower = []
     for preload in sorted(known):
         response = known[preload]
-        # an amplitude that is not known may have a lower bound above the optimum
-        if preload > edge and not response.known and not response.amplitude >= amplitude:
+        # the amplitude of an incomplete search is a lower bound, or NaN
+        is_higher = response.amplitude >= amplitude
+        if preload > edge and not response.known and not is_higher:
             may_be_lower.append(preload)
     if may_be_lower:
         unknown = counted(len(may_be_lower), "preload")
@@ -543,10 +566,16 @@ def _ending_of_optimum(
 
 
 def _near_best(samples: Sequence[Sample], best: int) -> list[float]:
-    """Return ln(preload) on both sides of the best sample at NEAR_BEST times its amplitude."""
+    """Return ln(preload) on both sides of the best sample at NEAR_BEST times its amplitude.
+
+    ``best`` is its index.  A side on which the amplitude does not reach the limit has no value.
+    """
     limit = samples[best].value + np.log(NEAR_BEST)
     ends = []
-    for side in (samples[best::-1], samples[best:]):
+    # outward from the best sample, to lower and to higher preloads
+    to_lower = samples[best::-1]
+    to_higher = samples[best:]
+    for side in (to_lower, to_higher):
         for inner, outer in zip(side, side[1:]):
             if outer.value <= limit:
                 continue
@@ -564,6 +593,7 @@ def smooth_minimum(
     """Return ln(parameter) of the minimum amplitude of a peak between two samples of it, or None.
 
     The minimum is found as a root of the derivative of the amplitude with respect to the parameter.
+    ``ends`` are the peaks of the samples ``a`` and ``b``.
     """
     # peaks of this branch by ln(parameter)
     peaks = dict(zip((a.x, b.x), ends))
@@ -651,6 +681,7 @@ def _columns(
     problem: Problem, known: dict[float, AtPreload], values: NDArray, edge: float
 ) -> dict[str, Any]:
     """Return the fields of an optimal curve with one entry for each preload."""
+    # requested preloads and preloads of the search
     preloads = np.array(sorted({*values.tolist(), *known}))
     why_rattling = known[edge].rattles if edge else ""
     curves = []
@@ -671,6 +702,7 @@ def _columns(
             samples.append(Sample(np.log(preload), response.value, response.slope))
         tops.append(top)
         endings.append(_ending(response, preload, edge, why_rattling))
+    # whether each preload continues the branch of the preload before
     goes_on = [False]
     for before, sample in zip(samples, samples[1:]):
         both_known = bool(np.isfinite(before.value + sample.value))
@@ -691,7 +723,7 @@ def _columns(
         "lower_bound": np.array(lower_bounds),
         "half_range": of_peaks("half_range"),
         "frequency": of_peaks("frequency"),
-        "shares": of_peaks("shares", 3),
+        "shares": of_peaks("shares", size=3),
         "residual": of_peaks("residual"),
         "unknowns": np.array(unknowns),
         "kind": tuple("" if top is None else top.kind for top in tops),

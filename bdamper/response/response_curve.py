@@ -85,13 +85,16 @@ def _displacement(model: Model, coordinate: Coordinate, q: float) -> str:
 def _drift_ranges(points: Sequence[Correction]) -> list[tuple[int, int]]:
     """Return first and last index of each run of points at which the mean drifts."""
     ranges: list[tuple[int, int]] = []
+    first: int | None = None
     for i, point in enumerate(points):
-        if point.kind != "drift":
-            continue
-        if ranges and ranges[-1][1] == i - 1:
-            ranges[-1] = ranges[-1][0], i
-        else:
-            ranges.append((i, i))
+        is_drift = point.kind == "drift"
+        if is_drift and first is None:
+            first = i
+        if not is_drift and first is not None:
+            ranges.append((first, i - 1))
+            first = None
+    if first is not None:
+        ranges.append((first, len(points) - 1))
     return ranges
 
 
@@ -106,7 +109,9 @@ def notes(
     for first, last in _drift_ranges(points):
         before = points[max(first - 1, 0)].y
         after = points[last].y
-        largest = int(np.argmax(np.abs((after - before)[: system.n_mean])))
+        # the unknowns of the mean are first
+        moved = np.abs((after - before)[: system.n_mean])
+        largest = int(np.argmax(moved))
         coordinate = coordinates[largest]
         frequency = points[first].y[-1] / TWO_PI
         start = _displacement(model, coordinate, before[largest])
@@ -138,16 +143,20 @@ def neutral_directions(
     """
     n = system.n_mean
     _, J, _ = system.evaluate_at(y)
+    # derivatives (n_unknowns, n) with respect to the mean, scaled to columns of size 1
     columns = J[:, :n]
     size = np.abs(columns).max(axis=0)
     # a column of rounding errors must not become one of size 1
-    size = np.where(size > 1e-13 * size.max(), size, size.max())
-    _, singular, vectors = np.linalg.svd(columns / size)
-    singular = np.concatenate([singular, np.zeros(n - len(singular))])
-    in_null_space = singular < 1e-11 * max(singular[0], 1e-300)
+    scale = np.where(size > 1e-13 * size.max(), size, size.max())
+    _, singular_values, vectors = np.linalg.svd(columns / scale)
+    # one value for each of the n right singular vectors (rows)
+    singular_values = np.concatenate([singular_values, np.zeros(n - len(singular_values))])
+    largest = max(singular_values[0], 1e-300)
+    in_null_space = singular_values < 1e-11 * largest
     names = []
     for vector in vectors[in_null_space]:
-        dominant = coordinates[int(np.argmax(np.abs(vector / size)))]
+        motion = vector / scale
+        dominant = coordinates[int(np.argmax(np.abs(motion)))]
         names.append(f"{dominant.name} of {dominant.body}")
     return names
 
@@ -155,12 +164,17 @@ def neutral_directions(
 def why_no_solution(
     system: Equations[SectorData], model: Model, coordinates: Sequence[Coordinate], y: NDArray
 ) -> str:
-    """Describe the unbalanced mean force on a free body at the last iterate, or return ""."""
+    """Describe the unbalanced mean force on a free body at the last iterate, or return "".
+
+    ``coordinates`` are the coordinates of the mean, which are the first rows of the equations.
+    """
+    u = y[:-1]
+    omega = y[-1]
     try:
-        r, J, _ = system.evaluate(y[:-1], y[-1])
+        r, J, _ = system.evaluate(u, omega)
     except FloatingPointError:
         return ""
-    _, _, shares = system.contact(y[:-1])
+    _, _, shares = system.contact(u)
 
     for row, coordinate in enumerate(coordinates):
         # residual modes belong to no body
@@ -175,7 +189,9 @@ def why_no_solution(
         without_stiffness = stiffness < 1e-9 * float(np.abs(J).max())
         if not (unbalanced and without_stiffness):
             continue
+        # the mode of a translation is 1/sqrt(mass)
         force = float(r[row]) * np.sqrt(body.mass)
+        # the last of the five states is separation
         always_open = shares[:, 4].min() >= 1.0
         if always_open:
             return (
@@ -228,9 +244,15 @@ def rattles(curve: ResponseCurve, at_rest: float = 0.0) -> str:
         return ""
     same_branch = np.diff(curve.branch) == 0
     sense = np.sign(np.diff(curve.frequency))[same_branch]
-    folds = int(np.count_nonzero(np.diff(sense[sense != 0.0])))
-    opened = float(curve.shares[curve.amplitude.argmax(), 2])
-    if folds < FOLDS or opened - at_rest <= OPEN * (1.0 - at_rest):
+    # the frequency is constant along a drift
+    sense = sense[sense != 0.0]
+    folds = int(np.count_nonzero(np.diff(sense)))
+    # shares are stick, slip, separation
+    top = curve.amplitude.argmax()
+    opened = float(curve.shares[top, 2])
+    # relative to the points that are closed at rest
+    mostly_closed = opened - at_rest <= OPEN * (1.0 - at_rest)
+    if folds < FOLDS or mostly_closed:
         return ""
     per_cent = f"{100.0 * opened:.0f} %"
     return (
@@ -266,11 +288,14 @@ def free_of_contact(
     """
     system = problem.system(0.0)
     points = problem.friction_points
-    # rigid bodies move away against their load, and every contact has to open
-    load, *_ = problem.damper_load
+    # direction (n_mean,) in which rigid bodies move away against their load
+    load, _ = problem.damper_load
     rigid = problem.static_basis.omega2 == 0.0
     away = -np.where(rigid, load, 0.0)[: system.n_mean]
-    opening = -(problem.static_basis.G.real[points, 2, : len(away)] @ away)
+    # every contact has to open; the normal motion, component 2 of G, is positive if surfaces
+    # approach
+    G_normal = problem.static_basis.G.real[points, 2, : len(away)]
+    opening = -(G_normal @ away)
     if not opening.size:
         return None
     largest = np.abs(opening).max()
@@ -281,11 +306,14 @@ def free_of_contact(
     swing = 0.0
     for harmonic in problem.settings.excited:
         G = problem.bases[harmonic].G[points, 2]
+        # (n_curve, n_modes)
         amplitude = system.layout.amplitudes(curve.unknowns, harmonic)
         swing += np.abs(G @ amplitude.T).max(initial=0.0)
     overlap = max(0.0, -float(problem.point_gaps[points].min()))
+    # move away until the contact that opens least stays open with the double swing
+    distance = (2.0 * swing + overlap) / opening.min()
     unknowns = curve.unknowns.copy()
-    unknowns[:, : len(away)] += (2.0 * swing + overlap) / opening.min() * away
+    unknowns[:, : len(away)] += distance * away
     solutions = np.column_stack([unknowns, 2.0 * np.pi * curve.frequency])
     residual = np.array([system.error(y) for y in solutions])
     if not len(curve) or residual.max() > options.tolerance:
@@ -361,8 +389,16 @@ def frequency_response(
         except KeyboardInterrupt:
             if is_part_of_work():
                 raise
+            # Ctrl-C before or between paths
             if not any(piece.path.status == "interrupted" for piece in search.pieces):
-                search.pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
+                no_path = Path(
+                    points=(),
+                    status="interrupted",
+                    reason="by the user",
+                    iterations=0,
+                    failed_steps=0,
+                )
+                search.pieces.append(Piece(no_path, up=True))
         end = ending(search.pieces, *search.limits)
         curve = as_curve(problem, search, end, kind="response", preload=case.preload)
         if len(curve):
@@ -380,14 +416,19 @@ def _search(
     case: LoadCase, frequency: tuple[float, float], options: ContinuationOptions
 ) -> Coverage:
     """Return the search for the branches, with its budget."""
-    low, high = TWO_PI * frequency[0], TWO_PI * frequency[1]
+    low = TWO_PI * frequency[0]
+    high = TWO_PI * frequency[1]
     system = case.equations
     budget = options.budget or evaluation_budget(system)
     linear = case.sector.linear
+    # resonances (omega, half-width, modal row) without contact springs, and in stick
     free = linear.resonances((None,), ELASTIC * low, np.inf)
     stuck = linear.resonances((case.stuck_springs(),), ELASTIC * low, np.inf)
     # steps must not pass over a resonance within the interval
-    watched = [resonance for resonance in (*free, *stuck) if low < resonance[0] < high]
+    watched = []
+    for omega, half_width, row in (*free, *stuck):
+        if low < omega < high:
+            watched.append((omega, half_width, row))
     system = replace(system.within(budget), watched=watched)
     search = Coverage(system, (low, high), replace(options, budget=budget), CostMeter())
     free_frequencies = [omega for omega, *_ in free]
@@ -539,8 +580,8 @@ def _runs_backward(point: Correction, piece: Piece) -> bool:
     # where only the mean drifts the sign of the change is rounding
     if point.kind == "drift":
         return False
-    forward = 1.0 if piece.up else -1.0
-    return bool(point.tangent[-1] * forward < 0.0)
+    frequency_change = point.tangent[-1]
+    return bool(frequency_change < 0.0 if piece.up else frequency_change > 0.0)
 
 
 def check_curve(problem: Problem, curve: ResponseCurve, name: str = "curve") -> None:
@@ -667,12 +708,15 @@ class _Sweep:
         same = 1e-6
         points, heights = crossed(self.x, self.amplitude, x, self.joined)
         for i, height in zip(points.tolist(), heights.tolist()):
+            # the sweep continues to the end of the segment with the larger x
             rises = self.x[i + 1] > self.x[i]
             onward = i + 1 if rises else i
             if not self.x[onward] > x:
                 continue
             if all(abs(height - other.amplitude) > same * height for other in solutions):
-                solutions.append(_Landing(height, onward, 1 if rises else -1))
+                way = 1 if rises else -1
+                solutions.append(_Landing(amplitude=height, point=onward, way=way))
+        # by amplitude, the first member
         return sorted(solutions)
 
     def onward(self, point: int, way: int) -> int | None:
@@ -710,7 +754,8 @@ def sweep_of(curve: ResponseCurve, direction: str) -> SlowSweep:
         start = next(iter(sweep.landings(x)), None)
     if start is None:
         none = np.zeros(0)
-        return SlowSweep(none, none, (), none.astype(int))
+        return SlowSweep(frequency=none, amplitude=none, jumps=(), point=np.zeros(0, int))
+    # entries of the result, with sense * frequency
     passed = [x]
     amplitudes = [start.amplitude]
     numbers = [start.point]
@@ -723,19 +768,24 @@ def sweep_of(curve: ResponseCurve, direction: str) -> SlowSweep:
             amplitudes.append(float(sweep.amplitude[point]))
             numbers.append(point)
             point = sweep.onward(point, start.way)
-        x, amplitude = passed[-1], amplitudes[-1]
+        x = passed[-1]
+        amplitude = amplitudes[-1]
         if x >= sweep.x.max():
             break
         landings = sweep.landings(x)
         if not landings:
-            jumps.append(Jump(sense * x, amplitude, np.nan))
+            jumps.append(Jump(frequency=sense * x, before=amplitude, after=np.nan))
             break
+        # the nearest lower solution, otherwise the nearest higher one
         lower = [landing for landing in landings if landing.amplitude <= amplitude]
         start = lower[-1] if lower else landings[0]
-        jumps.append(Jump(sense * x, amplitude, start.amplitude))
+        jumps.append(Jump(frequency=sense * x, before=amplitude, after=start.amplitude))
         passed.append(x)
         amplitudes.append(start.amplitude)
         numbers.append(start.point)
     return SlowSweep(
-        sense * np.array(passed), np.array(amplitudes), tuple(jumps), np.array(numbers)
+        frequency=sense * np.array(passed),
+        amplitude=np.array(amplitudes),
+        jumps=tuple(jumps),
+        point=np.array(numbers),
     )

@@ -113,12 +113,14 @@ def lower_bound(a: Sample, b: Sample) -> LowerBound | None:
     h = b.x - a.x
     middle = a.x + 0.5 * h
     smaller = min(a.value, b.value)
-    # slopes towards lower values inside; a sample without a slope has NaN
+    a_known = bool(np.isfinite(a.value))
+    b_known = bool(np.isfinite(b.value))
+    # slopes towards lower values inside, zero or positive; a sample without a slope has NaN
     fall = -min(a.slope, 0.0)
     rise = max(b.slope, 0.0)
     # only one value is known: its branch may decrease further
-    if np.isfinite(a.value) != np.isfinite(b.value):
-        drop = h * (fall if np.isfinite(a.value) else rise)
+    if a_known != b_known:
+        drop = h * (fall if a_known else rise)
         if not np.isfinite(drop):
             drop = 2.0 * GAIN
         if drop > 0.0 and h > CORNER:
@@ -126,8 +128,10 @@ def lower_bound(a: Sample, b: Sample) -> LowerBound | None:
         return None
     # smallest distance worth searching: at a slope of 1 the gain is half of GAIN
     narrow = 1e-3
-    if not (np.isfinite(a.value + b.value) and h > narrow):
+    both_known = a_known and b_known
+    if not both_known or not h > narrow:
         return None
+    # without a slope nothing is known about values inside
     if not np.isfinite(fall + rise):
         if h > CORNER:
             return LowerBound(smaller - 2.0 * GAIN, middle, smooth=False)
@@ -137,8 +141,10 @@ def lower_bound(a: Sample, b: Sample) -> LowerBound | None:
         return _bound_of_cubic(a, b) if encloses_minimum else None
     # two branches may cross where the tangents meet
     if h <= MAX_DISTANCE and encloses_minimum:
+        # a.value - fall t h = b.value - rise (1 - t) h
         t = (a.value - b.value + rise * h) / ((fall + rise) * h)
         if 0.0 < t < 1.0:
+            # the next sample keeps a distance from both
             inside = float(np.clip(t, 0.1, 0.9))
             return LowerBound(a.value - fall * t * h, a.x + inside * h, smooth=False)
     # one branch may continue along its tangent
@@ -153,17 +159,24 @@ def _bound_of_cubic(a: Sample, b: Sample) -> LowerBound:
     h = b.x - a.x
     rise = b.value - a.value
     t = _minimum_of_cubic(h * a.slope, h * b.slope, rise)
-    bend = t * (1.0 - t) * h * ((1.0 - t) * a.slope - t * b.slope)
-    value = a.value + bend + t * t * (3.0 - 2.0 * t) * rise
+    # Hermite basis: parts of the end slopes and of the rise
+    of_slopes = t * (1.0 - t) * h * ((1.0 - t) * a.slope - t * b.slope)
+    of_rise = t * t * (3.0 - 2.0 * t) * rise
+    value = a.value + of_slopes + of_rise
     return LowerBound(value, a.x + t * h, smooth=True)
 
 
 def _minimum_of_cubic(first: float, last: float, rise: float) -> float:
-    """Return the minimum of the Hermite cubic on (0, 1) that decreases at 0 and increases at 1."""
+    """Return the position t of the minimum of a cubic on (0, 1), within 0.01 and 0.99.
+
+    The cubic has the slopes ``first`` < 0 and ``last`` > 0 at its ends and the difference ``rise``
+    between them.
+    """
     # the slope is first + b t + c t^2
     b = 6.0 * rise - 4.0 * first - 2.0 * last
     c = 3.0 * (first + last) - 6.0 * rise
     root = np.sqrt(max(b * b - 4.0 * c * first, 0.0))
+    # the zero at which the slope increases, in the form without cancellation
     t = -2.0 * first / (b + root) if b + root > 0.0 else 0.5
     return float(np.clip(t, 0.01, 0.99))
 
@@ -290,7 +303,7 @@ def _classified(
     if not np.isfinite(other.value):
         return Minimum(index, "unknown", width, open_interval)
     if not np.isfinite(best.slope):
-        # without a slope both neighbours limit the position
+        # without a slope both neighbours limit the position; at an end there is only one
         neighbours = [*samples[max(index - 1, 0) : index], *samples[index + 1 : index + 2]]
         width = max(abs(neighbour.x - best.x) for neighbour in neighbours)
         largest_rise = max(neighbour.value - best.value for neighbour in neighbours)
@@ -379,8 +392,9 @@ def root_trials(
         raise ValueError(
             f"a bracket needs values of different signs at its ends, found {f_a:g} and {f_b:g}"
         )
+    # sign * f increases from a to b
     sign = 1.0 if f_b > f_a else -1.0
-    # f_a and f_b may be reduced for the secant
+    # f_a and f_b may be reduced for the secant, these are the values of the function
     true_a = f_a
     true_b = f_b
     # end of the bracket that did not move in the previous trial
@@ -391,7 +405,9 @@ def root_trials(
         x = next_x
         f = yield x
         points.append((x, f))
-        if sign * f < 0.0:
+        # the trial replaces the end of the bracket on its side of the root
+        before_root = sign * f < 0.0
+        if before_root:
             moved = x - a
             replaced = true_a
             if fixed == "b":
@@ -412,17 +428,22 @@ def root_trials(
         step = min(secant_step, b - a)
         if step <= tolerance or f == 0.0:
             break
-        if abs(f) > 0.5 * abs(replaced):
+        slow = abs(f) > 0.5 * abs(replaced)
+        if slow:
             next_x = 0.5 * (a + b)
             continue
         next_x = _zero_of_inverse(sorted(points[-4:]))
+        # also for NaN
         if not a < next_x < b:
             next_x = _secant(a, f_a, b, f_b)
-    return Root(x, f, step, trials)
+    return Root(at=x, value=f, step=step, trials=trials)
 
 
 def _weight(new: float, old: float) -> float:
-    """Return the factor for the value at the end that remains."""
+    """Return the factor by which Anderson and Bjoerck reduce the value at the end that remains.
+
+    ``old`` and ``new`` are the values at the other end before and after a trial.
+    """
     if abs(new) < abs(old):
         return 1.0 - new / old
     return 0.5
@@ -438,13 +459,18 @@ def _secant(a: float, f_a: float, b: float, f_b: float) -> float:
 
 
 def _zero_of_inverse(points: list[tuple[float, float]]) -> float:
-    """Return the zero of the inverse interpolation polynomial (Neville); NaN if not monotonic."""
+    """Return x at f = 0 on the polynomial x(f) through points (x, f), by Neville's scheme.
+
+    NaN if the values are not monotonic.
+    """
     x = [position for position, _ in points]
     f = np.array([value for _, value in points])
     rises = np.diff(f)
-    if not ((rises > 0.0).all() or (rises < 0.0).all()):
+    monotonic = (rises > 0.0).all() or (rises < 0.0).all()
+    if not monotonic:
         return np.nan
-    # each pass joins neighbouring polynomials to polynomials through one more point
+    # x[i] is the value at f = 0 of the polynomial through points i to i + width - 1; each pass
+    # joins two neighbours to the polynomial through one more point
     for width in range(1, len(x)):
         joined = []
         for i in range(len(x) - 1):

@@ -66,7 +66,9 @@ def energy_shares(energy: tuple[float, ...]) -> tuple[float, NDArray]:
     work, *damping_contacts_rise = energy
     numerical = work - sum(damping_contacts_rise)
     taken = np.array([*damping_contacts_rise, numerical])
-    supplied = max(work, 0.0) - taken[taken < 0.0].sum()
+    # a negative loss supplies energy
+    given = -taken[taken < 0.0].sum()
+    supplied = max(work, 0.0) + given
     return float(supplied), taken / max(supplied, 1e-300)
 
 
@@ -583,7 +585,7 @@ class FrictionLimit(NamedTuple):
         Next computed factor, with twice the amplitude or more; NaN if the amplitude does not
         double.
     known : bool
-        Whether the amplitude at ``outside`` is known to be twice as high; otherwise it is unknown.
+        False if the amplitude at ``outside`` is unknown.
     """
 
     inside: float
@@ -592,8 +594,12 @@ class FrictionLimit(NamedTuple):
 
     @property
     def near(self) -> bool:
-        """Whether the amplitude doubles, or is unknown, within the usual spread of friction."""
+        """Whether the amplitude doubles, or is unknown, within the usual spread of friction.
+
+        False if it does not double, because a comparison with NaN is false.
+        """
         rounding = 1e-9
+        # above 1 for less friction as well
         factor = max(self.outside, 1.0 / self.outside)
         return factor <= FRICTION_SPREAD * (1.0 + rounding)
 
@@ -629,14 +635,19 @@ class FrictionRange(Record):
 
     @staticmethod
     def _limit(nominal: FrictionPeak, outward: list[FrictionPeak]) -> FrictionLimit:
-        """Return the limit in one direction; ``outward`` begins with the peak next to nominal."""
+        """Return the factors on friction between which the amplitude reaches twice the nominal one.
+
+        ``outward`` contains the peaks with less friction, or with more, in the order of their
+        distance from nominal.
+        """
         inside = 1.0
         for peak in outward:
             comparison = peak.compared_with(nominal)
             if comparison != "low":
-                return FrictionLimit(inside, peak.factor, known=comparison == "high")
+                return FrictionLimit(inside, outside=peak.factor, known=comparison == "high")
             inside = peak.factor
-        return FrictionLimit(inside, np.nan, known=True)
+        # all amplitudes are known and low: there is no factor at which the amplitude doubles
+        return FrictionLimit(inside, outside=np.nan, known=True)
 
     @property
     def doubles(self) -> tuple[float, float]:
@@ -763,14 +774,16 @@ class Convergence(Result, Plottable, Tabular):
     @property
     def settled(self) -> tuple[HarmonicPeak, ...]:
         """Last peaks that agree within the tolerance."""
-        last = self.peaks[-1:]
+        agreeing = self.peaks[-1:]
+        # add earlier peaks until one disagrees
         for peak in reversed(self.peaks[:-1]):
-            longer = (peak, *last)
+            longer = (peak, *agreeing)
             amplitudes = [item.amplitude for item in longer]
-            if max(amplitudes) - min(amplitudes) > self.tolerance * last[-1].amplitude:
+            most_harmonics = agreeing[-1]
+            if max(amplitudes) - min(amplitudes) > self.tolerance * most_harmonics.amplitude:
                 break
-            last = longer
-        return last
+            agreeing = longer
+        return agreeing
 
     @property
     def range(self) -> tuple[float, float]:
