@@ -691,8 +691,9 @@ class Problem:
         """
         # one state under 1 N serves all preloads, unless the displacement by rotation makes the
         # system depend on the preload
-        system_of = preload * np.any(self.displacement_by_rotation)
-        key = 1.0, 1.0, system_of
+        system_of = float(preload * np.any(self.displacement_by_rotation))
+        # `static` has at least two numbers in its keys: preload and load factors
+        key = (system_of,)
         if key not in self.static_states:
             under_one_newton = static_state(system, load=1.0)
             self.static_states[key] = replace(under_one_newton, **self._surfaces)

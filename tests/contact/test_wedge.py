@@ -69,6 +69,14 @@ def test_static_state_lies_in_the_interval():
         assert low < found[name] < high
 
 
+def test_a_history_under_one_newton_is_not_the_scaled_state():
+    """Problem keeps a state under 1 N, from which it scales others: it is no state of a load history."""
+    s = study(friction_coefficient=0.5)
+    s.static(400.0)
+    unloaded = s.static(1.0, history=(1.0, 0.0))
+    assert unloaded.load == 0.0
+
+
 def test_history_of_loads():
     s = study(friction_coefficient=0.5)
     up, down = s.static(400.0), s.static(1000.0, history=(0.2, 1.0, 0.4))
