@@ -63,7 +63,8 @@ static const double *modes_of(const bd_condensation *c, int i, int l, size_t par
 
 /* ---- products with the parts of J ---- */
 
-/* x = U q */
+/* x = U q: motion x (n_component, n_coef) at the moved components of the contact points, from modal
+ * coordinates q (n_unknown). U couples no harmonics. */
 static void to_motion(const bd_condensation *c, const double *q, double *x) {
     const bd_hbm *hbm = c->hbm;
     for (int i = 0; i < c->parts.n_component; ++i) {
@@ -80,7 +81,8 @@ static void to_motion(const bd_condensation *c, const double *q, double *x) {
     }
 }
 
-/* q += factor U^T f */
+/* q += factor U^T f: modal forces q (n_unknown) of forces f (n_component, n_coef) on the moved
+ * components of the contact points. */
 static void add_modal_force(const bd_condensation *c, double factor, const double *f, double *q) {
     const bd_hbm *hbm = c->hbm;
     for (int i = 0; i < c->parts.n_component; ++i) {
@@ -96,7 +98,8 @@ static void add_modal_force(const bd_condensation *c, double factor, const doubl
     }
 }
 
-/* f = T x or T^T x */
+/* f = T x or T^T x, with the tangent T (n_motion, n_motion) of the contact forces, n_motion moved
+ * components times n_coef. */
 static void to_force(const bd_condensation *c, int transposed, const double *x, double *f) {
     const size_t m = (size_t)c->n_motion;
     memset(f, 0, sizeof(double) * m);
@@ -110,7 +113,8 @@ static void to_force(const bd_condensation *c, int transposed, const double *x, 
     }
 }
 
-/* out = D x or D^T x */
+/* out = D x or D^T x for modal coordinates (n_unknown). For each mode, D is d = K for the mean and
+ * [d c; -c d] for cosine and sine of harmonic l, d = K - (l omega)^2 M, c = l omega C. */
 static void multiply_diagonal(const bd_condensation *c, int transposed, const double *x,
                               double *out) {
     const bd_hbm *hbm = c->hbm;
@@ -131,8 +135,9 @@ static void multiply_diagonal(const bd_condensation *c, int transposed, const do
     }
 }
 
-/* q = D^-1 q or D^-T q for the eliminated coordinates of one harmonic, 0 for the kept coordinates;
- * q, d and loss begin with the harmonic. */
+/* q = D^-1 q or D^-T q for the eliminated coordinates of harmonic l, 0 for the kept coordinates. D
+ * is d for the mean and [d c; -c d] for cosine and sine of a mode, whose inverse is [d -c; c
+ * d]/(d^2 + c^2). q, d and the loss c begin with this harmonic. */
 static void divide_harmonic(const bd_condensation *c, int l, int transposed, const double *d,
                             const double *loss, double *q) {
     const size_t n = (size_t)c->hbm->n_mode[l];
@@ -153,7 +158,8 @@ static void divide_harmonic(const bd_condensation *c, int l, int transposed, con
     }
 }
 
-/* The same for all harmonics. */
+/* q (n_unknown) = D^-1 q or D^-T q for the eliminated coordinates of all harmonics, 0 for the kept
+ * coordinates; D is the diagonal part of the Jacobian in the modes. */
 static void divide(const bd_condensation *c, int transposed, double *q) {
     const double *d = c->parts.dynamic, *loss = c->parts.loss;
     for (int l = 0; l <= c->hbm->n_harm; ++l) {
@@ -163,7 +169,7 @@ static void divide(const bd_condensation *c, int transposed, double *q) {
     }
 }
 
-/* Multiply the vibration by a factor. */
+/* Multiply the vibration (all unknowns after the mean) in q (n_unknown) by a factor. */
 static void scale_vibration(const bd_condensation *c, double factor, double *q) {
     const size_t n = (size_t)c->hbm->n_unknown;
     if (factor == 1.0) return;
@@ -176,6 +182,13 @@ static double dot(const double *x, const double *y, size_t n) {
     return sum;
 }
 
+/* out = J x or J^T x for the Jacobian of the equations without the border of the parameter,
+ *
+ *     J = [ R (D + U^T T U) S   columns ]      R, S: 1 for the mean, 1/a and a for the vibration
+ *         [ rows                0       ]
+ *
+ * with n_extra extra columns and rows, and the amplitude a. Transposed, columns and rows, and R and
+ * S, exchange roles. */
 void bd_condensation_product(bd_condensation *c, int transposed, const double *x, double *out) {
     const size_t n = (size_t)c->hbm->n_unknown;
     const double *columns = transposed ? c->extra_row : c->extra_column;
@@ -197,7 +210,9 @@ void bd_condensation_product(bd_condensation *c, int transposed, const double *x
 
 /* ---- the reduced matrix ---- */
 
-/* Choose the kept coordinates; return 0 if there are too many. */
+/* Choose the kept coordinates: modes near their resonance, whose pivot |D| = hypot(d, l omega C) is
+ * small compared with stiffness K and inertia (l omega)^2 M = K - d, with cosine and sine. Return 0
+ * if there are too many. */
 static int choose_kept(bd_condensation *c) {
     const bd_hbm *hbm = c->hbm;
     const double *d = c->parts.dynamic, *loss = c->parts.loss, *stiffness = hbm->stiffness;
@@ -222,7 +237,10 @@ static int choose_kept(bd_condensation *c) {
     return 1;
 }
 
-/* Fill the border in the unknowns of the hbm: amplitudes q instead of y = q/a, scaled rows. */
+/* Fill columns (k, n), rows (k, n) and corner (k, k) of the border, k = n_extra + 1: the extra
+ * columns and rows of the equations, then the derivative C with respect to the parameter and the
+ * row of the border. They are for the unknowns q of the harmonic balance: q = a y for the vibration
+ * with the amplitude a, and row/scale for unscaled unknowns. */
 static void fill_border(bd_condensation *c, const bd_border *border) {
     const bd_equations *e = &c->dense->base;
     const size_t n = (size_t)c->hbm->n_unknown, n_extra = (size_t)c->n_extra;
@@ -242,7 +260,10 @@ static void fill_border(bd_condensation *c, const bd_border *border) {
         c->corner[n_extra * k + i] = border->row[n + i] / border->scale[n + i];
 }
 
-/* Add F T to the rows of x, harmonic by harmonic. */
+/* Add F T (n_motion, n_motion) to the rows of x in the reduced matrix A. The receptance
+ * F = U_e D_e^-1 U_e^T couples no harmonics. For a coefficient of a force (`source`) and of a
+ * motion (`to`) of one harmonic, F is U_to D^-1 U_source^T with their rows of U. Row `to` of A gets
+ * F times row `source` of T. */
 static void add_receptance(bd_condensation *c) {
     const bd_hbm *hbm = c->hbm;
     const size_t m = (size_t)c->n_motion, n_coef = (size_t)hbm->n_coef;
@@ -269,7 +290,8 @@ static void add_receptance(bd_condensation *c) {
     }
 }
 
-/* Rows and columns of the kept coordinates. */
+/* Rows [U_k^T T, D_k, C_k] and columns -U_k of the kept coordinates in the reduced matrix A, whose
+ * unknowns are the motion x, the kept coordinates and the border. */
 static void fill_kept(bd_condensation *c) {
     const bd_hbm *hbm = c->hbm;
     const size_t m = (size_t)c->n_motion, n = (size_t)hbm->n_unknown;
@@ -293,7 +315,8 @@ static void fill_kept(bd_condensation *c) {
     }
 }
 
-/* Rows and columns of the border. */
+/* Rows [-R_e D^-1 U_e^T T, R_k, E - R_e D^-1 C_e] and columns U_e D^-1 C_e of the border in the
+ * reduced matrix A, whose unknowns are the motion x, the kept coordinates and the border. */
 static void fill_border_of_reduced(bd_condensation *c) {
     const size_t m = (size_t)c->n_motion, n = (size_t)c->hbm->n_unknown;
     const size_t size = (size_t)c->n_reduced, n_kept = (size_t)c->n_kept;
@@ -346,7 +369,8 @@ static int scale_reduced(bd_condensation *c) {
     return 1;
 }
 
-/* Estimate of the reciprocal condition in the norm of the transpose, as Fortran reads A. */
+/* LAPACK's estimate of the reciprocal condition of the reduced matrix A (size, size) in the 1-norm
+ * of its transpose, because Fortran reads A by columns: the norm is the largest sum over a row. */
 static double estimate_condition(bd_condensation *c) {
     const size_t size = (size_t)c->n_reduced;
     double norm = 0.0, condition = 0.0;
@@ -362,7 +386,9 @@ static double estimate_condition(bd_condensation *c) {
     return condition;
 }
 
-/* Factors of the reduced matrix; return 0 if it is close to singular. */
+/* LU factors of the reduced matrix, the sign of its determinant (orientation: negative pivots and
+ * exchanges of rows), and its reciprocal condition: the ratio of smallest to largest pivot, or
+ * LAPACK's estimate if this is small. Return 0 if the matrix is close to singular. */
 static int factor_reduced(bd_condensation *c) {
     const size_t size = (size_t)c->n_reduced;
     int m = c->n_reduced, info = 0;
@@ -389,7 +415,8 @@ static int factor_reduced(bd_condensation *c) {
 
 /* ---- solution ---- */
 
-/* Factorise the full matrix instead. */
+/* Factorise the full matrix instead of the reduced matrix: column j of the Jacobian is its product
+ * with the unit vector j. */
 static bd_status use_dense(bd_condensation *c) {
     bd_equations *e = &c->dense->base;
     const size_t n = (size_t)e->n;
@@ -443,7 +470,15 @@ static void solve_reduced(bd_condensation *c, int transposed) {
     for (size_t i = 0; i < size; ++i) c->reduced[i] *= after[i];
 }
 
-/* Solve with the bordered matrix in unscaled unknowns y, or with its transpose, in place. */
+/* Solve with the bordered matrix in unscaled unknowns y, or with its transpose, in place, without
+ * refinement. The right-hand side b = (b_u, b_p) has n unknowns of the harmonic balance and k of
+ * the border:
+ *
+ *     1. right-hand side of the reduced equations (x, kept q_k, border p):
+ *        U_e D^-1 b_u,   b_k,   b_p - R_e D^-1 b_u      (transposed: -T^T U_e D^-T b_u first)
+ *     2. solution of the reduced equations
+ *     3. eliminated coordinates q_e = D^-1 (b_u - U_e^T T x - C_e p)
+ *        (transposed: D^-T (b_u + U_e^T x - R_e^T p)). */
 static void eliminate(bd_condensation *c, int transposed, double *b) {
     const size_t n = (size_t)c->hbm->n_unknown, m = (size_t)c->n_motion;
     const size_t n_kept = (size_t)c->n_kept, k = (size_t)c->n_border;
@@ -482,7 +517,8 @@ static void eliminate(bd_condensation *c, int transposed, double *b) {
     scale_vibration(c, 1.0 / before, b);
 }
 
-/* residual = right - (bordered matrix) x in unscaled unknowns, or the transpose. */
+/* residual = right - B x or right - B^T x, with the bordered matrix B = [J C; row/scale] (n + 1, n
+ * + 1) in unscaled unknowns. */
 static void find_residual(bd_condensation *c, int transposed, const double *x) {
     const bd_equations *e = &c->dense->base;
     const size_t n = (size_t)e->n;
@@ -508,7 +544,8 @@ static double largest(const bd_condensation *c, int transposed, const double *x)
     return most;
 }
 
-/* Solve, with one refinement; return 0 if it changes the solution too much. */
+/* Solve B x = b or B^T x = b in place, with one refinement x += B^-1 (b - B x). Return 0 if it
+ * changes the solution too much. */
 static int solve_refined(bd_condensation *c, int transposed, double *x) {
     const size_t n_all = (size_t)c->dense->base.n + 1;
     memcpy(c->right, x, sizeof(double) * n_all);

@@ -71,7 +71,9 @@ static bd_status evaluate_sector(modes_equations *modes, double omega, double xi
     return status;
 }
 
-/* by_xi: -i l omega M P_l, with P_l = c - i s. */
+/* Derivative of the residual with respect to xi, by_xi (n): for harmonic l, -i l omega M P_l with
+ * P_l = c - i s, which is -l omega M s in the cosine and l omega M c in the sine rows. It is 0 for
+ * the mean. */
 static void differentiate_by_xi(modes_equations *modes, const double *y, double omega) {
     const bd_hbm *hbm = &modes->sector->hbm;
     const double *mass = hbm->mass + hbm->n_mode[0];
@@ -86,8 +88,17 @@ static void differentiate_by_xi(modes_equations *modes, const double *y, double 
     }
 }
 
-/* Rows of the sector, and the two rows that fix amplitude and phase. The columns are the mean, the
- * vibration, omega and zeta; C is the derivative with respect to ln a. */
+/* Jacobian J (n + 2, n + 2) and derivative C (n + 2) with respect to ln a, from the Jacobian J_s
+ * (n, n) and the derivative C_s with respect to omega of the sector. The unknowns are the mean, the
+ * vibration P = Q/a, omega and zeta; rows of the vibration are divided by a. With xi = 2 omega
+ * zeta,
+ *
+ *     mean rows   J = [ J_s (mean)   a J_s (vibration)   C_s + 2 zeta r_xi     2 omega r_xi ]
+ *     vibration       [ J_s/a        J_s                 C_s/a + 2 zeta r_xi   2 omega r_xi ]
+ *     amplitude       [ weight re                        0                     0            ]
+ *     phase           [ weight im                        0                     0            ]
+ *
+ * and C = J (vibration) P, minus r in rows of the vibration; r_xi is modes->by_xi. */
 static void fill_jacobian(modes_equations *modes, const double *y, double omega, double zeta,
                           double a) {
     bd_equations *e = &modes->dense.base;
@@ -113,7 +124,13 @@ static void fill_jacobian(modes_equations *modes, const double *y, double omega,
     e->C[n] = e->C[n + 1] = 0.0;
 }
 
-/* The same for condensed equations, whose columns of mean and vibration are products. */
+/* Border of the condensed equations: columns of omega and zeta (n each), and the derivative C
+ * (n + 2) for the parameter ln a of the amplitude. The vibration is P = Q/a, with rows over a. C_s
+ * is the derivative of the sector with respect to omega. The derivative with respect to
+ * xi = 2 omega zeta is r_xi = modes->by_xi.
+ *
+ *     by_omega = C_s (mean rows) or C_s/a, + 2 zeta r_xi,     by_zeta = 2 omega r_xi,
+ *     C = J (vibration) P, minus r in rows of the vibration. */
 static void fill_border(modes_equations *modes, const double *y, double omega, double zeta,
                         double a) {
     bd_equations *e = &modes->dense.base;
@@ -133,6 +150,9 @@ static void fill_border(modes_equations *modes, const double *y, double omega, d
     e->C[n] = e->C[n + 1] = 0.0;
 }
 
+/* Residual at y = (Q_0, P, omega, zeta, ln a): the sector at Q = (Q_0, a P), rows of the vibration
+ * divided by a, and the equations weight (re . P - 1) = 0 and weight im . P = 0 that fix amplitude
+ * and phase. */
 static bd_status evaluate(bd_equations *e, const double *y, int derivative) {
     modes_equations *modes = (modes_equations *)e;
     const size_t n = (size_t)modes->sector->dense.base.n;

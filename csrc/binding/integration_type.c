@@ -188,7 +188,7 @@ static bd_time_path part_of(const bd_time *t, const bd_time_path *path, long don
     const size_t n_period_before = (size_t)(done / path->steps_per_period);
     const size_t per_period = 2 * (size_t)t->n_row * (size_t)(path->n_harm + 1);
     if (path->response_harmonics) part.response_harmonics += per_period * n_period_before;
-    if (path->energy) part.energy += 4 * n_period_before;
+    if (path->energy) part.energy += BD_TIME_N_ENERGY * n_period_before;
     if (path->coordinates) part.coordinates += 2 * (size_t)t->n_total * (size_t)done;
     return part;
 }
@@ -280,7 +280,8 @@ static PyObject *TimeIntegration_integrate(TimeIntegrationObject *self, PyObject
 
     /* optional outputs */
     const npy_intp n_period = path.n_step / path.steps_per_period;
-    const npy_intp by_trace[3] = {n_state, path.n_step, n}, by_energy[3] = {n_state, n_period, 4};
+    const npy_intp by_trace[3] = {n_state, path.n_step, n},
+                   by_energy[3] = {n_state, n_period, BD_TIME_N_ENERGY};
     double *X = NULL, *x = NULL, *e = NULL;
     if (!read_harmonics(&arguments, harmonic, t, n_state, n_period, &path.n_harm, &X)) return NULL;
     if (trace != Py_None) {
@@ -297,7 +298,7 @@ static PyObject *TimeIntegration_integrate(TimeIntegrationObject *self, PyObject
     const npy_intp per_state = 2 * n_period * t->n_row * (path.n_harm + 1);
     for (npy_intp i = 0; i < n_state && status == BD_OK; ++i) {
         path.response_harmonics = X ? X + i * per_state : NULL;
-        path.energy = e ? e + 4 * i * n_period : NULL;
+        path.energy = e ? e + BD_TIME_N_ENERGY * i * n_period : NULL;
         path.coordinates = x ? x + i * path.n_step * n : NULL;
         if (!integrate_in_parts(self, &path, q + i * n, v + i * n, a + i * n, w + i * n_w, &effort,
                                 &status))

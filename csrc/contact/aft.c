@@ -28,7 +28,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* An integer reduction of the argument makes it exact for every harmonic. */
+/* Powers exp(i l theta_k), l = 0 .. 2 n_harm, at the samples theta_k = 2 pi k/n_time, as rows
+ * [1, 1, cos, sin, cos 2, sin 2, ...] (n_power). l k modulo n_time makes every angle exact. */
 static void fill_powers(bd_sampled_work *work) {
     const int n_time = work->n_time, n_power = bd_n_power(work->n_harm);
     for (int i = 0; i < n_time; ++i) {
@@ -109,12 +110,14 @@ void bd_sampled_destroy(bd_sampled_work *work) {
 
 /* ---- parts of the cycle, for one point at a time ---- */
 
+/* The cycle of direction d of a single point consists of one part. */
 static void whole_cycle(bd_sampled_work *work, int d, int state) {
     work->segment[d][0] = (bd_segment){0.0, BD_TWO_PI, state};
     work->n_segment[d] = 1;
 }
 
-/* Join equal states of consecutive samples to parts. */
+/* Parts of the cycle of direction d of a single point: equal states of consecutive samples, each
+ * from its sample to the next. */
 static void list_parts(bd_sampled_work *work, int d) {
     const double h = BD_TWO_PI / work->n_time;
     bd_segment *part = work->segment[d];
@@ -134,7 +137,8 @@ static void list_parts(bd_sampled_work *work, int d) {
 
 /* ---- lanes ---- */
 
-/* Copy u1, u2 and n0 + kn v of n points side by side. */
+/* Copy the coefficients of u1, u2 and n0 + kn v of n points, x (n, 3, n_coef), side by side:
+ * work->x (3, n_coef, BD_LANES). */
 static void load_lanes(int n, const bd_element *element, const double *x, bd_sampled_work *work) {
     const int n_coef = bd_n_coef(work->n_harm);
     double *to = work->x;
@@ -142,31 +146,33 @@ static void load_lanes(int n, const bd_element *element, const double *x, bd_sam
     for (int lane = 0; lane < n; ++lane) {
         const double *from = x + 3 * (size_t)n_coef * (size_t)lane;
         const double kn = element[lane].kn;
-        const int mean_of_v = 2 * n_coef;
-        for (int i = 0; i < 2 * n_coef; ++i) to[i * BD_LANES + lane] = from[i];
-        for (int i = 2 * n_coef; i < 3 * n_coef; ++i) to[i * BD_LANES + lane] = kn * from[i];
-        to[mean_of_v * BD_LANES + lane] += element[lane].n0;
+        const int v = BD_NORMAL * n_coef, end = BD_N_COMPONENT * n_coef; /* first of v, end of v */
+        for (int i = 0; i < v; ++i) to[i * BD_LANES + lane] = from[i];
+        for (int i = v; i < end; ++i) to[i * BD_LANES + lane] = kn * from[i];
+        to[v * BD_LANES + lane] += element[lane].n0;
     }
 }
 
-/* E_n of one point. */
+/* Integrals E_n = int exp(i n theta) (n_power) of one point, 2 pi/n_time times its sums over
+ * samples (n_power, BD_LANES). */
 static void one_lane(const bd_sampled_work *work, const double *sums, int lane, double *E) {
     const double weight = BD_TWO_PI / work->n_time;
     const int n_power = bd_n_power(work->n_harm);
     for (int n = 0; n < n_power; ++n) E[n] = weight * sums[n * BD_LANES + lane];
 }
 
-/* Normal forces; return the number of points that touch during the cycle. */
+/* Normal forces N = max(n0 + kn v, 0) of n points, their tangents and shares without contact.
+ * Return the number of points that touch during the cycle. */
 static int normal_direction(int n, const bd_element *element, const double *x, bd_response *out,
                             bd_status_share *share, bd_sampled_work *work) {
     const int n_harm = work->n_harm, n_time = work->n_time;
     const int n_coef = bd_n_coef(n_harm), n_power = bd_n_power(n_harm);
-    const double *coefficients = work->x + 2 * n_coef * BD_LANES; /* of g = n0 + kn v */
+    const double *coefficients = work->x + BD_NORMAL * n_coef * BD_LANES; /* of g = n0 + kn v */
     int n_touching = 0;
     work->kernel->lane_values(n_coef, n_time, work->power, n_power, coefficients, work->g);
     work->kernel->lane_contact(n_power, n_time, work->power, work->g, work->contact);
     for (int lane = 0; lane < n; ++lane) {
-        const double *v = x + (3 * (size_t)lane + 2) * (size_t)n_coef;
+        const double *v = x + (BD_N_COMPONENT * (size_t)lane + BD_NORMAL) * (size_t)n_coef;
         const double n_closed = work->contact[lane]; /* number of samples with g > 0 */
         const int always_closed = n_closed == (double)n_time;
         if (bd_law_is_two_sided(element[lane].law) || always_closed) {
@@ -205,7 +211,7 @@ static void finish_lane(const bd_element *element, int d, int lane, const double
     static const double NO_SLIP = 1e-12; /* a share below this is rounding */
     const size_t n = (size_t)bd_n_coef(work->n_harm), at = (size_t)lane;
     const double weight = BD_TWO_PI / work->n_time;
-    const double *u = x + (size_t)d * n, *v = x + 2 * n;
+    const double *u = x + (size_t)d * n, *v = x + BD_NORMAL * n;
     bd_cycle cycle = {
         .n_harm = work->n_harm,
         .stick = work->stick,
@@ -257,7 +263,8 @@ static int any_slider_moves(int n, const bd_lanes *lanes) {
     return 0;
 }
 
-/* Sums over the steady cycle. */
+/* Sums over the steady cycle of all lanes: powers over samples that stick and slip, the slider
+ * times the basis over samples that stick and, with a tangent, its derivatives. */
 static void sum_steady_cycle(bd_sampled_work *work) {
     bd_lanes *lanes = &work->lanes;
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
@@ -274,6 +281,9 @@ static void sum_steady_cycle(bd_sampled_work *work) {
     work->kernel->sum_cycle(lanes);
 }
 
+/* Force, tangent and shares of direction d of n points with the motion x (n, 3, n_coef): settle the
+ * sliders in one period, and add up a second one. A slider that no sample sets sticks throughout.
+ * */
 static void tangential_direction(int n, const bd_element *element, int d, const double *x,
                                  bd_response *out, bd_status_share *share, bd_sampled_work *work) {
     const int n_power = bd_n_power(work->n_harm);

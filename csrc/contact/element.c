@@ -43,6 +43,9 @@ void bd_cycle_clear(bd_cycle *cycle) {
     memset(cycle->stick_slider_v, 0, sizeof(double) * n_coef * n_coef);
 }
 
+/* E_n += sign int exp(i n theta) over [start, end], n = 0 .. 2 n_harm, stored as [E_0, E_0, Re E_1,
+ * Im E_1, ...]: (end - start) for n = 0, and (exp(i n end) - exp(i n start))/(i n) from the powers
+ * of exp(i theta) at both ends. */
 void bd_cycle_integrate(int n_harm, double *E, double length, const double *start,
                         const double *end, double sign) {
     E[0] += sign * length;
@@ -54,6 +57,9 @@ void bd_cycle_integrate(int n_harm, double *E, double length, const double *star
     }
 }
 
+/* Add a sticking part with the slider w, its derivatives dw/du and dw/dv (n_coef, NULL: constant)
+ * and the integral g (n_coef) of the basis: stick_slider += w g, stick_slider_u += g (dw/du)^T,
+ * stick_slider_v += g (dw/dv)^T. */
 void bd_cycle_add_stick(bd_cycle *cycle, const double *g, double w, const double *du_part,
                         const double *dv_part) {
     const int n_coef = bd_n_coef(cycle->n_harm);
@@ -69,6 +75,11 @@ void bd_cycle_add_stick(bd_cycle *cycle, const double *g, double w, const double
     }
 }
 
+/* Integrals of products of basis functions, products (n_coef, n_coef), from E_n = int exp(i n
+ * theta), stored as [E_0, E_0, Re E_1, Im E_1, ...]:
+ *
+ *     int cos_l cos_m = Re(E_{l-m} + E_{l+m})/2      int cos_l sin_m = Im(E_{l+m} + E_{m-l})/2
+ *     int sin_l sin_m = Re(E_{l-m} - E_{l+m})/2      int sin_l cos_m = Im(E_{l+m} - E_{m-l})/2. */
 void bd_cycle_products(int n_harm, const double *E, double *products) {
     const size_t n_coef = (size_t)bd_n_coef(n_harm);
     const double *g = E + 1; /* integrals of the basis: products with its constant */
@@ -93,7 +104,8 @@ void bd_cycle_products(int n_harm, const double *E, double *products) {
     }
 }
 
-/* Factor from an integral with the basis function i to a coefficient. */
+/* Factor from an integral over the period with basis function i to Fourier coefficient i: 1/(2 pi)
+ * for the mean, 1/pi for cosines and sines. */
 static double row_scale(int i) { return i == 0 ? 1.0 / BD_TWO_PI : 1.0 / BD_PI; }
 
 /* Force and tangent of the parts that stick: kt (Gs u - sum_parts g w). */
@@ -135,6 +147,13 @@ static void part_of_normal_motion(double kt, double mu_kn, const bd_cycle *cycle
     }
 }
 
+/* Friction force F_d (n_coef) and tangent of direction d from the sums over its cycle,
+ *
+ *     T = kt (Gs u - sum_parts g w) + mu n0 (gp - gm) + mu kn (Gp - Gm) v,
+ *
+ * with the products Gs and Gp - Gm of basis functions over parts that stick and slip, and gp - gm
+ * the integral of the basis over parts that slip. Under a constant load, it replaces n0, and kn =
+ * 0. */
 void bd_cycle_friction(const bd_element *element, int d, const bd_cycle *cycle, const double *u,
                        const double *v, bd_response *out, double *scratch) {
     const int n_coef = bd_n_coef(cycle->n_harm);
@@ -155,12 +174,14 @@ void bd_cycle_friction(const bd_element *element, int d, const bd_cycle *cycle, 
     part_of_normal_motion(kt, mu_kn, cycle, v, F, out->dTv[d], scratch);
 }
 
+/* Normal force N = n0 g + kn G v in coefficients (n_coef), and its tangent kn G, with the integrals
+ * g of the basis and the products G (n_coef, n_coef) over the parts in contact. */
 void bd_cycle_normal(const bd_element *element, int n_harm, const double *contact, const double *v,
                      bd_response *out, double *scratch) {
     const int n_coef = bd_n_coef(n_harm);
     const double kn = element->kn;
     const double *basis = contact + 1; /* integrals of the basis over the parts in contact */
-    double *N = out->F + 2 * (size_t)n_coef;
+    double *N = out->F + BD_NORMAL * (size_t)n_coef;
     bd_cycle_products(n_harm, contact, scratch);
     for (int i = 0; i < n_coef; ++i) {
         const double scale = row_scale(i);
@@ -177,7 +198,7 @@ void bd_cycle_normal(const bd_element *element, int n_harm, const double *contac
 
 void bd_element_closed(const bd_element *element, int n_harm, const double *v, bd_response *out) {
     const int n_coef = bd_n_coef(n_harm);
-    double *N = out->F + 2 * (size_t)n_coef;
+    double *N = out->F + BD_NORMAL * (size_t)n_coef;
     for (int i = 0; i < n_coef; ++i) N[i] = element->kn * v[i];
     N[0] += element->n0;
     out->normal = BD_BLOCK_LINEAR;
@@ -205,21 +226,24 @@ void bd_element_open(const bd_element *element, int n_harm, bd_response *out) {
     out->with_tangential = 0;
 }
 
-/* Real part of a_n = conj a_{-n}; zero beyond n_harm. */
+/* Real part of the complex coefficient a_n of u = sum_n a_n exp(i n theta): a_0 = u_0,
+ * a_l = (c_l - i s_l)/2 = conj a_{-l}, zero beyond n_harm. */
 static double real_part(const double *u, int n_harm, int n) {
     const int l = abs(n);
     if (l > n_harm) return 0.0;
     return l == 0 ? u[0] : 0.5 * u[2 * l - 1];
 }
 
-/* Imaginary part of a_n. */
+/* Imaginary part of the complex coefficient a_n of u = sum_n a_n exp(i n theta): -s_l/2 for n = l >
+ * 0, s_l/2 for n = -l. */
 static double imaginary_part(const double *u, int n_harm, int n) {
     const int l = abs(n);
     if (l > n_harm || l == 0) return 0.0;
     return (n > 0 ? -0.5 : 0.5) * u[2 * l];
 }
 
-/* E_n of the weight k u^2: 2 pi times the conjugate of its coefficient n. */
+/* E_n = int k u^2 exp(i n theta), n = 0 .. 2 n_harm: 2 pi k times the conjugate of coefficient n of
+ * u^2, sum_m a_m a_{n-m}, with the coefficients a_n of u = sum_n a_n exp(i n theta). */
 static void weight_of_cubic(double k, int n_harm, const double *u, double *E) {
     for (int n = 0; n <= 2 * n_harm; ++n) {
         double re = 0.0, im = 0.0;
@@ -237,7 +261,8 @@ static void weight_of_cubic(double k, int n_harm, const double *u, double *E) {
     E[1] = E[0];
 }
 
-/* Projection of the weight times u, row by row of the products. */
+/* Coefficients F (n_coef) of the weight k u^2 times u. With conj E_n/(2 pi) the coefficients of the
+ * weight and a_n the ones of u, coefficient l of the product is sum_m conj E_{l-m} a_m/(2 pi). */
 static void force_of_weight(int n_harm, const double *E, const double *u, double *F) {
     for (int l = 0; l <= n_harm; ++l) {
         double re = 0.0, im = 0.0; /* coefficient l of the product, times 2 pi */

@@ -25,8 +25,12 @@
 #include <math.h>
 #include <string.h>
 
+/* Cause of the slider's position: initial, an end of slip on lo or hi, a closing of the contact. */
 enum { INITIAL, SET_BY_LO, SET_BY_HI, SET_BY_CLOSING };
+
+/* Flags of a piece between two events: in contact; bounds that move towards the slider. */
 enum { CONTACT = 1, LO_RISES = 2, HI_FALLS = 4 };
+
 enum { NO_STATE = -1 }; /* before the first part; otherwise a bd_state */
 
 /* Position of the slider and its cause. */
@@ -44,7 +48,8 @@ typedef struct {
     slider slider;
 } cycle_part;
 
-/* Values of x and y at exp(i theta) = z. */
+/* Values of two trigonometric polynomials x and y (n_coef) at exp(i theta) = z. exp(i l theta)
+ * follows from the previous harmonic by a product with z. */
 static void values_at(int n_harm, const double *x, const double *y, const double *z, double *at_x,
                       double *at_y) {
     const double c = z[0], s = z[1];
@@ -220,7 +225,8 @@ static void flag_pieces(bd_direction *dir, const bd_element *element, const doub
 
 /* ---- cycle ---- */
 
-/* Slider at the event that ends a piece. In open contact it follows u = (lo + hi)/2. */
+/* Slider at the event that ends a piece with these flags: s, clipped to the bounds [lo, hi] there.
+ * In open contact it follows the displacement u = (lo + hi)/2. */
 static slider clip_at_end(const bd_direction *dir, slider s, int flags, int event) {
     const double lo = dir->work->event_lo[event], hi = dir->work->event_hi[event];
     if (!(flags & CONTACT)) return (slider){SET_BY_CLOSING, event, 0.5 * (lo + hi)};
@@ -229,7 +235,8 @@ static slider clip_at_end(const bd_direction *dir, slider s, int flags, int even
     return s;
 }
 
-/* Slider at the first event of the steady cycle. */
+/* Slider at the first event of the steady cycle: one period of clips at the events from the initial
+ * slider w. The map of one period is a clip, so another period would not change it. */
 static slider settle(const bd_direction *dir, double w) {
     const int *piece = dir->work->piece;
     slider s = {INITIAL, -1, w};
@@ -237,12 +244,16 @@ static slider settle(const bd_direction *dir, double w) {
     return s;
 }
 
-/* Factor f in the derivative dw = b.du + f b.dv of the slider at the start of a sticking part. */
+/* Factor f in the derivative dw = b.du + f b.dv of the slider at the start of a sticking part, with
+ * the basis b at the instant that set it and r = mu kn/kt:
+ *
+ *     set by lo    f = -r
+ *     set by hi    f = r
+ *     closing      f = -u'/v',    u' = (lo' + hi')/2,   v' = (hi' - lo')/(2 r). */
 static double slider_by_normal_motion(const bd_direction *dir, slider s) {
     if (s.kind == SET_BY_LO) return -dir->r;
     if (s.kind != SET_BY_CLOSING) return dir->r;
 
-    /* u' = (lo' + hi')/2 and v' = (hi' - lo')/(2 r) */
     double dlo, dhi;
     const double *z = dir->work->event_z + 2 * s.event;
     values_at(dir->n_harm, dir->dlo, dir->dhi, z, &dlo, &dhi);
@@ -337,7 +348,15 @@ static double find_onset(const bd_direction *dir, int plus, double w, double sta
     return onset;
 }
 
-/* Advance through one piece and return the slider at its end. */
+/* Advance the slider s through piece i, from event i to the next in order, and return it at the
+ * end. Change the state of the current part where stick, slip or separation begins:
+ *
+ *     no contact                           open
+ *     s lies on a bound that pushes it     slip from the start
+ *     a bound reaches s in the piece       stick, then slip from this onset
+ *     otherwise                            stick.
+ *
+ * Angles of pieces that begin in the next period are larger by `shift` = 2 pi. */
 static slider slider_through_piece(const bd_direction *dir, int d, int i, double shift, slider s,
                                    cycle_part *part, bd_status_share *share) {
     const bd_event_work *work = dir->work;
@@ -397,6 +416,9 @@ static void sum_cycle(const bd_direction *dir, int d, slider s, bd_status_share 
     arrange_segments(work, d);
 }
 
+/* Sort the events, find the flags of the pieces between them and the bounds of the slider at each
+ * event. One period from the initial slider gives the steady slider, and a second one adds up the
+ * cycle. */
 int bd_slider_cycle(bd_direction *dir, int d, const bd_element *element, const double *v,
                     bd_status_share *share) {
     bd_event_work *work = dir->work;

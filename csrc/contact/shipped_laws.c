@@ -25,31 +25,48 @@
 
 enum { STEPS = 4, MOST_ITERATIONS = 60 };
 
+/* Columns of sx (n_state, 6), the derivative of a state after the step: motion (u1, u2, v) after
+ * it, then before it. Fx (3, 3) has rows T1, T2, N. */
+enum { AFTER = 0, BEFORE = 3, N_STEP_MOTION = 6 };
+
+/* Place of the derivative of force component a with respect to motion component c in Fx. */
+static size_t entry(size_t a, size_t c) { return BD_N_COMPONENT * a + c; }
+
+/* Normal force N = kn max(v, 0) without friction force, and dN/dv unless Fx is NULL. */
 static void normal_spring(double kn, const double *x, double *F, double *Fx) {
+    const double v = x[BD_NORMAL];
     F[0] = F[1] = 0.0;
-    F[2] = x[2] > 0.0 ? kn * x[2] : 0.0;
-    if (Fx) Fx[8] = x[2] > 0.0 ? kn : 0.0;
+    F[BD_NORMAL] = v > 0.0 ? kn * v : 0.0;
+    if (Fx) Fx[entry(BD_NORMAL, BD_NORMAL)] = v > 0.0 ? kn : 0.0;
 }
 
+/* Jenkins elements in parallel, in each tangential direction n springs k_i with sliders s_i and
+ * limits r_i = (f_i + mu_i N)/k_i, the parameters p = (n, kn, then k, f, mu of each element):
+ *
+ *     s1 = clip(s0, u - r, u + r),   T = sum k (u - s1),   N = kn max(v, 0).
+ *
+ * An open contact (kn > 0, v <= 0) has s1 = u. A contact that closes at the part t = -v0/(v - v0)
+ * of the step begins with s0 = u0 + t (u - u0). The states are (2, n) sliders. The derivatives of
+ * forces and states are written unless Fx is NULL; they are zero on entry. */
 void bd_law_jenkins(const double x[3], const double before[3], const double *p, const double *s0,
                     double *s1, double F[3], double Fx[9], double *Fs, double *sx, double *ss,
                     void *data) {
     (void)data;
     const size_t n = (size_t)p[0], n_state = 2 * n;
-    const double kn = p[1];
+    const double kn = p[1], *elements = p + 2;
+    const double v = x[BD_NORMAL], v_before = before[BD_NORMAL];
     const int separates = kn > 0.0;
-    const int open = separates && !(x[2] > 0.0);
-    /* the contact closes at the part t of the step */
-    const double gain = x[2] - before[2];
-    const int closes = separates && x[2] > 0.0 && !(before[2] > 0.0) && gain > 0.0;
-    const double t = closes ? -before[2] / gain : 0.0;
+    const int open = separates && !(v > 0.0);
+    const double gain = v - v_before;
+    const int closes = separates && v > 0.0 && !(v_before > 0.0) && gain > 0.0;
+    const double t = closes ? -v_before / gain : 0.0;
 
     normal_spring(kn, x, F, Fx);
     for (size_t d = 0; d < 2; ++d)
         for (size_t i = 0; i < n; ++i) {
             const size_t at = d * n + i;
-            const double k = p[2 + 3 * i], f = p[3 + 3 * i], mu = p[4 + 3 * i];
-            const double reach = (f + mu * F[2]) / k;
+            const double k = elements[3 * i], f = elements[3 * i + 1], mu = elements[3 * i + 2];
+            const double reach = (f + mu * F[BD_NORMAL]) / k;
             const double start = closes ? before[d] + t * (x[d] - before[d]) : s0[at];
 
             /* side of the range on which the slider ends; 0 within the range */
@@ -63,22 +80,23 @@ void bd_law_jenkins(const double x[3], const double before[3], const double *p, 
             F[d] += k * (x[d] - s1[at]);
             if (!Fx) continue;
 
-            double *by = sx + 6 * at;
+            double *ds1 = sx + N_STEP_MOTION * at;
             if (open) {
-                by[d] = 1.0;
+                ds1[AFTER + d] = 1.0;
                 continue;
             }
-            Fx[4 * d] += k;
+            Fx[entry(d, d)] += k;
             Fs[d * n_state + at] = -k;
             if (side) {
-                by[d] = 1.0;
-                by[2] = side * mu * kn / k;
+                ds1[AFTER + d] = 1.0;
+                ds1[AFTER + BD_NORMAL] = side * mu * kn / k;
             } else if (closes) {
+                /* dt = (v0 dv - v dv0)/(v - v0)^2 */
                 const double by_t = (x[d] - before[d]) / (gain * gain);
-                by[d] = t;
-                by[2] = by_t * before[2];
-                by[3 + d] = 1.0 - t;
-                by[5] = -by_t * x[2];
+                ds1[AFTER + d] = t;
+                ds1[AFTER + BD_NORMAL] = by_t * v_before;
+                ds1[BEFORE + d] = 1.0 - t;
+                ds1[BEFORE + BD_NORMAL] = -by_t * v;
             } else {
                 ss[at * n_state + at] = 1.0;
             }
@@ -89,7 +107,8 @@ typedef struct {
     double beta, gamma, n;
 } bouc_wen;
 
-/* f = dz/du for steps of the given sign, and its derivative. */
+/* f = dz/du = 1 - c |z|^n of the state z for steps of the sign `sense`, c = gamma + beta if
+ * sense z >= 0, otherwise gamma - beta; by_z = df/dz. */
 static double rate(const bouc_wen *law, double sense, double z, double *by_z) {
     const double size = fabs(z);
     const double power = law->n == 1.0 ? 1.0 : pow(size, law->n - 1.0);
@@ -98,7 +117,10 @@ static double rate(const bouc_wen *law, double sense, double z, double *by_z) {
     return 1.0 - c * power * size;
 }
 
-/* z after a step du, and its derivatives with respect to du and to z before the step. */
+/* State z after a step du of the displacement, and its derivatives with respect to du and to z
+ * before the step. The step has STEPS equal parts h of the trapezoidal rule for dz/du = f(z), whose
+ * equation y - h/2 f(y) = z + h/2 f(z) for the state y after a part is solved by Newton's method.
+ * */
 static double evolve(const bouc_wen *law, double du, double z, double *by_u, double *by_z) {
     *by_u = 0.0;
     *by_z = 1.0;
@@ -110,7 +132,6 @@ static double evolve(const bouc_wen *law, double du, double z, double *by_u, dou
 
     const double h = du / STEPS;
     for (int i = 0; i < STEPS; ++i) {
-        /* y - h/2 f(y) = z + h/2 f(z) by Newton's method */
         double slope, slope_y, y = z;
         const double f = rate(law, du, z, &slope);
         const double target = z + 0.5 * h * f;
@@ -131,28 +152,35 @@ static double evolve(const bouc_wen *law, double du, double z, double *by_u, dou
     return z;
 }
 
+/* Law of Bouc and Wen with the parameters p = (kn, k, alpha, beta, gamma, n) and a state z in each
+ * tangential direction: T = alpha k u + (1 - alpha) k z, N = kn max(v, 0). The derivatives of
+ * forces and states are written unless Fx is NULL; they are zero on entry. */
 void bd_law_bouc_wen(const double x[3], const double before[3], const double *p, const double *s0,
                      double *s1, double F[3], double Fx[9], double *Fs, double *sx, double *ss,
                      void *data) {
     (void)data;
-    const double k = p[1], alpha = p[2];
-    const bouc_wen law = {p[3], p[4], p[5]};
-    normal_spring(p[0], x, F, Fx);
+    enum { N_STATE = 2 };
+    const double kn = p[0], k = p[1], alpha = p[2];
+    const bouc_wen law = {.beta = p[3], .gamma = p[4], .n = p[5]};
+    normal_spring(kn, x, F, Fx);
     for (size_t d = 0; d < 2; ++d) {
         double by_u, by_z;
         s1[d] = evolve(&law, x[d] - before[d], s0[d], &by_u, &by_z);
         F[d] = alpha * k * x[d] + (1.0 - alpha) * k * s1[d];
         if (!Fx) continue;
-        Fx[4 * d] = alpha * k;
-        Fs[2 * d + d] = (1.0 - alpha) * k;
-        sx[6 * d + d] = by_u;
-        sx[6 * d + 3 + d] = -by_u;
-        ss[2 * d + d] = by_z;
+        double *dz = sx + N_STEP_MOTION * d;
+        Fx[entry(d, d)] = alpha * k;
+        Fs[N_STATE * d + d] = (1.0 - alpha) * k;
+        dz[AFTER + d] = by_u;
+        dz[BEFORE + d] = -by_u;
+        ss[N_STATE * d + d] = by_z;
     }
 }
 
 /* ---- laws of points ---- */
 
+/* Return whether the parameters (n, kn, then k, f, mu of n elements) and the 2 n states of a law of
+ * Jenkins elements have the right counts and ranges. */
 static int jenkins_fits(const bd_point_law *point_law) {
     const double *p = point_law->parameter;
     if (point_law->n_parameter < 2) return 0;
@@ -166,6 +194,8 @@ static int jenkins_fits(const bd_point_law *point_law) {
     return 1;
 }
 
+/* Return whether the parameters (kn, k, alpha, beta, gamma, n) and the two states of a law of Bouc
+ * and Wen have the right counts and ranges. */
 static int bouc_wen_fits(const bd_point_law *point_law) {
     if (point_law->n_parameter != 6 || point_law->n_state != 2) return 0;
     const double *p = point_law->parameter;

@@ -17,6 +17,7 @@ typedef struct {
     bd_vec kn, n0, least_n, limit, mu, coupled, user_law;
 } points;
 
+/* Parameters of the BD_WIDTH points from `first` on; t->parameters has rows of `stride` points. */
 BD_INLINE points load_parameters(const bd_time *t, size_t first) {
     points out;
     const double *parameter = t->parameters + first;
@@ -38,8 +39,13 @@ BD_INLINE points load_parameters(const bd_time *t, size_t first) {
     return out;
 }
 
-/* Compute the forces F (3) at the motion x (3); move the sliders from w to next_w. Both are
- * (2, stride) and begin at the first of these points. */
+/* Forces F (3) of BD_WIDTH points at the motion x (3), and their sliders, moved from w to next_w.
+ * Both are (2, stride) and begin at the first of these points. With the normal force N = max(n0 +
+ * kn v, least) and the friction limit r = limit + mu N,
+ *
+ *     uncoupled   w_d <- clip(w_d, u_d - r/kt_d, u_d + r/kt_d),
+ *     coupled     w_d <- u_d - share (u_d - w_d),   share = min(1, r/|T|),   T_d = kt_d (u_d - w_d),
+ *     both        T_d = kt_d (u_d - w_d) + cubic_d u_d^3   with the moved slider. */
 BD_INLINE void contact_forces(const bd_time *t, const points *at, const bd_vec *x, const double *w,
                               double *next_w, bd_vec *F) {
     const bd_vec zero = bd_all(0.0);
@@ -138,20 +144,25 @@ static void all_contact_forces(bd_time *t, const double *x, double *F) {
 
 /* ---- derivative of the forces ---- */
 
-enum { SLIDES_IN_PLANE = 18 };
+/* Parts of the number of a contact state. Stick, slip+ and slip- of direction d are digits 0, 1, 2
+ * with the place value 2 or 6, and contact is 1, so the sum below 18 is unique. A derivative that
+ * changes continuously adds 18. */
+enum { IN_CONTACT = 1, PLACE_OF_1 = 2, PLACE_OF_2 = 6, SLIDES_IN_PLANE = 18 };
 
-/* State of each point: 1 closed, plus 2 or 4 (6 or 12) for slip in the positive or negative
- * direction. Larger values mark a continuously changing derivative. */
+/* Number of the contact state of BD_WIDTH points at the motion x (3) with the sliders w (2, stride)
+ * before the step: IN_CONTACT, plus the place value of each direction that slips in the positive
+ * sense, or twice the value in the negative sense. Two points with equal numbers below
+ * SLIDES_IN_PLANE have equal derivatives. */
 BD_INLINE bd_vec contact_state_of(const bd_time *t, const points *at, const bd_vec *x,
                                   const double *w) {
-    static const double PLUS[2] = {2.0, 6.0};
-    static const double MINUS[2] = {4.0, 12.0};
+    static const double SLIP_PLUS[2] = {PLACE_OF_1, PLACE_OF_2};
+    static const double SLIP_MINUS[2] = {2.0 * PLACE_OF_1, 2.0 * PLACE_OF_2};
     const bd_vec zero = bd_all(0.0);
     const bd_vec normal = at->n0 + at->kn * x[2];
     const bd_vec r = at->limit + at->mu * bd_max(normal, at->least_n);
     const bd_mask closed = bd_above(normal, at->least_n);
     const bd_mask coupled = bd_above(at->coupled, zero);
-    bd_vec state = bd_select(closed, bd_all(1.0), zero);
+    bd_vec state = bd_select(closed, bd_all(IN_CONTACT), zero);
     bd_vec T[2];
     for (size_t d = 0; d < 2; ++d) {
         const bd_vec before = bd_load(w + d * t->stride);
@@ -160,8 +171,8 @@ BD_INLINE bd_vec contact_state_of(const bd_time *t, const points *at, const bd_v
         const bd_mask may_slip = closed & ~is_fixed & ~coupled;
         const bd_mask slips_plus = may_slip & bd_above(x[d] - half_width, before);
         const bd_mask slips_minus = may_slip & bd_above(before, x[d] + half_width);
-        state += bd_select(slips_plus, bd_all(PLUS[d]), zero);
-        state += bd_select(slips_minus, bd_all(MINUS[d]), zero);
+        state += bd_select(slips_plus, bd_all(SLIP_PLUS[d]), zero);
+        state += bd_select(slips_minus, bd_all(SLIP_MINUS[d]), zero);
         T[d] = at->kt[d] * (x[d] - before);
     }
     const bd_mask slides = closed & coupled & bd_above(T[0] * T[0] + T[1] * T[1], r * r);
@@ -185,8 +196,16 @@ static void user_law_tangent(bd_time *t, size_t sector, size_t point, const doub
     bd_point_law_tangent(law, &derivatives, D);
 }
 
-/* Derivative D (3, 3) of the forces of a point of a sector at the motion x with the slider w before
- * the step. */
+/* Derivative D (3, 3), rows T1, T2, N, of the forces of a point of a sector with respect to the
+ * motion x = (u1, u2, v) at the end of a step, with the slider w before it. With the friction limit
+ * r, whose derivative with respect to v is mu kn, direction d has
+ *
+ *     stick            dT_d = kt_d du_d
+ *     slip             dT_d = +- mu kn dv                         (T_d = +- r)
+ *     slip in plane    dT_d = r/|T| (kt_d du_d - T_d T . kt du/|T|^2) + mu kn T_d/|T| dv
+ *     open             dT_d = 0,
+ *
+ * plus 3 cubic_d u_d^2 du_d; and dN = kn dv in contact. */
 static void contact_tangent(bd_time *t, size_t sector, size_t point, const double *x,
                             const double *w, double *D) {
     if (t->n_user_law && t->point_law[point].function) {
@@ -207,16 +226,17 @@ static void contact_tangent(bd_time *t, size_t sector, size_t point, const doubl
     const double size = sqrt(T[0] * T[0] + T[1] * T[1]);
     const int is_coupled = parameter[BD_TIME_COUPLED * stride] > 0.0;
     const int slips_in_plane = is_coupled && size > r;
-    memset(D, 0, 9 * sizeof *D);
-    D[8] = kn;
+    memset(D, 0, BD_N_COMPONENT * BD_N_COMPONENT * sizeof *D);
+    D[BD_N_COMPONENT * BD_NORMAL + BD_NORMAL] = kn;
     for (size_t d = 0; d < 2; ++d) {
         const double kt_d = kt[d * stride];
         const double cubic = parameter[(BD_TIME_CUBIC + d) * stride];
         const double half_width = r * parameter[(BD_TIME_INVERSE_KT + d) * stride];
         const int is_fixed = parameter[(BD_TIME_FIXED_SLIDER + d) * stride] > 0.0;
         const int is_within = w[d] >= x[d] - half_width && w[d] <= x[d] + half_width;
-        double *own = D + 4 * d;           /* of this component by its own motion */
-        double *by_normal = D + 3 * d + 2; /* by the normal motion */
+        double *row = D + BD_N_COMPONENT * d;
+        double *own = row + d;               /* dT_d/du_d */
+        double *by_normal = row + BD_NORMAL; /* dT_d/dv */
         *own = 3.0 * cubic * x[d] * x[d];
         if (is_fixed) {
             *own += kt_d;
@@ -225,9 +245,9 @@ static void contact_tangent(bd_time *t, size_t sector, size_t point, const doubl
         const int is_open = !(r > 0.0);
         if (is_open) continue; /* the slider follows the motion */
         if (slips_in_plane) {
-            /* the force is r T/size */
+            /* the force is r T/size, size = |T| */
             for (size_t e = 0; e < 2; ++e)
-                D[3 * d + e] -= r / (size * size * size) * T[d] * T[e] * kt[e * stride];
+                row[e] -= r / (size * size * size) * T[d] * T[e] * kt[e * stride];
             *own += r / size * kt_d;
             *by_normal += limit_slope * T[d] / size;
         } else if (is_coupled || is_within) {

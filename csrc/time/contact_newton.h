@@ -28,18 +28,22 @@
 
 /* ---- M = (I + T)^-1 of each sector ---- */
 
+/* Exchange two numbers. */
 BD_INLINE void exchange(double *a, double *b) {
     const double x = *a;
     *a = *b;
     *b = x;
 }
 
-/* D (3, 3) of a point; its entries are `stride` apart. */
+/* Derivative D (3, 3) of the forces of a point, row-major; its entries are `stride` numbers apart.
+ * */
 BD_INLINE double *tangent_of(const bd_time *t, size_t sector, size_t point) {
-    return t->tangent + 9 * t->stride * sector + point;
+    return t->tangent + BD_N_COMPONENT * BD_N_COMPONENT * t->stride * sector + point;
 }
 
-/* A (rank, rank) = (I + V' D V)' of a sector. */
+/* A (rank, rank) = (I + V' D V)' of a sector: row j is the unit vector plus V' times the force D
+ * V_j of pattern j, V (3, stride, rank) and D (3, 3) for each point. The sum is over points and
+ * components of the force. */
 static void fill_sector_matrix(const bd_time *t, const bd_time_patterns *patterns, size_t sector,
                                double *A) {
     const size_t rank = (size_t)patterns->rank;
@@ -353,7 +357,8 @@ static void solve_correction(bd_time *t, const bd_time_patterns *patterns, doubl
     add_krylov_vectors(t, n, &problem);
 }
 
-/* Solve for a correction and find its motion at the points. */
+/* Solve (I + T C) change = residual for the correction of the pattern forces to a relative
+ * tolerance, and find its motion V C change (n_sector, rows) at the points. */
 static void find_correction(bd_time *t, const bd_time_patterns *patterns, double tolerance) {
     const size_t n_sector = (size_t)t->n_sector;
     solve_correction(t, patterns, tolerance);
@@ -363,7 +368,8 @@ static void find_correction(bd_time *t, const bd_time_patterns *patterns, double
 
 /* ---- Newton's method for the contact forces of all sectors ---- */
 
-/* Forces at the latest motion, and R of the patterns; return its norm. */
+/* Contact forces F (n_sector, rows) at the latest motion, and the residual R = V' F - p (n_sector,
+ * rank) of the pattern forces p; return its norm. */
 static double pattern_residual(bd_time *t, const bd_time_patterns *patterns) {
     const size_t n = n_pattern_forces(t, patterns);
     all_contact_forces(t, t->motion, t->point_force);
@@ -374,7 +380,9 @@ static double pattern_residual(bd_time *t, const bd_time_patterns *patterns) {
     return sqrt(dot(n, t->residual, t->residual));
 }
 
-/* Apply a fraction of the correction (negative: undo) and return the norm of the residual. */
+/* Add a share of the correction (negative: undo) to the motion x (n_sector, rows) and the pattern
+ * forces p (n_sector, rank): x -= share V C change, p += share change. Return the norm of the
+ * residual. */
 static double apply_correction(bd_time *t, const bd_time_patterns *patterns, double share) {
     const size_t n_motion = t->rows * (size_t)t->n_sector;
     add(n_motion, -share, t->correction_motion, t->motion);
@@ -382,13 +390,15 @@ static double apply_correction(bd_time *t, const bd_time_patterns *patterns, dou
     return pattern_residual(t, patterns);
 }
 
-/* Decrease of the potential per length of the correction, -slope. */
+/* Decrease of the potential per share of the correction: (C change) . R. */
 static double descent(const bd_time *t, const bd_time_patterns *patterns) {
     return dot(n_pattern_forces(t, patterns), t->pattern_motion, t->residual);
 }
 
-/* Apply the correction up to its end or to the minimum of the potential; return the norm of the
- * residual, which is `norm_before` before it. */
+/* Add the whole correction, or the share of it at which the potential along it is least; return the
+ * norm of the residual, which was `norm_before`. The whole correction suffices if the potential
+ * still falls at its end or hardly rises, or if the residual shrinks enough. Otherwise the descent
+ * changes its sign between the shares 0 and 1, and regula falsi (Illinois) finds the minimum. */
 static double search_length(bd_time *t, const bd_time_patterns *patterns, double norm_before) {
     const double at_start = descent(t, patterns);
     const double small = BD_TIME_SLOPE * at_start;
@@ -398,7 +408,7 @@ static double search_length(bd_time *t, const bd_time_patterns *patterns, double
     const int converges = norm < BD_TIME_CONVERGES * norm_before;
     if (!(at_start > 0.0) || is_minimum_beyond || converges) return norm;
 
-    /* the descent changes its sign between the shares `low` and `high`: regula falsi */
+    /* the descent is positive at the share `low` and negative at `high` */
     double low = 0.0, at_low = at_start;
     double high = 1.0, at_high = at_end;
     double applied = 1.0;
@@ -453,7 +463,8 @@ static void add_motion_of_last_forces(bd_time *t, const bd_time_patterns *patter
     for (size_t i = 0; i < t->rows * n_sector; ++i) t->free_motion[i] -= t->correction_motion[i];
 }
 
-/* First correction, which follows from the change of the motion since the last step. */
+/* First correction of a step, from the change of the motion since the last step: the forces change
+ * by D (x* - x), so the residual is V' D (x* - x). */
 static void predict_correction(bd_time *t, const bd_time_patterns *patterns) {
     predict_forces(t);
     multiply((size_t)t->n_sector, (size_t)patterns->rank, t->rows, t->predicted_force,

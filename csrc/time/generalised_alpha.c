@@ -17,6 +17,7 @@
 #include "time/contact_newton.h"
 #include "util/clock.h"
 
+/* Exchange two arrays. */
 static void swap(double **a, double **b) {
     double *first = *a;
     *a = *b;
@@ -56,7 +57,8 @@ static void contact_at_start(bd_time *t) {
 
 /* ---- integration ---- */
 
-/* Excitation e at an angle. */
+/* Excitation e (n_coordinate) at an angle: sum of C cos(o angle) + S sin(o angle) over the engine
+ * orders o. */
 BD_INLINE void find_load(const bd_time *t, double angle, double *e) {
     memset(e, 0, sizeof(double) * t->n_coordinate);
     for (int i = 0; i < t->n_force; ++i) {
@@ -148,7 +150,8 @@ static int start(bd_time *t, const bd_time_path *path, double angle) {
     return 1;
 }
 
-/* Begin steps with these patterns: the pattern forces of the last contact forces, and the states. */
+/* Begin steps with these patterns: the pattern forces of the last contact forces, and the states.
+ * */
 static void use_patterns(bd_time *t, const bd_time_patterns *patterns) {
     multiply((size_t)t->n_sector, (size_t)patterns->rank, t->rows, t->point_force,
              patterns->pattern_transposed, t->pattern_force);
@@ -156,7 +159,14 @@ static void use_patterns(bd_time *t, const bd_time_patterns *patterns) {
     update_states(t, patterns, t->motion);
 }
 
-/* Coordinates and accelerations at the end of a step without contact forces there. */
+/* Coordinates q* and accelerations a* at the end of a step h without contact forces g+ there, from
+ * the generalised alpha method with the weights am, af, b, gamma and the excitation e, e+ (next):
+ *
+ *     m [(1 - am) a* + am a] + (1 - af) [c v* + K q* - e+] + af [c v + K q + g - e] = 0,
+ *     q* = q + h v + h^2 [(1/2 - b) a + b a*],     v* = v + h [(1 - gamma) a + gamma a*].
+ *
+ * All terms with a* form the acceleration compliance. A coordinate without mass follows K q* = e+.
+ * */
 static void predict_end(bd_time *t, double h, bd_time_alpha w, const double *restrict next) {
     const double *restrict q = t->q, *restrict v = t->v, *restrict a = t->a;
     const double *restrict m = t->mass, *restrict c = t->damping, *restrict K = t->stiffness;
@@ -177,7 +187,11 @@ static void predict_end(bd_time *t, double h, bd_time_alpha w, const double *res
     }
 }
 
-/* Move the state to the end of a step with its contact forces, and add up the energies. */
+/* Move the state to the end of a step h with its contact forces g+, from the prediction q*, a*
+ * without them: q+ = q* - beta g+ and a+ = a* - (acceleration compliance) g+. The speed is v+ = v +
+ * h [(1 - gamma) a + gamma a+], or the mean speed of a coordinate without mass. Add up the energies
+ * of the step, forces by the trapezoidal rule times the increment of q: work of the excitation,
+ * loss in damping, work on the contacts, increase of kinetic and strain energy. */
 static void finish_step(bd_time *t, double h, bd_time_alpha w, const double *restrict next) {
     double *restrict q = t->q, *restrict v = t->v, *restrict a = t->a;
     const double *restrict m = t->mass, *restrict c = t->damping, *restrict K = t->stiffness;
@@ -196,10 +210,10 @@ static void finish_step(bd_time *t, double h, bd_time_alpha w, const double *res
 
         /* 1/part is the sum over all sectors, 1/2 the mean over the step */
         const double whole = part[j] > 0.0 ? 0.5 / part[j] : 0.0;
-        t->energy[0] += whole * (now[j] + next[j]) * increment;
-        t->energy[1] += whole * c[j] * (v[j] + speed) * increment;
-        t->energy[2] += 0.5 * (before[j] + contact[j]) * increment;
-        t->energy[3] +=
+        t->energy[BD_TIME_WORK] += whole * (now[j] + next[j]) * increment;
+        t->energy[BD_TIME_LOSS] += whole * c[j] * (v[j] + speed) * increment;
+        t->energy[BD_TIME_CONTACT_WORK] += 0.5 * (before[j] + contact[j]) * increment;
+        t->energy[BD_TIME_STORED] +=
             whole * (m[j] * (speed * speed - v[j] * v[j]) + K[j] * (end + q[j]) * increment);
         v[j] = speed;
         q[j] = end;
@@ -284,6 +298,10 @@ static void forget_halved_steps(bd_time *t, double h) {
         if (t->of_step[i].length != h / (1 << i)) t->of_step[i].rank = -1;
 }
 
+/* Integrate n_step steps along a path. The angle advances by 2 pi/steps_per_period in each step,
+ * and the square of the frequency changes linearly with it from omega to omega_end. The length of a
+ * step is its angle over the mean frequency. Record coordinates, harmonics and the energies of each
+ * period. */
 bd_status BD_JOIN(bd_time_integrate_, BD_VARIANT)(bd_time *t, const bd_time_path *path);
 bd_status BD_JOIN(bd_time_integrate_, BD_VARIANT)(bd_time *t, const bd_time_path *path) {
     const int steps = path->steps_per_period;
@@ -310,12 +328,13 @@ bd_status BD_JOIN(bd_time_integrate_, BD_VARIANT)(bd_time *t, const bd_time_path
         if (!advance(t, path, k, h, &last)) return BD_NOT_CONVERGED;
         const int ends_period = (k + 1) % steps == 0;
         if (path->energy && ends_period)
-            memcpy(path->energy + 4 * (k / steps), t->energy, sizeof t->energy);
+            memcpy(path->energy + BD_TIME_N_ENERGY * (k / steps), t->energy, sizeof t->energy);
         const int is_timed = path->last_second > 0.0 && (k + 1) % BD_TIME_CLOCK_STEPS == 0;
         if (is_timed && bd_processor_seconds() > path->last_second) return BD_TIME_SPENT;
     }
     return BD_OK;
 }
 
+/* Contact forces at the present coordinates; the sliders move. */
 void BD_JOIN(bd_time_contact_, BD_VARIANT)(bd_time *t);
 void BD_JOIN(bd_time_contact_, BD_VARIANT)(bd_time *t) { contact_at_start(t); }

@@ -33,6 +33,15 @@ typedef struct {
     long n_solution, n_evaluation;
 } bd_time_effort;
 
+/* Energies (J) of all sectors in a period. */
+enum {
+    BD_TIME_WORK,         /* work of the excitation */
+    BD_TIME_LOSS,         /* losses in damping */
+    BD_TIME_CONTACT_WORK, /* work on the contacts */
+    BD_TIME_STORED,       /* increase of kinetic and strain energy */
+    BD_TIME_N_ENERGY
+};
+
 /* Residual relative to the forces above which a step is unsolved, number of times that such a step
  * is halved, and number of lengths that it then has. */
 #define BD_TIME_UNSOLVED 1e-2
@@ -110,7 +119,7 @@ typedef struct bd_time {
     bd_time_patterns of_instant;
     bd_time_patterns of_step[BD_TIME_LENGTHS_OF_STEP]; /* step halved 0, 1, ... times */
     /* energies of the steps since the last reset, see bd_time_path.energy */
-    double energy[4];
+    double energy[BD_TIME_N_ENERGY];
     double largest_force; /* largest pattern force so far */
     bd_time_effort effort;
     /* (3 n_total) during creation, (rows (rows + max_rank + 4)) while patterns are computed */
@@ -184,8 +193,7 @@ typedef struct bd_time_path {
     /* complex harmonics (n_step/steps_per_period, n_row, n_harm + 1) of the responses in each
      * period, or NULL */
     double *response_harmonics;
-    /* (n_step/steps_per_period, 4) J, of all sectors in each period: work of the excitation, losses
-     * in damping, work on the contacts, and increase of kinetic and strain energy; or NULL */
+    /* (n_step/steps_per_period, BD_TIME_N_ENERGY) J, energies of each period, or NULL */
     double *energy;
     double *coordinates; /* (n_step, 2, n_total) coordinates at the start of each step, or NULL */
 } bd_time_path;
