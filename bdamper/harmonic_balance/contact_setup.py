@@ -213,7 +213,7 @@ def gaps(coupling: Coupling, settings: Settings) -> NDArray:
 
     by_preload = normal_loads(coupling, settings, "load_per_preload")
     constant = normal_loads(coupling, settings, "constant_loads")
-    unloaded = np.isnan(by_preload + constant)
+    unloaded = np.isnan(by_preload) & np.isnan(constant)
     return np.where(unloaded, np.concatenate(parts), 0.0)
 
 
