@@ -283,7 +283,9 @@ class _Reference:
         on = present.without(name) != present
         leaner = self.problem.replace(**self.effects.without(name))
         if not leaner.static(self.preload).ok:
-            return EffectRow(name, on, *Change()[:3], "unknown", np.nan, reason="no static state")
+            return self._as_row(
+                name, on, Change(), source="unknown", work=np.nan, reason="no static state"
+            )
         system = leaner.system(self.preload)
         peak = self.curve.peak
         if free_motions(leaner, self.preload) > free_motions(self.problem, self.preload):
@@ -303,7 +305,22 @@ class _Reference:
             source = "unknown"
             reason = change.how
         work = _work(system) / self.work
-        return EffectRow(name, on, *change[:3], source, work, reason=reason)
+        return self._as_row(name, on, change, source=source, work=work, reason=reason)
+
+    @staticmethod
+    def _as_row(
+        name: str, on: bool, change: Change, *, source: str, work: float, reason: str
+    ) -> EffectRow:
+        return EffectRow(
+            name=name,
+            on=on,
+            amplitude_change=change.amplitude,
+            frequency_change=change.frequency,
+            uncertainty=change.uncertainty,
+            source=source,
+            work=work,
+            reason=reason,
+        )
 
     def computed(self, leaner: Problem, by_newton: bool = False) -> Change:
         """Compute the change of the highest peak to another study, see :func:`compare`."""

@@ -123,11 +123,12 @@ class Change(NamedTuple):
     @classmethod
     def between(cls, before: Peak, after: PeakOutcome | Peak, how: str = "") -> Change:
         """Return the change from one computed peak to another."""
+        # computed, not estimated: the change itself has no uncertainty
         return cls(
-            after.amplitude / before.amplitude - 1.0,
-            after.frequency / before.frequency - 1.0,
-            0.0,
-            how,
+            amplitude=after.amplitude / before.amplitude - 1.0,
+            frequency=after.frequency / before.frequency - 1.0,
+            uncertainty=0.0,
+            how=how,
         )
 
     @property
@@ -233,7 +234,10 @@ def estimate_change(system: Equations, y: NDArray) -> Change:
         return unknown
     defect = dual @ remaining
     return Change(
-        float(amplitude_change), float(frequency_change), float(np.abs(defect).max()), "estimated"
+        amplitude=float(amplitude_change),
+        frequency=float(frequency_change),
+        uncertainty=float(np.abs(defect).max()),
+        how="estimated",
     )
 
 
@@ -542,8 +546,12 @@ def _at_frequency(system: Equations, embedded: list[NDArray], peak: Peak) -> Cha
         )
         if solution.status == OK:
             first_harmonic = system.response(solution.y[:-1])[1]
-            change = float(abs(first_harmonic)) / peak.amplitude - 1.0
-            return Change(change, 0.0, 0.0, "recomputed at the end of the interval")
+            return Change(
+                amplitude=float(abs(first_harmonic)) / peak.amplitude - 1.0,
+                frequency=0.0,
+                uncertainty=0.0,
+                how="recomputed at the end of the interval",
+            )
     return None
 
 
@@ -701,7 +709,13 @@ def _of_fewer_points(
     # if n points have the error C/n, that of the coarser set is larger by this multiple of it
     growth = n_present / n_coarse - 1.0
     how = f"extrapolated from {n_coarse} and {n_present} contact points on a face"
-    return Change(-change.amplitude / growth, -change.frequency / growth, 0.0, how), how
+    extrapolated = Change(
+        amplitude=-change.amplitude / growth,
+        frequency=-change.frequency / growth,
+        uncertainty=0.0,
+        how=how,
+    )
+    return extrapolated, how
 
 
 def _fewer_points(problem: Problem) -> int | None:

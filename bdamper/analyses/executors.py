@@ -381,8 +381,11 @@ def run_stored(
                 # a point may be received twice after an interruption
                 if not table.known[i]:
                     lines[i] = json_line({"index": names[i], **record})
+            # read back from its line of the results file, so that a computed point has the same
+            # types as one that a later run takes from the file
             for i, line in lines.items():
-                table.put(i, from_line(line))
+                record_in_file = from_line(line)
+                table.put(i, record_in_file)
                 advance()
             if store is not None:
                 store.append(*lines.values())

@@ -195,13 +195,14 @@ class Objective:
         """Return the residuals of each data set; the last result is stored."""
         if self._last is not None and np.array_equal(self._last[0], x):
             return self._last[1]
-        held = dict(self.held)
         parameters = dict(zip(self.ranges, np.exp(x).tolist()))
-        # a held gain multiplies the excitation; jacobian() omits its derivatives
-        if FORCE in held:
-            gain = held.pop(FORCE)
-            parameters.setdefault(FORCE, gain)
-        varied = Variations(lambda values: self.made(held | values), parameters)
+        # the force gain is no setting: Variations takes it from its parameters and multiplies the
+        # excitation by it.  A held gain is therefore listed there too, after the fitted
+        # parameters; jacobian() keeps only the derivatives of these
+        if FORCE in self.held and FORCE not in self.ranges:
+            parameters[FORCE] = self.held[FORCE]
+        held_settings = {name: value for name, value in self.held.items() if name != FORCE}
+        varied = Variations(lambda values: self.made(held_settings | values), parameters)
         separations = [HOW[type(test)](varied, test, self.noise) for test in self.data]
         self._last = x.copy(), separations
         return separations
@@ -219,6 +220,7 @@ class Objective:
         """Return the derivatives (m, k) with respect to the logarithms of the parameters."""
         names = list(self.ranges)
         k = len(names)
+        # a held force gain would be one more column
         rows = [part.slopes()[..., :k].reshape(-1, k) for part in self.parts(x)]
         for name, (_, deviation) in self.priors.items():
             prior = np.zeros((1, k))

@@ -918,7 +918,9 @@ def scaled_state(system: StaticSystem, state: PreloadState, load: float) -> Prel
     """
     if not (state.ok and state.load > 0.0 and load > 0.0):
         return None
-    if not system.scales or np.any(system.cubic) or system.own:
+    # forces of cubic springs and of compiled laws are not proportional to the motion
+    is_nonlinear = np.any(system.cubic) or system.own is not None
+    if is_nonlinear or not system.scales:
         return None
 
     ratio = load / state.load
@@ -941,12 +943,15 @@ def scaled_state(system: StaticSystem, state: PreloadState, load: float) -> Prel
     if not residual <= EQUILIBRIUM:
         return None
 
+    # without tangential force a slider is at the surface.  The forces above do not depend on it:
+    # the friction limit is zero at an open contact, as is the force without spring
     follows_surface = (state.status == OPEN) | (system.kt == 0.0)
+    slider_at_load = np.where(follows_surface, x[:, :2], slider)
     return replace(
         state,
         load=load,
         q=q,
-        slider=np.where(follows_surface, x[:, :2], slider),
+        slider=slider_at_load,
         force=contacts.force,
         closing=contacts.closing,
         residual=residual,

@@ -217,8 +217,12 @@ class SectorFE:
         g = self.geometry
         self.blade: Discretisation = discretise(sector_mesh(g, self.density), self.material)
         damper = discretise(damper_mesh(g, self.density), self.material)
-        self.damper: FreeBody[Discretisation] = FreeBody(damper, turn(0.5 * g.pitch).T)
+        # the damper lies between blades 0 and 1, half a pitch from blade 0.  The columns of the
+        # rotation matrix are the turned axes (tangential, radial, axial); FreeBody takes rows
+        damper_axes = turn(0.5 * g.pitch).T
+        self.damper: FreeBody[Discretisation] = FreeBody(damper, damper_axes)
         nodes = self.blade.nodes
+        # from +Y, the radial direction of blade 0, toward +X as in turn()
         angle = np.arctan2(nodes[:, 0], nodes[:, 1])
         radius = np.hypot(nodes[:, 0], nodes[:, 1])
         on_disk = radius < g.rim_radius + 1e-8

@@ -530,16 +530,21 @@ class Problem:
         Multiplied by the modal amplitudes, a row gives the motion of a location along a direction,
         or the strain of a gauge.
         """
-        location = str(place.location)
-        direction = direction_vector(place.direction, "response direction")
-        if place.elastic is not None:
-            location, direction = GAUGE, ALONG_GAUGE
+        # only a strain gauge has a material
+        is_gauge = place.elastic is not None
+        if is_gauge:
+            # with_gauge() has stored the strain as the first component of a location
+            location = GAUGE
+            direction = ALONG_GAUGE
+        else:
+            location = str(place.location)
+            direction = direction_vector(place.direction, "response direction")
         active = self.settings.active_harmonics
         rows = []
         for harmonic in range(self.harmonic_numbers[-1] + 1):
             if harmonic in active:
                 row = direction @ self.location_modes(location, harmonic)
-                if place.elastic is not None:
+                if is_gauge:
                     row = row + self._strain_of_residual_modes(place, harmonic)
                 # a relative response excludes the motion of the base
                 if not place.absolute:
@@ -848,8 +853,10 @@ class LoadCase:
         bodies = [problem.model.bodies[body] for body in (face.body_a, face.body_b)]
         if any(body.is_free for body in bodies):
             return np.zeros_like(touch)
-        # lumped masses: the load may open the contact permanently
-        if any(body.load is not None for body in bodies):
+        # a lumped mass has a load without being a free body: at rest the load may hold points
+        # apart that touch at assembly
+        has_load = any(body.load is not None for body in bodies)
+        if has_load:
             touch &= self.equilibrium.closing[rows] >= 0.0
         if touch.any():
             warn(

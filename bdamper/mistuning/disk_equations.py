@@ -219,7 +219,7 @@ class DiskMatrices:
         N = model.n_blades
         blade = blade_of(model)
         assert blade.local is not None
-        local, order = _reversed(blade.local)
+        local, order = _most_important_last(blade.local)
         rows, sector = _rows(tuned, blade.name, local)
         ratio = tuned.settings.damping_ratio
         if ratio is not None:
@@ -230,7 +230,9 @@ class DiskMatrices:
                 "aerodynamic_damping is not supported by a bladed disk with all sectors; set it to "
                 "None"
             )
-        basis = tuned.damped(tuned.coupling.basis(1), None)
+        # only the entries of the dampers matter below, and they are the same at every harmonic; a
+        # wave has an effect only with aerodynamic damping, refused above
+        basis = tuned.damped(tuned.coupling.basis(harmonic=1), wave=None)
         of_damper = np.array([c.body != blade.name for c in basis.coordinates], bool)
         return cls(
             tuned=tuned,
@@ -392,8 +394,12 @@ def _all_waves(matrices: NDArray, N: int) -> NDArray:
     return all_matrices
 
 
-def _reversed(local: LocalBasis) -> tuple[LocalBasis, NDArray]:
-    """Return the basis with the root shapes in reverse order, and the order of its coordinates."""
+def _most_important_last(local: LocalBasis) -> tuple[LocalBasis, NDArray]:
+    """Return the basis with the root shapes in reverse order, and the order of its coordinates.
+
+    The basis begins its root shapes with the most important one.  The elimination couples the last
+    coordinates of a blade to its neighbours (``n_kept``), so these must be the most important ones.
+    """
     n = local.n
     first_root = n - local.n_interface
     reversed_root = np.arange(n - 1, first_root - 1, -1)

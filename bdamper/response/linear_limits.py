@@ -156,11 +156,15 @@ def _shares(problem: Problem, springs: NDArray | None) -> NDArray:
 def _maxima(height: Callable[[float], float], omega: NDArray) -> list[float]:
     """Return the frequencies (rad/s) of the maxima within an ascending sample of frequencies."""
     amplitude = np.array([height(w) for w in omega])
-    # zeros beyond both ends, so that the prominence refers to other maxima alone
+    # On each side of a maximum find_peaks takes the lowest value up to the next higher maximum, or
+    # up to the end of the sample if none is higher.  The prominence is the height above the larger
+    # of both values.  With a zero beyond each end, a side without a higher maximum has the value
+    # 0: the prominence is the depth of the dip towards a higher maximum, or the full height.
     padded = np.pad(amplitude, 1)
-    # smaller relative dips between two maxima are rounding
+    # dips that are smaller relative to the maximum are rounding
     rounding = 1e-9
-    peaks, _ = scipy.signal.find_peaks(padded, prominence=rounding * padded)
+    least_prominence = rounding * padded
+    peaks, _ = scipy.signal.find_peaks(padded, prominence=least_prominence)
     # indices without the padding
     peaks = peaks - 1
     inside = (peaks > 0) & (peaks < len(amplitude) - 1)

@@ -356,9 +356,7 @@ class Tabular:
         Tables with more than :data:`FEW_ROWS` rows are reduced to the smallest and the largest
         value of each column.
         """
-        columns = {
-            name: column for name, column in self._flat().items() if not _no_reasons(name, column)
-        }
+        columns = {name: column for name, column in self._flat().items() if _is_shown(name, column)}
         values = {name: np.asarray(column.values).tolist() for name, column in columns.items()}
         n_rows = len(next(iter(values.values()), []))
         if n_rows == 0:
@@ -440,9 +438,7 @@ class Tabular:
             If pandas is not installed.
         """
         pandas = import_extra("pandas", "to_pandas", "table")
-        columns = {
-            name: column for name, column in self._flat().items() if not _no_reasons(name, column)
-        }
+        columns = {name: column for name, column in self._flat().items() if _is_shown(name, column)}
         values = {name: np.asarray(column.values) for name, column in columns.items()}
         units = {name: column.unit for name, column in columns.items()}
         frame = pandas.DataFrame(values)
@@ -486,9 +482,11 @@ class Tabular:
         return data.set_coords([name for name in data.variables if data[name].dims == (name,)])
 
 
-def _no_reasons(name: str, column: Column) -> bool:
-    """Return whether a column has the reasons for statuses, and no row has one."""
-    return name.endswith("reason") and not np.any(np.asarray(column.values) != "")
+def _is_shown(name: str, column: Column) -> bool:
+    """Return whether a table shows a column: reasons for statuses only if a row has one."""
+    if not name.endswith("reason"):
+        return True
+    return bool(np.any(np.asarray(column.values) != ""))
 
 
 class FrequencySeries:

@@ -777,19 +777,24 @@ static lengths find_lengths(const bd_wheel_input *in, size_t n_unknown) {
     n.forces = 3 * n.n_point * n.n_coef;
     n.tangents = BD_N_BLOCK * n.n_point * n.n_coef * n.n_coef;
 
-    /* waves, products and rates of bd_wheel_add_waves, and work of wave_product; split_couplings
-     * needs a matrix */
-    const size_t of_waves = 6 * n.n_wave * n.n_coef * n_blade + 6 * n_blade;
-    n.wave_work = larger(n.blade_matrix, of_waves);
+    /* bd_wheel_add_waves has waves, products and rates there, followed by K x, M x and C x' of one
+     * blade for wave_product; all are complex */
+    const size_t complex_blade = 2 * n_blade;
+    const size_t complex_waves = n.n_wave * n.n_coef * complex_blade;
+    const size_t add_waves = 3 * complex_waves, of_product = 3 * complex_blade;
+    /* at another time split_couplings has one matrix there */
+    n.wave_work = larger(n.blade_matrix, add_waves + of_product);
 
     /* common, damping, damper and neighbour matrices of each harmonic, in fill_matrices */
     n.elimination = n_group * (2 * n.blade_matrix + 2 * n.n_damper + n.kept_matrix);
 
-    /* arrays of solve_once: vectors; triangular matrix, rotations and right-hand side; solutions
-     * of the vectors */
-    n.krylov = (n_krylov + 1) * n.blades;
-    n.krylov += (n_krylov + 1) * n_krylov + 2 * n_krylov + n_krylov + 1;
-    n.krylov += n_krylov * (n.vector + 1);
+    /* arrays of solve_once, in its notation; each Z_k is a solution of the equations with the
+     * border, a vector and one number */
+    const size_t bordered = n.vector + 1;
+    n.krylov = (n_krylov + 1) * n.blades;    /* V */
+    n.krylov += (n_krylov + 1) * n_krylov;   /* H */
+    n.krylov += 2 * n_krylov + n_krylov + 1; /* cosines and sines, g */
+    n.krylov += n_krylov * bordered;         /* Z */
     return n;
 }
 
@@ -805,7 +810,7 @@ static bd_status points_create(bd_wheel *w, size_t n_point) {
  * w->input points to the copies. */
 static bd_status arrays_create(bd_wheel *w, const bd_wheel_input *in, const lengths *n) {
     const size_t n_sector = (size_t)in->n_sector, n_damper = (size_t)in->n_damper;
-    const size_t bordered = n->vector + 1; /* a vector and one number */
+    const size_t bordered = n->vector + 1; /* a vector and the number of the border */
     bd_wheel_input *copies = &w->input;
     const part parts[] = {
         /* input */

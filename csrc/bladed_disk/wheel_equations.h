@@ -72,8 +72,10 @@ typedef struct {
     /* vector with the blades of the next sectors; motion or force of one group of points */
     double *shifted, *motion;
     double *blade_motion, *inertia; /* blade coordinates and their inertia */
-    double *wave_work;              /* (3, 2, n_wave, n_coef, n_blade) */
-    double *matrices, *springs;     /* matrices of the elimination; springs plus jacobian_springs */
+    /* waves, products and rates (3, 2, n_wave, n_coef, n_blade), and work of one product (3, 2,
+     * n_blade); or a matrix (n_blade, n_blade) */
+    double *wave_work;
+    double *matrices, *springs; /* matrices of the elimination; springs plus jacobian_springs */
     /* derivative with respect to omega, row of the border over scale, scale:
      * vectors and one number */
     double *C, *border, *scale;

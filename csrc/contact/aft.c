@@ -205,7 +205,8 @@ static const double *find_limit(int n, const bd_element *element, bd_sampled_wor
     return work->limit;
 }
 
-/* Force, tangent and shares of direction d of one point from the sums over its samples. */
+/* Force, tangent and shares of direction d of one point from the sums over its samples, which the
+ * weight 2 pi/n_time turns into integrals over the cycle. */
 static void finish_lane(const bd_element *element, int d, int lane, const double *x,
                         bd_response *out, bd_status_share *share, bd_sampled_work *work) {
     static const double NO_SLIP = 1e-12; /* a share below this is rounding */
@@ -256,7 +257,7 @@ static int load_friction(int n, const bd_element *element, int d, bd_lanes *lane
     return any_friction;
 }
 
-/* Return whether any sample has set the slider of a point with friction. */
+/* Return whether any sample (origin, -1: none) has set the slider of a point with friction. */
 static int any_slider_moves(int n, const bd_lanes *lanes) {
     for (int lane = 0; lane < n; ++lane)
         if (lanes->slope[lane] > 0.0 && lanes->origin[lane] >= 0) return 1;
@@ -282,14 +283,20 @@ static void sum_steady_cycle(bd_sampled_work *work) {
 }
 
 /* Force, tangent and shares of direction d of n points with the motion x (n, 3, n_coef): settle the
- * sliders in one period, and add up a second one. A slider that no sample sets sticks throughout.
- * */
+ * sliders in one period, and add up a second one. There are three kinds of points with friction:
+ *
+ *     a sample sets the slider, touching     sums over the second period
+ *     a sample sets the slider, always open  no force, as initialised by bd_sampled_evaluate
+ *     no sample sets the slider              it sticks throughout.
+ *
+ * Every open sample sets the slider, so a point of the last kind is closed throughout. */
 static void tangential_direction(int n, const bd_element *element, int d, const double *x,
                                  bd_response *out, bd_status_share *share, bd_sampled_work *work) {
     const int n_power = bd_n_power(work->n_harm);
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
     const double *coefficients = work->x + (size_t)d * n_coef * BD_LANES;
     bd_lanes *lanes = &work->lanes;
+    const int alone = n == 1; /* parts of the cycle are listed for a point alone */
     if (!load_friction(n, element, d, lanes)) return;
 
     work->kernel->lane_values((int)n_coef, work->n_time, work->power, n_power, coefficients,
@@ -297,23 +304,25 @@ static void tangential_direction(int n, const bd_element *element, int d, const 
     work->kernel->settle(lanes);
     if (any_slider_moves(n, lanes)) {
         sum_steady_cycle(work);
-        if (n == 1) list_parts(work, d);
+        if (alone) list_parts(work, d);
     }
     for (int lane = 0; lane < n; ++lane) {
         const double *x_point = x + 3 * n_coef * (size_t)lane;
         const double *u = x_point + (size_t)d * n_coef;
+        /* load_friction sets the slope mu/kt to 0 for points that this function leaves out */
         const int has_friction = lanes->slope[lane] != 0.0;
-        const int is_moved = lanes->origin[lane] >= 0;
+        /* origin is the sample that has set the slider last, -1 if none has */
+        const int slider_was_set = lanes->origin[lane] >= 0;
+        const int is_always_open = share[lane].open == 1.0;
         if (!has_friction) continue;
 
-        if (is_moved) {
-            if (share[lane].open == 1.0) continue;
+        if (!slider_was_set) {
+            bd_element_stuck(element + lane, work->n_harm, d, u, out + lane);
+            share[lane].stick[d] = 1.0;
+            if (alone) whole_cycle(work, d, BD_STICK);
+        } else if (!is_always_open) {
             finish_lane(element + lane, d, lane, x_point, out + lane, share + lane, work);
-            continue;
         }
-        bd_element_stuck(element + lane, work->n_harm, d, u, out + lane);
-        share[lane].stick[d] = 1.0;
-        if (n == 1) whole_cycle(work, d, BD_STICK);
     }
 }
 

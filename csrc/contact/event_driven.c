@@ -296,7 +296,7 @@ static int find_extrema_of_bound(bd_direction *dir, int d, double factor, double
 }
 
 /* Extrema of the bounds lo and hi of the slider become events after the lift-offs and closings,
- * because slip ends where the bound that pushes the slider stops: slip to stick is a root of lo' or
+ * because slip ends where the bound that pushes the slider stops: slip-to-stick is a root of lo' or
  * of hi'. */
 static void find_extrema(bd_direction *dir, int d) {
     double *dlo = dir->work->polynomial + DLO * dir->n_coef;

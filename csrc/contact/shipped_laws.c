@@ -46,8 +46,12 @@ static void normal_spring(double kn, const double *x, double *F, double *Fx) {
  *     s1 = clip(s0, u - r, u + r),   T = sum k (u - s1),   N = kn max(v, 0).
  *
  * An open contact (kn > 0, v <= 0) has s1 = u. A contact that closes at the part t = -v0/(v - v0)
- * of the step begins with s0 = u0 + t (u - u0). The states are (2, n) sliders. The derivatives of
- * forces and states are written unless Fx is NULL; they are zero on entry. */
+ * of the step begins with s0 = u0 + t (u - u0). The states are (2, n) sliders.
+ *
+ * The derivatives are written unless Fx is NULL; they are zero on entry. The derivatives of the
+ * force are partial: Fx = dF/dx at a fixed new slider s1, Fs = dF/ds1 at a fixed motion. Each
+ * element adds k to Fx and has Fs = -k. The motion of s1 is in sx and ss; the caller adds Fs sx to
+ * Fx. */
 void bd_law_jenkins(const double x[3], const double before[3], const double *p, const double *s0,
                     double *s1, double F[3], double Fx[9], double *Fs, double *sx, double *ss,
                     void *data) {
@@ -82,6 +86,7 @@ void bd_law_jenkins(const double x[3], const double before[3], const double *p, 
 
             double *ds1 = sx + N_STEP_MOTION * at;
             if (open) {
+                /* the slider follows the surface: k and -k would cancel in Fx + Fs sx */
                 ds1[AFTER + d] = 1.0;
                 continue;
             }
