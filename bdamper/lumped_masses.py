@@ -532,7 +532,7 @@ def _factors(row: Any, what: str) -> list[tuple[Any, float]]:
 
 
 def _coupled_free_motion(D: NDArray, coupling: NDArray) -> SettingError:
-    """Return the error of damping (n, n), 1/s, that couples modes if a motion has no stiffness."""
+    """Return the error of damping (n, n), 1/s, that couples modes if one of them has no stiffness."""
     strongest = np.unravel_index(np.argmax(coupling), D.shape)
     i, j = sorted(int(index) for index in strongest)
     # without damping of one of the modes the coupling in 1/s
@@ -540,7 +540,7 @@ def _coupled_free_motion(D: NDArray, coupling: NDArray) -> SettingError:
     share = coupling[i, j] / own_damping
     return SettingError(
         "damping: expected a matrix that is diagonal in the modes of mass and stiffness, "
-        f"since a motion has no stiffness; found modes {i + 1} and {j + 1} coupled "
+        f"because one of them has no stiffness (0 Hz); found modes {i + 1} and {j + 1} coupled "
         f"by {share:.2g} of their damping"
     )
 

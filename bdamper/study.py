@@ -1645,7 +1645,7 @@ class Study(Comparable):
         Refinement
             ``study`` and ``peak`` of the last step, and ``steps`` with the cost of each. The
             status is "incomplete" if the model has no more detail, a more detailed study has no
-            peak, harmonic balance does not decide the case, or the next step would exceed
+            peak, harmonic balance cannot determine the amplitude, or the next step would exceed
             ``maximum``. ``needed`` then says what would reach the tolerance. After Ctrl-C it
             contains the steps so far.
 

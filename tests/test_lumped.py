@@ -187,8 +187,8 @@ def test_energy_and_history_of_a_cubic_spring():
         ({"damping": [0.1, -0.1]}, "damping: expected a positive semidefinite matrix, found a mode of -0.1 1/s"),
         (
             {"stiffness": [[1.0, -1.0], [-1.0, 1.0]], "damping": [0.1, 0.0]},
-            "damping: expected a matrix that is diagonal in the modes of mass and stiffness, since a motion has no "
-            "stiffness; found modes 1 and 2 coupled by 1 of their damping",
+            "damping: expected a matrix that is diagonal in the modes of mass and stiffness, because one of them has "
+            "no stiffness (0 Hz); found modes 1 and 2 coupled by 1 of their damping",
         ),
         ({"contacts": []}, "contacts: expected at least one contact or cubic spring, found none"),
         ({"contacts": JENKINS}, "contacts: expected a sequence of Contact, found a Contact"),

@@ -656,6 +656,12 @@ class AccuracyCost(Result, Plottable, Tabular, Storable, kind="bdamper-accuracy"
         table, further = self._few_rows()
         return Statement([self._answer_text()], remarks=[*further, *remarks], table=table)
 
+    def _rows(self) -> list[tuple[str, ...]]:
+        """Return the table, in which "none" is the reduced setting of the most detailed run."""
+        return [
+            tuple("none" if cell == RICHEST else cell for cell in row) for row in self.as_rows()
+        ]
+
     def _answer_text(self) -> str:
         """Return a sentence on the cheapest settings within the tolerance."""
         best = self.recommended
@@ -667,10 +673,13 @@ class AccuracyCost(Result, Plottable, Tabular, Storable, kind="bdamper-accuracy"
         if best is self.richest:
             return f"Only the most detailed settings have an error within {tolerance}"
         ratio = best.seconds / self.richest.seconds
-        settings = f"Cheapest settings within {tolerance}: {_text(self.varied, best.values)}"
+        beginning = f"Cheapest settings within {tolerance}: "
+        if ratio >= 1.0:
+            beginning = f"No settings within {tolerance} save time; "
+        settings = _text(self.varied, best.values)
         error = f"error {percent(self.error(best))}"
         time = f"computing time {ratio:.2g} times that of the most detailed settings"
-        return f"{settings}; {error}, {time}"
+        return f"{beginning}{settings}: {error}, {time}"
 
     def _reference_text(self) -> str:
         """Return a sentence on the error of the most detailed settings, with its sources."""

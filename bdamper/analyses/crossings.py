@@ -232,7 +232,7 @@ class Crossings(SweepResult, kind="bdamper-crossings"):
             masses = np.unique(self.points[MASS])
             at_end = mass in (masses[0], masses[-1])
             best = f"Lowest crossing peak with {mass:g} times the damper mass"
-            best += ", an end of the range:" if at_end else ":"
+            best += ", at an end of the range:" if at_end else ":"
             others = [value for other, value in highest.items() if other != mass]
             reached = extent(min(others), max(others), "m")
             rows.append(Row("Other masses", reached, "highest crossing peak of each"))

@@ -174,7 +174,7 @@ class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-eff
         rows: list[tuple[str, ...]] = []
         rows.append(
             (
-                "Without effect",
+                "Effect omitted",
                 "Amplitude",
                 "Frequency",
                 "Uncertainty",
@@ -366,7 +366,7 @@ def _chosen(
         reason = row.reason or kept.get(row.name, "")
         if not reason and row.size <= tolerance:
             if row.work >= SAVES_NOTHING:
-                reason = "its omission saves no time"
+                reason = "omitting it saves no time"
             else:
                 reason = "the sum of all changes would exceed the tolerance"
         marked.append(replace(row, significant=True, reason=reason))

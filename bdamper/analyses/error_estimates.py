@@ -490,7 +490,7 @@ def solve_other(
             signs = [sign_of_jacobian(problem.system(preload), top.y) for top in tops.peaks]
             descending = _solved(system, embedded, signs, tops)
             if descending:
-                change = Change.between(peak, descending[0], "recomputed")
+                change = Change.between(peak, descending[0], "peak recomputed")
                 return Solution(change, Tops(tuple(descending)))
     outcome = evaluate_peak(other, lambda study: tops.curve_with(study, preload))
     if outcome.reason:
@@ -550,7 +550,7 @@ def _at_frequency(system: Equations, embedded: list[NDArray], peak: Peak) -> Cha
                 amplitude=float(abs(first_harmonic)) / peak.amplitude - 1.0,
                 frequency=0.0,
                 uncertainty=0.0,
-                how="recomputed at the end of the interval",
+                how="amplitude recomputed at the end of the interval",
             )
     return None
 

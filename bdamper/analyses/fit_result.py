@@ -273,8 +273,8 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
         remarks = [sentence(note) for note in self.notes if note.startswith("correlated")]
         if model_is_wrong:
             remarks.append(
-                "Remedy: fit again with more harmonics, modes and contact points (widen); the true "
-                "constants may lie outside the intervals"
+                "Remedy: fit again with more harmonics, modes and contact points, and pass that fit "
+                "to fitted.widen; the true constants may lie outside the intervals"
             )
         remarks.append(f"Use these values only with {self._settings_text()}")
         if self.doubts:

@@ -310,7 +310,7 @@ class _Search:
         self._add_step(error, largest, estimates.cost)
         missing = self._missing_peak(enriched)
         if estimates.undecided and (missing or "harmonics" in self.refined):
-            self._end(f"{_amplitudes(estimates)}: harmonic balance does not decide this case")
+            self._end(f"{_amplitudes(estimates)}: harmonic balance cannot determine the amplitude")
             self.needed = Need("time integration, study.time_response(peak)")
         elif missing:
             self._end(missing)

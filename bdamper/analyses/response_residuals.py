@@ -337,7 +337,7 @@ def attempt(compute: Callable[[], T]) -> tuple[T | None, str]:
 
 
 def of_test(varied: Variations, test: MeasuredResponse, noise: float) -> Separation:
-    """Return the residuals of a swept response; a point without computed response has ``LOST``."""
+    """Return the residuals of a swept response; points without a computed response get ``LOST``."""
     settings = varied.own.settings
     expected = f"the excitation of the study in {settings.unit_of(settings.excitation)}"
     fits = test.at_base is None or test.at_base == settings.at_base(settings.excitation)

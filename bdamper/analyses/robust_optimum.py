@@ -71,7 +71,7 @@ from bdamper.util.errors import (
     all_complete,
     one_line,
 )
-from bdamper.util.formatting import amount, counted, percent, short_repr, spaced
+from bdamper.util.formatting import amount, counted, ordinal, percent, short_repr, spaced
 from bdamper.util.progress import Cost, LongWork, one_thread, progress_stages
 from bdamper.util.records import Data
 from bdamper.util.statement import Row, Statement
@@ -166,7 +166,7 @@ def _too_few_text(percentile: float, n: int) -> str:
     """Return a remark if there are too few draws for a percentile, or ""."""
     needed = _draws_needed(percentile)
     if np.isfinite(needed) and n < needed:
-        return f" (percentile {percentile:g} requires {needed:g} draws)"
+        return f" (the {ordinal(percentile)} percentile requires {needed:g} draws)"
     return ""
 
 
@@ -269,7 +269,7 @@ class RobustOptimum(Result):
 
     def _statement(self) -> Statement:
         at_end = self.kind == "end"
-        edge = ", an end of the range" if at_end else ""
+        edge = ", at an end of the range" if at_end else ""
         draws = _draws_text(self.percentile, self.draws)
         too_few = _too_few_text(self.percentile, self.draws)
         at_most = f"at most {amount(self.amplitude, 'm')} in {draws}{too_few}"
@@ -406,7 +406,9 @@ class OptimalCurveUncertainty(
                 f"{draws_without} have no peak at some preloads; these count as infinite"
             )
         median, high = self.percentile([50.0, 95.0])
-        table: list[tuple[str, ...]] = [("Preload", "Median", "95th percentile")]
+        too_few = _too_few_text(95.0, n_counted)
+        upper_name = "Largest" if too_few else "95th percentile"
+        table: list[tuple[str, ...]] = [("Preload", "Median", upper_name)]
         for preload, middle, upper in zip(self.preload, median, high):
             cells = [amount(x, "m") if np.isfinite(x) else "no peak" for x in (middle, upper)]
             table.append((amount(preload, "N"), *cells))
@@ -416,11 +418,10 @@ class OptimalCurveUncertainty(
         best = int(np.argmin(high))
         at_most = f"at most {amount(high[best], 'm')} in {draws}"
         at_end = best in (0, len(self.preload) - 1)
-        edge = ", an end of the range" if at_end else ""
+        edge = ", at an end of the range" if at_end else ""
         verdict = f"Best preload {amount(self.preload[best], 'N')}{edge}: {at_most}"
         if at_end:
             remarks.append(END_REMEDY)
-        too_few = _too_few_text(95.0, n_counted)
         rows = [Row("Sample", counted(n_counted, "draw"), f"random {settings}{too_few}")]
         return Statement([verdict], rows, remarks=remarks, table=table)
 

@@ -99,7 +99,8 @@ class StaticContactSolution:
     status : (n, 2) int
         0 stick, 1 slip +, 2 slip -, 3 separation.
     rest : (n, 2) float, m/N
-        Slider positions; not zero only if the overdamped motion found the state.
+        Slider positions; nonzero only if Newton's method failed and an overdamped motion led to the
+        state.
     """
 
     force: NDArray

@@ -1,7 +1,7 @@
 r"""Contact stiffness: the effect of the omitted modes as springs at the contact points.
 
-These are section 2.2 and Eqs. (1) to (11) of the paper.  Under the static load :math:`P` of the
-dampers, a finite element contact analysis gives the contact forces :math:`F` and the displacements
+Section 2.2 of the paper derives Eqs. (1) to (11).  Under the static load :math:`P` of the dampers,
+a finite element contact analysis gives the contact forces :math:`F` and the displacements
 :math:`U_B`, :math:`U_D` of blade and damper at each contact point.  Modal superposition gives
 
 .. math::
@@ -11,7 +11,7 @@ dampers, a finite element contact analysis gives the contact forces :math:`F` an
 with the receptances :math:`R_B, R_{DC}, R_{DP}` of the retained modes and the rigid-body modes
 :math:`\Psi` of the damper.  The differences :math:`\Delta U_B = U_B - \tilde U_B` (2) and
 :math:`\Delta U_D = U_D - \tilde U_D` (8) are assigned to springs, :math:`K_{cB}\,\Delta U_B = -F`
-(3) and :math:`K_{cD}\,\Delta U_D = F` (9).  Inserted, with diagonal matrices:
+(3) and :math:`K_{cD}\,\Delta U_D = F` (9).  With diagonal matrices, substitution gives
 
 .. math::
     K_{cB}^{-1} F &= -(R_B F + U_B) \qquad (4), \\
@@ -21,8 +21,8 @@ with the receptances :math:`R_B, R_{DC}, R_{DP}` of the retained modes and the r
 The right-hand sides follow from the linear model alone.  The residual flexibility :math:`R_{res}`
 of both sides (:mod:`bdamper.model.kinematics`) gives :math:`1/k_i = (R_{res} F)_i / F_i` as the sum
 of Eqs. (4) and (10) at each point and direction: :func:`paper_equations`.  The deformation of the
-damper under its load, the last term of Eq (10), is not part of this stiffness.  It enters the
-analysis as an initial distance of the surfaces.  :func:`paper_contact` gives the forces and
+damper under its load, the last term of Eq. (10), is not part of this stiffness.  It enters the
+analysis as an initial gap between the surfaces.  :func:`paper_contact` gives the forces and
 displacements, from the condensed contact problem (:mod:`bdamper.contact.static_contact`) or from
 the model file.
 
@@ -311,7 +311,7 @@ def _static_contact_forces(coupling: Coupling, friction: NDArray) -> NDArray:
 def _omitted_displacement(coupling: Coupling, force: NDArray) -> NDArray:
     """Evaluate Eqs. (2) and (8) with displacements of a finite element analysis.
 
-    The rigid-body motion of Eq (6) is fitted.
+    The rigid-body motion of Eq. (6) is fitted.
     """
     problem = static_contact_problem(coupling)
     rows = coupling.friction_rows

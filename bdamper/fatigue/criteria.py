@@ -330,9 +330,9 @@ def _plane_values(
         return np.asarray(shear_amplitude + k * (mean + excess))
     # rest of the limit for the vibration after the mean stress
     left = limit - k * mean
-    endurable = left > 0.0
-    ratio = (shear_amplitude + k * excess) / np.where(endurable, left, 1.0)
-    return np.where(endurable, ratio, np.inf)
+    allowable = left > 0.0
+    ratio = (shear_amplitude + k * excess) / np.where(allowable, left, 1.0)
+    return np.where(allowable, ratio, np.inf)
 
 
 def _parabola(values: NDArray) -> NDArray:
@@ -516,7 +516,7 @@ class Material(validation.Checked):
         validation.check(largest < self.ultimate_strength, "haigh", expected, f"{largest:g}")
 
     def limit(self, line: str) -> float:
-        """Return the mean stress (Pa) at which no amplitude is endurable."""
+        """Return the mean stress (Pa) at which no amplitude is allowable."""
         if line == "soderberg":
             return float(self.yield_strength)
         return float(self.ultimate_strength)
@@ -527,7 +527,7 @@ class Material(validation.Checked):
         line: str = "goodman",
         temperature: NDArray | float | None = None,
     ) -> NDArray:
-        """Return the endurable stress amplitude at a mean stress, both (...) in Pa.
+        """Return the allowable stress amplitude at a mean stress, both (...) in Pa.
 
         If ``line`` is "table" and the table covers several temperatures, ``temperature`` (...) in
         °C is required.
@@ -583,9 +583,9 @@ class Material(validation.Checked):
             if line == "table":
                 # amplitude and mean grow together on a ray of constant ratio
                 rays = np.where(vibrates, mean / amplitude, 0.0)
-                endurable = self._on_ray(rays, line, temperature)
+                allowable = self._on_ray(rays, line, temperature)
                 at_rest = self.ultimate_strength / np.maximum(mean, 0.0)
-                return np.where(vibrates, endurable / amplitude, at_rest)
+                return np.where(vibrates, allowable / amplitude, at_rest)
             of_amplitude = amplitude / self.endurance_limit
             of_mean = np.maximum(mean, 0.0) / self.limit(line)
             if line == "gerber":
@@ -600,7 +600,7 @@ class Material(validation.Checked):
         line: str = "goodman",
         temperature: NDArray | float | None = None,
     ) -> NDArray:
-        """Return the endurable stress amplitude at a stress ratio R = minimum over maximum.
+        """Return the allowable stress amplitude at a stress ratio R = minimum over maximum.
 
         Parameters
         ----------
@@ -618,9 +618,9 @@ class Material(validation.Checked):
         return self._on_ray(means_per_amplitude(ratio), line, temperature)
 
     def _on_ray(self, rays: NDArray, line: str, temperature: NDArray | float | None) -> NDArray:
-        """Return the endurable amplitudes (...) on rays (...) of a mean stress per amplitude.
+        """Return the allowable amplitudes (...) on rays (...) of a mean stress per amplitude.
 
-        They are found by bisection: the amplitude rises along the ray, the endurable one falls.
+        They are found by bisection: the amplitude rises along the ray, the allowable one falls.
         """
         highest = self.endurance_limit if self.haigh is None else max(self.haigh.amplitude)
         low = np.zeros_like(rays, float)

@@ -1,7 +1,7 @@
 r"""Endurable stress amplitudes as laboratories report them: a table over mean stress, temperature
 and survival probability.
 
-A row is the endurable amplitude of a test series: at a mean stress, or at a stress ratio
+A row is the allowable amplitude of a test series: at a mean stress, or at a stress ratio
 :math:`R = \sigma_{min}/\sigma_{max}`, which has the mean stress
 
 .. math:: \sigma_m = \sigma_a \frac{1 + R}{1 - R}.
@@ -122,7 +122,7 @@ class HaighTable(validation.Checked):
 
     @classmethod
     def from_csv(cls, path: FilePath | Mapping[str, object]) -> Self:
-        """Read a table from a CSV file with one row for each endurable amplitude.
+        """Read a table from a CSV file with one row for each allowable amplitude.
 
         The header has names and units: ``amplitude (MPa)``, ``mean (MPa)`` or ``R``, ``temperature
         (C)`` and ``probability (%)``, the probability of survival.  With both ``mean`` and ``R``,
@@ -251,13 +251,13 @@ class HaighTable(validation.Checked):
     def allowed(
         self, mean: ArrayLike, ultimate_strength: float, temperature: ArrayLike | None = None
     ) -> NDArray:
-        """Return the endurable amplitude for each mean stress and temperature.
+        """Return the allowable amplitude for each mean stress and temperature.
 
         Parameters
         ----------
         mean : (...) float, Pa
         ultimate_strength : float, Pa
-            Mean stress at which no amplitude is endurable.
+            Mean stress at which no amplitude is allowable.
         temperature : float or (...) float, °C, optional
             Needed if the table has several temperatures.
 
@@ -294,7 +294,7 @@ class HaighTable(validation.Checked):
         within = (degrees >= known[0] - 1e-9) & (degrees <= known[-1] + 1e-9)
         outside = np.ravel(degrees[~within])[:1]
         validation.check(within.all(), "temperature", f"{span}, as in the table", outside)
-        # endurable amplitudes (...) at each temperature of the table
+        # allowable amplitudes (...) at each temperature of the table
         amplitudes = [self._allowed_at(t, means, ultimate_strength) for t in known]
         if len(known) == 1:
             return amplitudes[0]
@@ -309,7 +309,7 @@ class HaighTable(validation.Checked):
         return np.asarray((1.0 - share) * below + share * above)
 
     def _allowed_at(self, temperature: float, mean: NDArray, ultimate_strength: float) -> NDArray:
-        """Return the endurable amplitudes (...) at a temperature of the table.
+        """Return the allowable amplitudes (...) at a temperature of the table.
 
         They are constant below the lowest mean stress of the table, and fall to 0 at the ultimate
         strength.

@@ -669,7 +669,7 @@ def _degrees(temperature: NDArray | None) -> tuple[str, ...]:
     """Return a note with the temperatures of the points."""
     if temperature is None:
         return ()
-    return (f"endurable amplitudes at {temperature.min():g} to {temperature.max():g} °C",)
+    return (f"allowable amplitudes at {temperature.min():g} to {temperature.max():g} °C",)
 
 
 def _check_counted(cycle: StressCycle) -> None:

@@ -373,7 +373,7 @@ def _combined(
         if is_last or abs(frequency[k + 1] - frequency[k]) > PAIR_TOLERANCE * frequency[k]:
             raise ValueError(
                 f"nodal diameter {d}: the shape of {frequency[k]:.6g} Hz has no partner of the "
-                "same frequency, and a real shape alone is no travelling wave"
+                "same frequency, and a single real shape cannot form a travelling wave"
             )
         a, b = difference[:, k], difference[:, k + 1]
         c = -np.vdot(b, a) / max(np.vdot(b, b).real, 1e-300)

@@ -409,11 +409,13 @@ class _Resonance(NamedTuple):
 
 
 def check_interval(case: LoadCase, frequency: tuple[float, float]) -> None:
-    """Warn if an interval (Hz) contains resonances only if it is read in radians per second.
+    """Warn if an interval (Hz) was probably given in radians per second.
 
-    The free and the stuck resonances of the modes are compared with it.  An interval that contains
-    resonances in Hz causes a warning only if it contains free and stuck resonances in radians per
-    second and the response to the excitation is at least 20 times stronger there.
+    The interval is compared with the free and stuck resonances of the modes.  If it contains none,
+    it causes a warning if it contains any when read in rad/s instead.  If it contains some, it
+    causes a warning only if it also contains free and stuck resonances when read in rad/s instead.
+    The response to the excitation must then be more than 20 times larger there.  An interval far
+    from every resonance in both units causes another warning.
     """
     if not case.static.ok:
         return

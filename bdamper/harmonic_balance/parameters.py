@@ -17,8 +17,8 @@ scale other quantities:
 A dot selects one interface (``"friction_coefficient.left"``, ``"gap_factor.left"``), one load
 (``"load_per_preload.rear"``, ``"constant_loads.shroud"``), or one free body
 (``"damper_inertia_factor.rear"``, ``"damper_mass_factor.rear"``).  Without a rotor speed,
-``"damper_mass_factor.rear"`` also scales the load of this body per newton of preload, and all
-bodies together have no such factor.
+``"damper_mass_factor.rear"`` also scales the load of this body per newton of preload;
+``"damper_mass_factor"`` for all bodies requires a rotor speed.
 
 To compare solutions of two problems, :func:`like` rotates the residual modes of one problem onto
 the residual modes of the other.  Modes of bodies have the phases of the model's basis.  Residual

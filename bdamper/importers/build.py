@@ -761,7 +761,8 @@ def _check_separate(body: PreparedBody, n_blades: int) -> None:
         "free body",
         f"Sector(rings={{'{body.name}': (set, set)}}) with the faces at which the ring repeats, "
         f"or rings={{'{body.name}': None}} for {n_blades} separate pieces",
-        f"faces that a rotation by one sector carries onto each other, as node {first} onto {last}",
+        "faces that a rotation by one sector carries onto each other, for example "
+        f"node {first} onto node {last}",
     )
 
 

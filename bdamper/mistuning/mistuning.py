@@ -167,7 +167,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
             pattern = distribution.without_mean().deviation
             if pattern.std() == 0.0:
                 raise SettingError(
-                    "distribution: the measured pattern has equal blades; give one with different "
+                    "distribution: the measured pattern has identical blades; give one with different "
                     "blades"
                 )
             blades = generator.integers(len(pattern), size=n_blades)

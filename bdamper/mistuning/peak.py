@@ -170,9 +170,9 @@ class DiskPeak(Result, Plottable, Recorded, Storable, kind="bdamper-wheel-peak")
         subject = f"blade {self.blade} of {len(self.response)}, {preload}"
         is_lower_bound = self.status == INCOMPLETE
         if is_lower_bound:
-            verdict = f"Not for design: a higher blade may exist, found {peak}: {subject}"
+            verdict = f"Not for design: a blade may have a larger amplitude than {peak}: {subject}"
         else:
-            verdict = f"Highest blade {peak}: {subject}"
+            verdict = f"Largest blade amplitude {peak}: {subject}"
         factor = f"{self.amplitude / self.tuned_amplitude:.3g}"
         at_least = "at least; " if is_lower_bound else ""
         tuned = f"{at_least}relative to the tuned disk, {amount(self.tuned_amplitude, 'm')}"

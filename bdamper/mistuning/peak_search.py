@@ -276,7 +276,7 @@ class Search:
                 return None
             heights = np.abs(system.structure.responses(top.y[:-1])[:, 1])
             highest = int(np.argmax(heights))
-            # equal blades differ by rounding
+            # identical blades differ by rounding
             if heights[highest] <= heights[blade] * (1.0 + 1e-9):
                 return Climbed(
                     at=top, blade=blade, springs=(springs,), heights=(float(heights[blade]),)

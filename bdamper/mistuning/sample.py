@@ -47,7 +47,7 @@ from bdamper.util.errors import (
     WithRowStatus,
     all_complete,
 )
-from bdamper.util.formatting import amount, short_repr
+from bdamper.util.formatting import amount, ordinal, short_repr
 from bdamper.util.progress import one_thread, shows_progress
 from bdamper.util.records import Data, numbers_of
 from bdamper.util.statement import Row, Statement
@@ -135,9 +135,14 @@ class Audit(Summarised, Tabular, row="search"):
 
         Only decided disks count: a peak was missed, or both searches have all their peaks.
         """
+        return share(*self._disk_counts)
+
+    @property
+    def _disk_counts(self) -> tuple[int, int]:
+        """Numbers of disks with a missed peak and of decided disks."""
         missed = np.unique(self.disk[self.missed])
         undecided = np.setdiff1d(self.disk[self.undecided], missed)
-        return share(len(missed), len(np.setdiff1d(self.disk, undecided)))
+        return len(missed), len(np.setdiff1d(self.disk, undecided))
 
     def _statement(self) -> Statement:
         missed = self.missed
@@ -153,8 +158,10 @@ class Audit(Summarised, Tabular, row="search"):
         ]
         if numbers:
             rows.append(Row("Affected disks", "", numbers))
-        interval = f"95 % confidence: {low:.3g} to {high:.3g} %"
-        verdict = f"A thorough search finds higher peaks in {share:.3g} % of the disks ({interval})"
+        affected, decided = self._disk_counts
+        part = f"{affected} of {decided} decided disks"
+        interval = f"{share:.3g} %; 95 % confidence: {low:.3g} to {high:.3g} %"
+        verdict = f"A thorough search finds higher peaks in {part} ({interval})"
         remarks = [MISSED_REMEDY] if missed.any() else []
         return Statement([verdict], rows, remarks=remarks)
 
@@ -203,7 +210,11 @@ class BestPreload(Summarised):
         if self.low < self.high:
             preload = Interval(self.low, self.preload, self.high).to_text("N")
         rows = [
-            Row("Amplitude", self.amplitude.to_text("m"), f"in {self.percentile:g} % of the disks"),
+            Row(
+                "Amplitude",
+                self.amplitude.to_text("m"),
+                f"{ordinal(self.percentile)} percentile of the disks, with 95 % confidence limits",
+            ),
             Row(
                 "Tuned disk",
                 amount(self.tuned_amplitude, "m"),
@@ -215,7 +226,7 @@ class BestPreload(Summarised):
         if self.kind == "interior":
             return Statement([f"Best preload {preload}: {subject}"], rows)
         best = amount(self.preload, "N")
-        verdict = f"Not for design: the best preload, {best}, is an end of the range ({subject})"
+        verdict = f"Not for design: the best preload, {best}, is at an end of the range ({subject})"
         remarks = ["Remedy: include preloads outside this range in the sample"]
         return Statement([verdict], rows, remarks=remarks)
 

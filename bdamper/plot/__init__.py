@@ -5,7 +5,7 @@ The only package that imports matplotlib.
 Each plot function registers itself for a type of result in :mod:`bdamper.util.display`, so that
 ``result.plot()`` calls it.  Its arguments include axes ``ax`` (new axes if omitted) and ``title``.
 `new_axes` and `save_figure` start and save a figure with several results, and `draw_table` plots
-one column of a result over another one.  `motion` computes motions and contact states as plain
+one column of a result against another.  `motion` computes motions and contact states as plain
 arrays, `vtu` writes files for ParaView.  `explorer` serves a page with sliders on the loopback
 interface (extra ``bdamper[app]``).
 """

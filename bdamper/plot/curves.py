@@ -233,7 +233,7 @@ def plot_curve(
     limits: Sequence[ResponseCurve] = (),
     **options: Any,
 ) -> Axes:
-    """Plot the amplitude over frequency of a curve, or over speed of a run-up.
+    """Plot the amplitude of a curve against frequency, or that of a run-up against speed.
 
     Parameters
     ----------
@@ -606,9 +606,9 @@ def mark_time_response(time_response: TimeResponse, ax: Axes, x: float | None = 
 def plot_frequency_sweep(
     sweep: TimeSweep, ax: Axes = NEW, *, label: str = "", **style: Any
 ) -> None:
-    """Plot the amplitude over frequency of a sweep in time, also over response curves.
+    """Plot the amplitude of a frequency sweep by time integration against frequency.
 
-    ``style`` are line options.
+    The axes may already contain response curves.  ``style`` are line options.
     """
     if not ax.has_data():
         ax.set_title(f"{abs(sweep.rate):.3g} Hz/s, preload {amount(sweep.preload, 'N')}")

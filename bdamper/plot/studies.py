@@ -1,6 +1,6 @@
 """Plots of sweeps, uncertainty, effects, convergence, fits, nonlinear modes and flutter.
 
-:func:`draw_table` plots one column of a result over another one, with labels and units from their
+:func:`draw_table` plots one column of a result against another, with labels and units from their
 annotated types (:mod:`bdamper.util.tables`).
 """
 
@@ -75,9 +75,10 @@ def _with_unit(name: str) -> str:
 
 @picture(SweepResult)
 def plot_sweep(result: SweepResult, quantity: str | None = None, ax: Axes = NEW) -> None:
-    """Plot a quantity over the last setting of a sweep, with a line for each other combination.
+    """Plot a quantity against the last setting of a sweep.
 
-    Points without a value are crosses at the lower edge, in the colour of their line.
+    Each combination of the other settings has its own line.  Crosses at the lower edge, in the
+    colour of the line, mark points without a value.
 
     Parameters
     ----------
@@ -115,7 +116,7 @@ def plot_optimal_curve_uncertainty(
 ) -> None:
     """Plot percentile bands of optimal curves over the preload.
 
-    Preloads at which too many draws lack a peak are crosses at the lower edge.
+    Crosses at the lower edge mark preloads at which too many draws lack a peak.
 
     Parameters
     ----------

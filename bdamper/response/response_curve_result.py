@@ -417,9 +417,9 @@ class ResponseCurve(
     def labels(self) -> NDArray:
         """Stability of each point, or "" if unknown.
 
-        It is "stable" or "unstable" in time, "stable as far as N harmonics tell" or "unstable" by
-        multipliers, and "unstable (det J < 0) with N harmonics" or "undecided (det J >= 0) with N
-        harmonics" by the sign of the determinant.
+        It is "stable" or "unstable" by time integration, "stable as far as N harmonics tell" or
+        "unstable" by Floquet multipliers, and "unstable (det J < 0) with N harmonics" or "undecided
+        (det J >= 0) with N harmonics" by the sign of the determinant.
         """
         if self.unstable is None:
             return np.full(len(self), "", object)

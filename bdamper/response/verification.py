@@ -97,7 +97,7 @@ class AllBlades(Result):
 
     @property
     def blades_differ(self) -> bool:
-        """Whether equal blades vibrate differently, the same ones high in both halves."""
+        """Whether identical blades vibrate differently, the same ones high in both halves."""
         n_periods, n_waves = len(self.blades), len(self.waves)
         if n_waves < 2 or n_periods < 2:
             return False
@@ -119,7 +119,7 @@ class AllBlades(Result):
         return float(numerical)
 
     def _unlike_rows(self) -> list[Row]:
-        """Return the row of the smallest and largest amplitude if equal blades vibrate differently."""
+        """Return the row of the smallest and largest amplitude if identical blades vibrate differently."""
         if not self.blades_differ:
             return []
         return [Row("Different blades", span(*self.spread, "m"), "lowest to highest, means")]
@@ -127,7 +127,7 @@ class AllBlades(Result):
     def _facts(self) -> tuple[Fact, ...]:
         """Return the most important values, the energy balance of a period and the waves."""
         facts: list[Fact] = []
-        # blades of a mistuned disk have numbers, equal blades have waves
+        # blades of a mistuned disk have numbers, identical blades have waves
         if self.blades.size and not self.waves.size:
             facts.append(Fact("blade", self.blade))
         facts += super()._facts()
@@ -461,7 +461,7 @@ class MotionInTime(
         elif self.status == INTERRUPTED:
             remarks.append(f"The integration is {INTERRUPTED}")
         if self.verdict == "undecided" and self.status != INTERRUPTED:
-            remarks.append("Remedy: integrate more periods, for example periods=400")
+            remarks.append("Remedy: integrate longer, for example with periods=400")
         if any(check.value == "FAIL" for check in checks):
             remarks.append("Remedy: use study.time_response(curve), the highest steady amplitude")
         return Statement([verdict], rows, checks, remarks)

@@ -698,7 +698,7 @@ class AllSectors:
         force = vibrates * np.abs(_as_complex(cosine))
         response = vibrates * np.abs(self.rows[:, :n] - 1j * self.rows[:, n:])
 
-        # equal blades respond most to a force in one wave; the wave with the least damping bounds
+        # identical blades respond most to a force in one wave; the wave with the least damping bounds
         # all of them
         scaled_force = _over_root(force, damping)
         scaled_response = _over_root(response, damping)  # (n_blades, n_coordinates)

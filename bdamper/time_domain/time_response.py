@@ -169,7 +169,7 @@ def richer_structure(problem: Problem) -> tuple[Problem, str] | None:
 
 
 def _few_residual_modes(problem: Problem) -> ResidualModes | None:
-    """Return the settings of residual modes if they are fewer than in the richer structure."""
+    """Return the settings of residual modes if they are fewer than in the structure with more modes."""
     method = problem.stiffness_method
     if method == "residual_modes":
         method = ResidualModes()
@@ -479,9 +479,9 @@ def _curve_of_peak(problem: Problem, peak: Peak) -> ResponseCurve:
 def _refine(
     search: SteadySearch, points: list[SteadyPoint], sectors: AllSectors, step_factor: int
 ) -> SteadyPoint:
-    """Return the highest motion with ``step_factor`` times the steps, or in a richer structure.
+    """Return the highest motion with ``step_factor`` times the steps, or with more modes.
 
-    A more detailed structure may need shorter steps.
+    A structure with more modes may need shorter steps.
 
     Raises
     ------
@@ -584,7 +584,12 @@ def _stated(
     spent = _after_limit(integrations)
     # an amplitude to which the time steps supply energy is not a bound either
     if integrations.step_error or best is None:
-        why = integrations.step_error or spent or search.failure or "no motion stays near the peak"
+        why = (
+            integrations.step_error
+            or spent
+            or search.failure
+            or "every integration leaves the peak"
+        )
         end = _ending(NOT_FOUND, why, integrations.interrupted)
         return replace(without_amplitude, status=end.status, reason=end.reason)
 

@@ -539,7 +539,7 @@ def step_error(transient: Transient) -> str:
     if not amplitude <= (1.0 + CRITERIA.tolerance) * bound:
         return (
             f"its amplitude of {amount(amplitude, 'm')} is higher than without contacts, "
-            f"where damping allows {amount(bound, 'm')}; {remedy}"
+            f"where damping limits it to {amount(bound, 'm')}; {remedy}"
         )
     return ""
 
@@ -565,7 +565,10 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
     last = float(off[-look:].mean())
     if n < 3 * look:
         periods = min(n, look)
-        few = f"{_in_percent(last)} % on average in {periods} periods; {3 * look} periods are required"
+        few = (
+            f"mean amplitude of {periods} periods {_in_percent(last)} % from the solution; at least "
+            f"{3 * look} periods are required"
+        )
         return Verdict(UNDECIDED, few, periods)
 
     # left

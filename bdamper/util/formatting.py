@@ -170,6 +170,14 @@ def counted(n: int, what: str) -> str:
     return f"{n or 'no'} {_plural(what) if n > 1 else what}"
 
 
+def ordinal(value: float) -> str:
+    """Return a number as an ordinal, for example "95th", "91st" or "97.5th"."""
+    text = f"{value:g}"
+    is_teen = text[-2:] in ("11", "12", "13")
+    endings = {} if is_teen or "." in text else {"1": "st", "2": "nd", "3": "rd"}
+    return text + endings.get(text[-1], "th")
+
+
 def listed(texts: Iterable[str]) -> str:
     """Return texts as a list in a sentence, for example "1, 3 and 5"."""
     *others, last = texts

@@ -131,7 +131,7 @@ def progress_counter(
 
 
 Report = Callable[[str, int, int], None]
-"""Function of the stage of the work, the number of finished parts and their total."""
+"""Function of the stage of the computation, the number of finished parts and their total."""
 
 
 def no_report(stage: str, done: int, total: int) -> None:
@@ -140,7 +140,7 @@ def no_report(stage: str, done: int, total: int) -> None:
 
 @dataclass
 class Steps:
-    """Steps of long work, which a progress bar counts, and the passes within each step.
+    """Steps of a long computation, counted by a progress bar, and the passes within each step.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ class Steps:
     current: str = field(default="", init=False)
 
     def begin(self, text: str) -> None:
-        """Begin the next step of the work."""
+        """Begin the next step of the computation."""
         self.show(text, self.begun, self.total)
         self.begun += 1
         self.current = text

@@ -42,7 +42,7 @@ UNITS_WITHOUT_RANGE: dict[str, str] = {
 
 
 class Quantity(Protocol):
-    """Quantity of pint."""
+    """Attributes and methods of a :class:`pint.Quantity`."""
 
     magnitude: Any
 

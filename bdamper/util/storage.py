@@ -4,11 +4,12 @@ A result is a frozen dataclass that derives from :class:`Storable` with the name
 HDF5 file contains its fields (:mod:`bdamper.util.records`) and the versions of bdamper, NumPy and
 SciPy that computed it.  :func:`load` reads every format.
 
-:class:`ResultsFile` stores the finished parts of long work, so that interrupted work can continue.
-Each part (a point of a sweep, a peak of an optimal curve) is appended as a line of JSON; once a
-second all lines are forced to disk.  A killed process leaves at most an incomplete last line, which
-the next run removes; a power failure loses at most the last second.  The first line identifies the
-problem and its settings.  A file of other work, or of another version of bdamper, is rejected.
+:class:`ResultsFile` stores the finished parts of a long computation, which can continue from them
+after an interruption.  Each part (a point of a sweep, a peak of an optimal curve) is appended as a
+line of JSON; once a second all lines are forced to disk.  A killed process leaves at most an
+incomplete last line, which the next run removes; a power failure loses at most the last second.
+The first line identifies the problem and its settings.  A file of another computation or version
+of bdamper is rejected.
 """
 
 from __future__ import annotations
@@ -254,7 +255,8 @@ def existing(path: FilePath, kind: type[BdamperError] = BdamperError) -> Path:
 def is_endless(path: Path) -> bool:
     """Return whether a path is a device or a named pipe.
 
-    ``/dev/stdin`` is none if it is a pipe, which has a writer.
+    If ``/dev/stdin`` is a pipe, the answer is False, because such a pipe has a writer, which ends
+    it.
     """
     real = path.resolve()
     return real.exists() and not (real.is_file() or real.is_dir())
@@ -428,7 +430,7 @@ def _read(cls: type[Storable], path: FilePath) -> Any:
             raise ValueError(f"{_written_by(file)}: {reason}") from error
 
 
-# ---- Finished parts of long work ----
+# ---- Finished parts of a long computation ----
 
 
 class ResultsFile:
@@ -438,9 +440,9 @@ class ResultsFile:
     ----------
     path : path
     header : mapping
-        Identification of the work, compared with the first line of an existing file.
+        Identification of the computation, compared with the first line of an existing file.
     work : str
-        Kind of work for errors: "sweep", "search for an optimal curve".
+        Name of the computation in error messages: "sweep", "search for an optimal curve".
 
     Raises
     ------

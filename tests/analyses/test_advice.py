@@ -161,7 +161,7 @@ def test_what_saves_nothing_stays_on_and_what_is_off_may_stay_off():
     found, _ = module._chosen(Reference(DEFAULT, lambda e: 0.0), given, 0.01)
     assert [e.verdict for e in found] == ["keep", "stays off"] and found[
         0
-    ].reason == "its omission saves no time"
+    ].reason == "omitting it saves no time"
 
 
 def test_effects_that_change_more_together_are_taken_back():

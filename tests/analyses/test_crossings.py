@@ -177,7 +177,7 @@ def test_a_study_over_the_mass_names_the_best_mass(found, name):
     )  # fmt: skip
     first = "Highest crossing"
     if best:
-        end = "" if best == "2" else ", an end of the range"
+        end = "" if best == "2" else ", at an end of the range"
         first = f"Lowest crossing peak with {best} times the damper mass{end}:"
     assert made._headline().startswith(f"{first} {highest} at ")
     assert ("Remedy: include damper_mass_factor outside" in said(made)) == (best in ("1", "3"))
@@ -190,7 +190,7 @@ def test_the_best_mass_has_the_lower_of_two_crossings(study):
     best = min(heights, key=heights.get)
     amplitude = amount(heights[best], "m")
     assert found._headline().startswith(
-        f"Lowest crossing peak with {best:g} times the damper mass, an end of the range: {amplitude} "
+        f"Lowest crossing peak with {best:g} times the damper mass, at an end of the range: {amplitude} "
     )
 
 

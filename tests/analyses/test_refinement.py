@@ -146,7 +146,7 @@ def test_lost_harmonics_leave_the_case_to_time_integration(masses, monkeypatch):
     nothing = error_estimates.Solution(error_estimates.Change(how="no complete response curve"))
     monkeypatch.setattr(error_estimates, "solve_other", lambda *args, **options: nothing)
     result = study.refine(peak)
-    assert "harmonic balance does not decide this case" in result.reason
+    assert "harmonic balance cannot determine the amplitude" in result.reason
     assert result.needed == "time integration, study.time_response(peak)"
 
 
@@ -158,7 +158,7 @@ def test_a_small_error_is_not_reached_while_harmonics_do_not_approach_each_other
     monkeypatch.setattr(refinement.ErrorEstimates, "undecided", property(lambda _: True))
     result = study.refine(peak, tolerance=0.9)
     assert result.steps[0].error < 0.9 and len(result.steps) == 2
-    assert not result.reached and "harmonic balance does not decide this case" in result.reason
+    assert not result.reached and "harmonic balance cannot determine the amplitude" in result.reason
 
 
 def test_plot_shows_steps_tolerance_and_need(refined):

@@ -772,7 +772,7 @@ class TestUncertainty:
         found = robust(percentile=70.0, tolerance=1e-6)
         assert (found.preload, found.amplitude) == pytest.approx((self.BEST, self.HEIGHT), rel=1e-5)
         height = amount(found.amplitude, "m")
-        text = f": at most {height} in all 3 draws (percentile 70 requires 5 draws) "
+        text = f": at most {height} in all 3 draws (the 70th percentile requires 5 draws) "
         assert text in said(found)
         assert " in 50 % of 3 draws " in said(robust(percentile=50.0))
         assert "requires" not in str(robust(percentile=100.0))
@@ -815,8 +815,8 @@ class TestUncertainty:
         assert not found.complete
         text = said(found)
         assert text.startswith(
-            "Best preload 1 N, an end of the range: at most 8 m in all 8 draws Sample 8 draws random "
-            "friction coefficient (percentile 95 requires 21 draws)"
+            "Best preload 1 N, at an end of the range: at most 8 m in all 8 draws Sample 8 draws random "
+            "friction coefficient (the 95th percentile requires 21 draws)"
         )
         assert " 1 N 5 m 8 m 2 N no peak no peak " in text
         assert "7 of 8 draws have no peak at some preloads" in text
@@ -834,7 +834,7 @@ class TestUncertainty:
                             samples={"friction_coefficient": np.ones(n)}, warnings=())  # fmt: skip
             reached = float(found.percentile(95.0)[0])
             assert np.count_nonzero(size <= reached) >= 0.95 * n and (reached < n) == (n >= 21)
-            assert ("(percentile 95 requires 21 draws)" in said(found)) == (n < 21)
+            assert ("(the 95th percentile requires 21 draws)" in said(found)) == (n < 21)
 
     def test_draws_of_an_uncertain_curve_that_fail(self, study, monkeypatch):
         """A draw with invalid settings does not count; one whose search ends in an error is unknown."""

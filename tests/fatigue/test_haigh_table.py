@@ -204,7 +204,7 @@ def test_margins_at_the_temperature_of_each_point(study, peak, material, tmp_pat
     at = np.array([20.0, 450.0, 20.0])
     allowed = material.allowed(margins.mean, "table", at)
     np.testing.assert_allclose(margins.factor, allowed / margins.amplitude, rtol=1e-12)
-    assert "endurable amplitudes at 20 to 450 °C" in margins.notes
+    assert "allowable amplitudes at 20 to 450 °C" in margins.notes
     same = study.margin(peak, material, line="table", temperature=[20.0, 450.0, 20.0])
     np.testing.assert_array_equal(same.factor, margins.factor)
     cold = study.margin(peak, material, line="table", temperature=20.0)

@@ -44,7 +44,7 @@ def test_a_part_of_the_band_without_solutions_leaves_a_lower_bound(monkeypatch, 
         and min(hidden[1], band[1] + 1e-9) - step < high < hidden[1]
     )
     assert "no solution found between" in part.reason
-    doubt = "Not for design: a higher blade may exist, found "
+    doubt = "Not for design: a blade may have a larger amplitude than "
     assert part._headline().startswith(doubt)
     assert "at least; relative to the tuned" in said(part) and "DiskPeakOptions(least=240)" in said(
         part

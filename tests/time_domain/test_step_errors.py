@@ -208,7 +208,7 @@ def test_an_amplitude_above_that_without_contacts_is_not_stated(bent, monkeypatc
     found = study.time_response(curve, steps_per_period=16)
     assert found.status_text.startswith("not found: its amplitude of 1")
     assert "mm is higher than without contacts" in found.reason
-    assert found.reason.endswith("where damping allows 5 mm; use steps_per_period=256")
+    assert found.reason.endswith("where damping limits it to 5 mm; use steps_per_period=256")
     assert (
         np.isnan([found.mean, found.lowest, found.highest, found.largest]).all()
         and not found.answers

@@ -311,7 +311,7 @@ def ends(search):
     (ends, "incomplete: the curve ends before the motion falls; widen the interval", 0.01),
     (lambda search: setattr(search, "below", float("nan")), "complete", 0.01),
     (lambda search: setattr(search, "failure", "some steps failed"), "incomplete: some steps failed", 0.01),
-    (finds_none, "not found: no motion stays near the peak", np.nan),
+    (finds_none, "not found: every integration leaves the peak", np.nan),
 ])  # fmt: skip
 def test_what_leaves_the_answer_open_is_its_status(bent, monkeypatch, changes, status, change):
     search_that(monkeypatch, changes)
@@ -429,7 +429,7 @@ def test_an_interruption_leaves_the_highest_motion_so_far(bent, monkeypatch):
     (110, "incomplete", "before all refinements ended"),
 ])  # fmt: skip
 def test_a_spent_processor_time_leaves_what_was_computed(bent, monkeypatch, call, status, missing):
-    """It is spent with the equations or with one integration, and no integration follows, not even in the richer structure.
+    """It is spent with the equations or with one integration, and no integration follows, not even with more modes.
 
     The first two calls are those for the modes and for the equations.
     """

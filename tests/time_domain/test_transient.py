@@ -240,7 +240,9 @@ class TestWanders:
 def test_reasons_name_the_distance():
     told = {
         "+30 %, not approaching the solution within 16 periods": constant(0.3, 48),
-        "-30 % on average in 16 periods; 48 periods are required": constant(-0.3, 16),
+        "mean amplitude of 16 periods -30 % from the solution; at least 48 periods are required": constant(
+            -0.3, 16
+        ),
         "+4 % so far; 96 periods show whether it has settled": constant(0.04, 48),
         "mean of 80 periods +4 %": constant(0.04, 96),
     }
