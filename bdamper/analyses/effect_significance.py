@@ -159,7 +159,11 @@ class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-eff
         if self.negligible:
             rows = [
                 Row("Omitted effects", str(n - n_kept), ", ".join(self.negligible)),
-                Row("Change in peak", percent(self.amplitude_change, True), "without all of them"),
+                Row(
+                    "Change in peak",
+                    percent(self.amplitude_change, sign=True),
+                    "without all of them",
+                ),
                 Row("Computing effort", f"{self.work:.2g}", "relative to all effects"),
             ]
         small = [e for e in self.effects if e.significant and e.size <= self.tolerance]
@@ -189,8 +193,8 @@ class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-eff
                 state += f" ({effect.reason})"
             row = (
                 effect.name,
-                percent(effect.amplitude_change, True),
-                percent(effect.frequency_change, True),
+                percent(effect.amplitude_change, sign=True),
+                percent(effect.frequency_change, sign=True),
                 percent(effect.uncertainty) if effect.source == "estimated" else "",
                 effect.source,
                 f"{effect.work:.2f}",
@@ -198,8 +202,8 @@ class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-eff
             )
             rows.append(row)
         if self.negligible:
-            amplitude = percent(self.amplitude_change, True)
-            frequency = percent(self.frequency_change, True)
+            amplitude = percent(self.amplitude_change, sign=True)
+            frequency = percent(self.frequency_change, sign=True)
             rows.append(
                 ("all omitted", amplitude, frequency, "", "computed", f"{self.work:.2f}", "")
             )

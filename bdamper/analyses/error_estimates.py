@@ -770,19 +770,26 @@ def _of_time(
     problem: Problem, result: ResponseCurve | Peak, highest: Peak, meter: CostMeter
 ) -> SourceError:
     """Return the difference of a peak from time integration."""
+
+    def unknown(reason: str) -> SourceError:
+        return SourceError(
+            TIME, amplitude=np.nan, frequency=np.nan, uncertainty=np.inf, against=reason
+        )
+
     try:
         response = time_response.time_response(problem, result, progress=False)
     except BdamperError as error:
-        return SourceError(TIME, np.nan, np.nan, np.inf, str(error))
+        return unknown(str(error))
     meter.add(response.cost)
     if not response.ok:
-        return SourceError(TIME, np.nan, np.nan, np.inf, response.status_text)
+        return unknown(response.status_text)
     # relative changes; of the amplitude the larger one of both ends of its range
     lowest = response.lowest / highest.amplitude - 1.0
     highest_in_time = response.highest / highest.amplitude - 1.0
     amplitude = max(lowest, highest_in_time, key=abs)
     frequency = response.frequency / highest.frequency - 1.0
-    return SourceError(TIME, amplitude, frequency, 0.0, f"time integration, {response.text}")
+    how = f"time integration, {response.text}"
+    return SourceError(TIME, amplitude, frequency, uncertainty=0.0, against=how)
 
 
 def _with_three_harmonics(problem: Problem, preload: float, tops: Tops) -> tuple[Problem, Tops]:

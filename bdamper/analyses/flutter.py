@@ -190,7 +190,9 @@ def flutter(
                 scaled = [cycle._replace(amplitude=factor * cycle.amplitude) for cycle in cycles]
                 within = sorted(cycle for cycle in scaled if cycle.amplitude <= high)
                 rest_is_stable = damping_ratio + float(curve.damping_ratio[0]) > 0.0
-                equilibrium = _Motion(0.0, float(curve.frequency[0]), rest_is_stable)
+                equilibrium = _Motion(
+                    amplitude=0.0, frequency=float(curve.frequency[0]), stable=rest_is_stable
+                )
                 rows += [(p, diameter, motion) for motion in (equilibrium, *within)]
     motions = [motion for _, _, motion in rows]
     return Flutter(
@@ -267,7 +269,14 @@ def _cycles(problem: Problem, mode: NonlinearMode, damping_ratio: float) -> list
         y = before + share * (after - before)
         # at constant damping ratio, the last unknown but one
         constant_damping = Plane(np.eye(len(y))[-2])
-        solution = system.solve(y, constant_damping, system.units(y, 1.0), 1e-10, 20, True)
+        solution = system.solve(
+            y,
+            constant_damping,
+            system.units(y, 1.0),
+            tolerance=1e-10,
+            max_iterations=20,
+            line_search=1,
+        )
         ending = Ending()
         if solution.status == OK:
             y = solution.y

@@ -491,7 +491,7 @@ def mode_system(
     case = problem.at(preload)
     driven = case.equations
     linear = driven.structure.linear
-    free_frequencies, free_shapes = linear.modes(None)
+    free_frequencies, free_shapes = linear.modes(contact=None)
     elastic = np.flatnonzero(free_frequencies > RIGID * free_frequencies[-1])
     mode = validation.integer("mode", mode, least=1, most=len(elastic))
     free_shape = free_shapes[:, elastic[mode - 1]]
@@ -567,21 +567,28 @@ class _Branch:
         """
         start = self._start(state, omega)
         if start is None:
-            path = Path((), NOT_FOUND, "no motion at the lowest amplitude", 0, 0)
-            self.pieces.append(Piece(path, True))
+            path = Path(
+                points=(),
+                status=NOT_FOUND,
+                reason="no motion at the lowest amplitude",
+                iterations=0,
+                failed_steps=0,
+            )
+            self.pieces.append(Piece(path, up=True))
             return
         ahead = self._linear(start)
         if ahead.y[-1] >= self.high:
             last = self.at(start.y, self.high)
             points = replace(start, kind="end"), replace(last, kind="end")
             reason = f"reached {self.system.measure.place(self.high)}, where nothing slips yet"
-            self.pieces.append(Piece(Path(points, COMPLETE, reason, 0, 0), True))
+            path = Path(points, COMPLETE, reason, iterations=0, failed_steps=0)
+            self.pieces.append(Piece(path, up=True))
             return
         limits = float(start.y[-1]), self.high
         path = follow(self.system, ahead.y, limits, options=self.options, on_point=self.on_point)
         if ahead is not start:
             path = replace(path, points=(replace(start, kind="end"), *path.points))
-        self.pieces.append(Piece(path, True))
+        self.pieces.append(Piece(path, up=True))
         if path.status != COMPLETE and path.points and not self.system.spent:
             self._from_above(path.points[-1].y)
 
@@ -589,7 +596,14 @@ class _Branch:
         """Solve by Newton's method with line search from a point at another amplitude."""
         y = np.append(y[:-1], parameter)
         scale = self.system.units(y, 1.0)
-        return self.system.correct_at(y[:-1], parameter, scale, self.options.tolerance, 40, True)
+        return self.system.correct_at(
+            y[:-1],
+            parameter,
+            scale,
+            tolerance=self.options.tolerance,
+            max_iterations=40,
+            line_search=1,
+        )
 
     def _start(self, state: PreloadState, omega: float) -> Correction | None:
         """Return the motion at the lowest amplitude.
@@ -649,7 +663,7 @@ class _Branch:
         path = follow(
             self.system, solution.y, (self.low, self.high), up=False, options=self.options
         )
-        self.pieces.append(Piece(path, False, 1))
+        self.pieces.append(Piece(path, up=False, branch=1))
 
 
 def _correlation(system: Equations[Mode], y: NDArray) -> NDArray:

@@ -343,8 +343,13 @@ class _Search:
             if left == 0.0 and error is None:
                 continue
             reason = f"assumed part of the last change; {error.against if error else 'exhausted'}"
-            amplitude = left * last.amplitude
-            errors[source] = SourceError(source, amplitude, left * last.frequency, 0.0, reason)
+            errors[source] = SourceError(
+                source,
+                amplitude=left * last.amplitude,
+                frequency=left * last.frequency,
+                uncertainty=0.0,
+                against=reason,
+            )
         return tuple(errors.values())
 
     def _missing_peak(self, enriched: dict[str, Enriched]) -> str:

@@ -730,7 +730,9 @@ class _Swept:
             system = forced(self.system, factor ** (step / n_steps))
             # the vibration grows with the force, the mean position does not
             u = np.append(u[:n_mean], factor ** (1.0 / n_steps) * u[n_mean:])
-            solution = system.correct_at(u, omega, self.scale, self.tolerance, self.most, 1)
+            solution = system.correct_at(
+                u, omega, self.scale, self.tolerance, max_iterations=self.most, line_search=1
+            )
             if solution.status != OK:
                 return None
             u = solution.y[:-1]

@@ -849,7 +849,7 @@ class Comparison(Result, Plottable, Tabular, Storable, kind="bdamper-comparison"
                 amount(outcome.amplitude, "m"),
                 amount(outcome.frequency, "Hz"),
                 amount(outcome.preload, "N"),
-                percent(changes[name], True) if name in changes else "",
+                percent(changes[name], sign=True) if name in changes else "",
                 amount(result.cost.seconds, "s"),
                 outcome.status,
             )

@@ -706,6 +706,7 @@ def static_state(
             return _at_rest(system, unloaded)
         return _loaded(system, load, unloaded, steps)
 
+    # a load of 1 applies all loads of _together() completely
     assembled = replace(_loaded(assembly, 1.0, unloaded, steps), load=0.0)
     if assembled.ok:
         return _loaded(system, load, assembled, steps)

@@ -355,7 +355,13 @@ def _complex_waves(
     _refuse(error, frequency, d, "")
     backward = backward_error < forward_error
     toward_x = np.where(backward, shapes.conj(), shapes)
-    return Waves(np.arange(len(frequency)), toward_x, error, int(backward.sum()), 0)
+    return Waves(
+        index=np.arange(len(frequency)),
+        shapes=toward_x,
+        mismatch=error,
+        turned=int(backward.sum()),
+        combined=0,
+    )
 
 
 def _combined(
@@ -384,7 +390,9 @@ def _combined(
     error = np.array(errors)
     first = np.array(index, int)
     _refuse(error, frequency[first], d, "the pair of shapes ")
-    return Waves(first, np.array(waves).T, error, 0, len(index))
+    return Waves(
+        index=first, shapes=np.array(waves).T, mismatch=error, turned=0, combined=len(index)
+    )
 
 
 def _standing(
@@ -400,7 +408,13 @@ def _standing(
         shapes = shapes.real
     error = np.linalg.norm(_difference(shapes, faces, d), axis=0) / size
     _refuse(error, frequency, d, "")
-    return Waves(np.arange(len(frequency)), np.array(shapes), error, 0, 0)
+    return Waves(
+        index=np.arange(len(frequency)),
+        shapes=np.array(shapes),
+        mismatch=error,
+        turned=0,
+        combined=0,
+    )
 
 
 def _refuse(error: NDArray, frequency: NDArray, d: int, what: str) -> None:

@@ -260,7 +260,7 @@ class SectorFE:
             Speed for a comparison with the frequencies of the full matrices.
         """
         per_squared_speed = stiffness_per_squared_speed(self.blade, self.cyclic(0))
-        return Rotation(per_squared_speed, 0.0, check_at, "bdamper.fem")
+        return Rotation(per_squared_speed, omega_ref=0.0, check_at=check_at, source="bdamper.fem")
 
     def blade_part(self) -> BladePart:
         """Return shank, platform and airfoil as the blade of a mistuned bladed disk; its root is at

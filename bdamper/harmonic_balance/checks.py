@@ -493,7 +493,7 @@ def _check_direction(problem: Problem, sector: SectorData, frequency: tuple[floa
 
     The modes are those without contact.
     """
-    omega, modes = sector.linear.modes(None)
+    omega, modes = sector.linear.modes(contact=None)
     hertz = omega / (2.0 * np.pi)
     low, high = frequency
     within = (low < hertz) & (hertz < high)

@@ -562,7 +562,15 @@ class Equations(Generic[S]):
         if isinstance(condition, Maximum):
             arguments["re"], arguments["im"] = self.rows.at(y[-1])
         if self.spent:
-            return Correction(NOT_CONVERGED, y, tangent, scale, 0, np.nan, 0)
+            return Correction(
+                NOT_CONVERGED,
+                y,
+                tangent,
+                scale,
+                iterations=0,
+                residual=np.nan,
+                rank_deficiency=0,
+            )
         if self.last < math.inf:
             # an iteration that begins within the budget may exceed it
             per_iteration = LINE_SEARCH_TRIALS if line_search else 1

@@ -156,7 +156,7 @@ def _spin_softening(body: PreparedBody, per_squared_speed: NDArray) -> float:
     # of any displacement with components of at most 1
     largest_force = np.abs(standstill).sum(axis=1).A1
     is_loaded = (force > 1e-6 * largest_force).reshape(-1, 3).any(axis=1)
-    has_held_component = body.fixed(None).any(axis=1)
+    has_held_component = body.fixed(held=None).any(axis=1)
     is_inner = np.repeat(~(is_loaded | has_held_component), 3)
     inertia = is_inner[:, None] * (structure.mass @ translations)
     squared_mass = float(np.square(inertia).sum())
@@ -245,7 +245,14 @@ def _waves(body: PreparedBody, modes: Modes, ring: CyclicStructure) -> Waves:
     shapes = body.shapes(np.asarray(modes.numbers), np.asarray(modes.shapes), item)
     n_modes = shapes.shape[1]
     if ring.faces.n_sectors == 1:
-        waves = Waves(np.arange(n_modes), shapes.real, np.zeros(n_modes), 0, 0)
+        # a structure without sectors has no phase condition to violate
+        waves = Waves(
+            index=np.arange(n_modes),
+            shapes=shapes.real,
+            mismatch=np.zeros(n_modes),
+            turned=0,
+            combined=0,
+        )
     else:
         # nodes without values have none in any mode
         first_mode = shapes[:, 0].real.reshape(-1, 3)
@@ -485,7 +492,7 @@ def held_components(
         If a contact face or location has no rows in the matrices.
     """
     held = None if fixed is None else body.node_set(fixed, "fixed")
-    without_rows = np.flatnonzero(body.fixed(None).all(axis=1))
+    without_rows = np.flatnonzero(body.fixed(held=None).all(axis=1))
     if held is not None:
         without_rows = np.setdiff1d(without_rows, held)
     check_reached(body, wanted, without_rows, "rows in the matrices")
@@ -655,7 +662,7 @@ def free_from_matrices(body: PreparedBody, wanted: Wanted) -> Body:
 
 def _free_in_space(body: PreparedBody) -> FreeBody:
     """Return a body without supports, with its tangential, radial and axial direction."""
-    incomplete = body.raw.numbers[body.fixed(None).any(axis=1)]
+    incomplete = body.raw.numbers[body.fixed(held=None).any(axis=1)]
     # empty if all nodes are complete
     first_node = ", ".join(map(str, incomplete[:1]))
     expected = "rows for all three components of every node of a free body"

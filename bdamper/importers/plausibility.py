@@ -140,7 +140,7 @@ def _away_from_held(body: PreparedBody) -> NDArray:
     """Return whether each node (n_nodes,) belongs to elements and is neither held nor a neighbour
     of a held node.
     """
-    held = np.asarray(body.fixed(None).any(axis=1))
+    held = np.asarray(body.fixed(held=None).any(axis=1))
     in_elements = np.isin(np.arange(len(held)), body.used)
     away = in_elements & ~held
     for elements in body.elements:
@@ -278,7 +278,7 @@ def wave_speed(body: PreparedBody) -> float:
     their surroundings are strained more.
     """
     structure = body.structure
-    held = body.fixed(None).any(axis=1)
+    held = body.fixed(held=None).any(axis=1)
     centre = body.nodes[held].mean(axis=0) if held.any() else body.nodes.mean(axis=0)
     squared_speeds = []
     for axis in np.eye(3):
@@ -325,7 +325,7 @@ def check_sizes(body: PreparedBody) -> None:
         _check_density(body)
     speed = wave_speed(body)
     low, high = BOUNDS.wave_speed
-    if body.fixed(None).any():
+    if body.fixed(held=None).any():
         high = np.inf  # the material at fixed nodes is strained as well
     ratio = (speed / 6000.0) ** 2
     hint = (

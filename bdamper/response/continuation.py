@@ -262,7 +262,7 @@ class Follower:
         if self.system.spent:
             place = self.place(y[-1])
             return self.path(OUT_OF_BUDGET, f"its share of the evaluations is used up at {place}")
-        if self.drifts(tangent) and self._far(y, start, 1e3):
+        if self.drifts(tangent) and self._far(y, start, ratio=1e3):
             return self.path("drifted off", DRIFTED_OFF)
         return self.path("stalled", f"at {self.place(y[-1])}: {refused} at the smallest step")
 
@@ -344,9 +344,9 @@ class Follower:
                 self.record(event)
             point = self.record(replace(new, kind=kind))
             drifting = self.drifts(new.tangent) and self.drifts(tangent)
-            if self.system.supported and self._far(new.y, start, 1e2):
+            if self.system.supported and self._far(new.y, start, ratio=1e2):
                 return self.path("drifted off", DRIFTED_OFF)
-            if drifting and self._far(new.y, start, 1e6):
+            if drifting and self._far(new.y, start, ratio=1e6):
                 return self.path("drifted off", DRIFTED_OFF)
             if drifting:
                 # straight and at constant frequency: long steps until a step fails near the next

@@ -215,7 +215,7 @@ def free_and_stuck(case: LoadCase, modes: int) -> tuple[NDArray, NDArray]:
     basis = sector.bases[1]
     if np.any(sector.springs):
         # springs couple the modes of the bodies
-        frequencies, *_ = sector.linear.modes(None)
+        frequencies, *_ = sector.linear.modes(contact=None)
         omega2 = frequencies**2
     else:
         # without rigid bodies and residual modes

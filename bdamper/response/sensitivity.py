@@ -148,7 +148,7 @@ class Sensitivities(Result, Plottable, dict[str, PeakSensitivity]):
         known = [name for name in changes if np.isfinite(changes[name][0])]
         if known:
             first = max(known, key=lambda name: abs(changes[name][0]))
-            change = percent(changes[first][0], True)
+            change = percent(changes[first][0], sign=True)
             verdict = (
                 f"{sentence(spaced(first))} has the largest effect: {change} for +1 %, peak {peak}"
             )
@@ -163,7 +163,9 @@ class Sensitivities(Result, Plottable, dict[str, PeakSensitivity]):
         for name in sorted(changes, key=lambda name: size[name], reverse=True):
             amplitude, frequency = changes[name]
             value = f"{self[name].value:.6g} {UNITS.get(name, '')}".rstrip()
-            rows.append((spaced(name), value, percent(amplitude, True), percent(frequency, True)))
+            rows.append(
+                (spaced(name), value, percent(amplitude, sign=True), percent(frequency, sign=True))
+            )
         return rows
 
     def summary(self) -> str:

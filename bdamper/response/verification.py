@@ -77,7 +77,7 @@ def energy_change(energy: tuple[float, ...]) -> str:
     _, (_, _, rise, _) = energy_shares(energy)
     if abs(rise) <= 0.2:
         return ""
-    change = f"{percent(rise, True)} of the energy of a period"
+    change = f"{percent(rise, sign=True)} of the energy of a period"
     return f"its stored energy changes by {change}; use more periods"
 
 
@@ -953,8 +953,8 @@ class SourceError:
     def __str__(self) -> str:
         if not self.known:
             return f"{self.source}: not estimated: {self.against}"
-        amplitude = f"amplitude {percent(self.amplitude, True)}"
-        frequency = f"frequency {percent(self.frequency, True)}"
+        amplitude = f"amplitude {percent(self.amplitude, sign=True)}"
+        frequency = f"frequency {percent(self.frequency, sign=True)}"
         change = f"{amplitude}, {frequency}"
         # an uncertainty far below the error is not worth its digits
         if self.uncertainty > 0.05 * self.size:
@@ -1054,7 +1054,11 @@ class ErrorEstimates(Result):
         for item in sorted(self.sources, key=lambda item: -np.nan_to_num(item.size)):
             if item.known:
                 missed = percent(item.uncertainty) if item.uncertainty else ""
-                changes = percent(item.amplitude, True), percent(item.frequency, True), missed
+                changes = (
+                    percent(item.amplitude, sign=True),
+                    percent(item.frequency, sign=True),
+                    missed,
+                )
                 table.append((item.source, *changes, item.against))
         unknown = [
             Row(item.source, "not estimated", item.against)

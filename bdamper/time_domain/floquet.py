@@ -108,6 +108,12 @@ _Part = tuple[float, float, int]
 """Begin and end angle of a segment of the cycle, and its contact state."""
 
 
+# Kinds of stiffness; for stick and slip the tangential direction, 0 or 1, is added.
+_NORMAL = 0
+_STICK = 1
+_SLIP = 3
+
+
 class _Piece(NamedTuple):
     """Segment of the cycle with a stiffness of one kind (:func:`cycles`)."""
 
@@ -189,7 +195,7 @@ def _normal_pieces(
     p = system.structure.points
     kn = float(p.kn[point])
     if int(p.law[point]) in (LAW_BONDED, LAW_CONSTANT):
-        return [_Piece(point, 0, 0.0, TWO_PI, kn)]
+        return [_Piece(point, _NORMAL, begin=0.0, end=TWO_PI, weight=kn)]
     # both directions separate at the same instants
     with_friction = [parts[axis] for axis in _sliding_axes(system, point) if parts[axis]]
     seen: list[_Part] = []
@@ -200,7 +206,7 @@ def _normal_pieces(
         kt = np.full(2, kn)
         n0 = float(p.n0[point])
         seen = segments(x[point], kt, kn, mu=1e-12, n0=n0, slider=np.zeros(2))[0]
-    return [_Piece(point, 0, begin, end, kn) for begin, end, state in seen if state != OPEN]
+    return [_Piece(point, _NORMAL, begin, end, kn) for begin, end, state in seen if state != OPEN]
 
 
 def _limit_stiffness(system: Equations[SectorData], point: int) -> dict[int, float]:
@@ -225,9 +231,9 @@ def _tangential_pieces(
         kt = float(system.structure.points.kt[point, axis])
         for begin, end, state in parts[axis]:
             if state == STICK:
-                pieces.append(_Piece(point, 1 + axis, begin, end, kt))
+                pieces.append(_Piece(point, _STICK + axis, begin, end, kt))
             elif state in limit_stiffness:
-                pieces.append(_Piece(point, 3 + axis, begin, end, limit_stiffness[state]))
+                pieces.append(_Piece(point, _SLIP + axis, begin, end, limit_stiffness[state]))
     return pieces
 
 

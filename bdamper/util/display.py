@@ -547,7 +547,7 @@ def _change(first: Any, second: Any) -> str:
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         if not is_number or not np.isfinite(value):
             return ""
-    return percent(second / first - 1.0, True) if first else ""
+    return percent(second / first - 1.0, sign=True) if first else ""
 
 
 class Comparable(Summarised):
