@@ -39,7 +39,8 @@ given.
     The number of harmonics is doubled, and rises by at least four; modes of the fundamental replace
     modes of a nodal diameter that the model lacks. If the change is large, a peak with half of the
     new harmonics shows whether successive peaks approach each other. If they do not, or have no
-    solution, more harmonics do not give a limit, and only time integration decides.
+    solution, more harmonics do not give a limit, and only time integration can determine the
+    amplitude.
 ``contact_forces``
     Sampled contact forces are compared with exact events.
 ``contact points``

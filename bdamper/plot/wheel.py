@@ -73,8 +73,8 @@ def plot_mistuning(mistuning: Mistuning, ax: Axes = NEW) -> None:
 def plot_wheel_map(curve: ResponseCurve, ax: Axes = NEW) -> None:
     """Plot a map of the amplitude of every blade over frequency.
 
-    If there are several solutions at a frequency, the one with the blade with the largest amplitude
-    is shown.  A circle marks the highest point.
+    If there are several solutions at a frequency, the one with the largest blade amplitude is
+    shown.  A circle marks the highest point.
 
     Parameters
     ----------

@@ -265,7 +265,7 @@ def curve_interval(
 ) -> tuple[float, float]:
     """Return the given interval (Hz), or that of the resonances of a mode.
 
-    Without an interval the highest preload with a static state decides.
+    Without an interval the highest preload with a static state determines the resonances.
 
     Raises
     ------

@@ -356,8 +356,8 @@ def _rounded(value: float, digits: int) -> str:
 def _curves_per_estimate(curve: OptimalCurve) -> float:
     """Return the time of an error estimate in units of a response curve, within a factor of 2.
 
-    With residual modes the reference with a vector for every contact force decides.  It has at
-    least three harmonics, and the time grows with the square of the number of unknowns.
+    With residual modes the reference with a vector for every contact force counts alone.  It has
+    at least three harmonics, and the time grows with the square of the number of unknowns.
     """
     n_unknowns = curve.unknowns.shape[1]
     # a curve may be stored without its unknowns

@@ -277,7 +277,7 @@ def _doubts(curve: OptimalCurve) -> str:
 
 
 def _locked(curve: OptimalCurve) -> str:
-    """Return the bodies that friction alone can hold: the history of the load decides."""
+    """Return the bodies that friction alone can hold, so that their forces depend on the history."""
     notes: dict[str, None] = {}
     for response_curve in curve.curves:
         notes |= dict.fromkeys(response_curve.self_locking)

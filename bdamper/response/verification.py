@@ -1007,7 +1007,7 @@ class ErrorEstimates(Result):
     def undecided(self) -> bool:
         """Whether the peaks with more harmonics do not approach each other, or one is missing.
 
-        More harmonics then give no limit, and only time integration decides.
+        More harmonics then give no limit, and only time integration can determine the amplitude.
         """
         if not self.harmonic_peaks:
             return False

@@ -30,11 +30,12 @@ Such a point is unstable in the equations of these harmonics, which have branche
 in time.  Otherwise the point is undecided: growth with oscillation, growth in pairs and other nodal
 diameters are not examined.
 
-**Time integration.**  All this applies to the motion with the harmonics of the solution, so time
-integration decides.  With ``with_stability(in_time=True)`` the motion starts at the solution with a
-disturbance of every nodal diameter, and ``bdamper.time_domain.transient.judged`` decides whether it
-keeps its amplitude.  An undamped damper chatters at many points next to separated peaks, without
-any period; the criterion is the resulting amplitude, averaged over many periods.
+**Time integration.** All this applies to the motion with the harmonics of the solution.  Only time
+integration shows whether the actual motion is stable.  With ``with_stability(in_time=True)`` the
+motion starts at the solution with a disturbance of every nodal diameter, and
+``bdamper.time_domain.transient.judged`` decides whether it keeps its amplitude.  An undamped damper
+chatters at many points next to separated peaks, without any period; the criterion is the resulting
+amplitude, averaged over many periods.
 """
 
 from __future__ import annotations
@@ -420,7 +421,7 @@ def unstable_solutions(
         grows = _negative_determinant
         note = (
             "sign of det J: negative if a disturbance grows without oscillating; "
-            "the others are not examined, with_stability(in_time=True) decides"
+            "the others are not examined; use with_stability(in_time=True)"
         )
     unstable = [grows(system, u, w) for u, w in zip(unknowns, omega)]
     return np.array(unstable, bool), note

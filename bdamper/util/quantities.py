@@ -105,7 +105,7 @@ def _converted(value: Quantity, unit: str) -> Any:
     if unit in ("rad/s", "rpm"):
         in_hertz = any(name.endswith("hertz") for name, _ in value.unit_items())
         if not (radians or in_hertz):
-            raise ValueError("1/s may count turns or radians")
+            raise ValueError("1/s may mean revolutions or radians per second")
         turns = value.to("rad/s").magnitude / (TURN if radians else 1.0)
         return turns * (TURN if unit == "rad/s" else 60.0)
     if radians and unit != "rad":
