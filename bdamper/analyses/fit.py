@@ -776,9 +776,11 @@ def _uncertainty(
     rise = max(scale * quantile**2, TAKEN_UP * excess)
     C = scale * covariance(J)
     linear = np.sqrt(rise / scale * np.diag(C))
-    half = np.array([linear, linear])
+    # distances to the lower and to the upper end, (2, k)
     if objective.profiles:
         half = np.array([_profile(objective, x, j, rise, linear[j]) for j in range(k)]).T
+    else:
+        half = np.array([linear, linear])
     left = np.full(k, np.nan)
     if n_groups > 1:
         left = left_out(r, J, rows)

@@ -118,9 +118,10 @@ def report(contacts: Mapping[str, ContactStiffness], note: str) -> Statement:
     ]
     n_fallback = 0
     for name, contact in contacts.items():
-        fallback = np.zeros(contact.stiffness.shape, bool)
         if contact.fallback is not None:
             fallback = contact.fallback
+        else:
+            fallback = np.zeros(contact.stiffness.shape, bool)
         n_fallback += int(fallback.sum())
         values = [_median_and_range(k) for k in contact.stiffness.T]
         # fallback values in each direction

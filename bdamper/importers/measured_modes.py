@@ -232,9 +232,12 @@ def read_ring_down(
     # the mean over the last quarter is the offset of the sensor
     motion = factor * (motion - motion[-len(motion) // 4 :].mean())
     signal = _analytic(motion, step, band)
+    # the decay begins at the largest amplitude
     first = int(np.argmax(np.abs(signal)))
-    if np.ptp(np.unwrap(np.angle(signal[: first + 1]))) < 2.0 * np.pi:
-        # a record that begins with the decay; its first period suffers from the transform
+    phase_before = np.unwrap(np.angle(signal[: first + 1]))
+    if np.ptp(phase_before) < 2.0 * np.pi:
+        # within the first period, which suffers from the transform: the record begins with the
+        # decay
         first = 0
     if band is not None:
         first = min(first + int(RINGING / (_flank(band) * step)), len(time) - 1)

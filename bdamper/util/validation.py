@@ -204,10 +204,11 @@ class Limits:
         return number(name, value, **asdict(self))
 
     def __str__(self) -> str:
-        bounds = [(">", self.above), (">=", self.least), ("<", self.below), ("<=", self.most)]
-        text = " and ".join(f"{sign} {bound:g}" for sign, bound in bounds if bound is not None)
         if self.above is not None and self.below is not None:
             text = f"between {self.above:g} and {self.below:g}"
+        else:
+            bounds = [(">", self.above), (">=", self.least), ("<", self.below), ("<=", self.most)]
+            text = " and ".join(f"{sign} {bound:g}" for sign, bound in bounds if bound is not None)
         if not text and self.unit:
             text = "in"
         return f"{text} {self.unit}".strip()

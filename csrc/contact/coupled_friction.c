@@ -291,6 +291,7 @@ static int settle(bd_coulomb_work *work, int n, int with_tangent) {
     work->kernel->coupled_chords(&work->lanes, with_tangent);
     while (any_searching(work, n)) {
         set_sliders(work, n);
+        /* only the end of the period and its derivative: no steps are stored, no tangents */
         work->kernel->coupled_period(&work->lanes, 0, 0);
         for (int lane = 0; lane < n; ++lane) {
             if (work->search[lane].state != BD_SEARCHING) continue;

@@ -453,6 +453,9 @@ BD_INLINE void store_step(bd_coupled_lanes *l, int k, int v, const step *o, cons
     }
 }
 
+/* Constant arguments: the compiler makes one variant of a loop for each of their values. */
+enum { DISCARD = 0, STORE = 1, WITHOUT_TANGENT = 0, WITH_TANGENT = 1 };
+
 /* One period of steps from the slider l->s, one vector of lanes after the other. Write the slider
  * at the end, the sum `net` of its movements, and the derivative P (2, 2) of the end with respect
  * to the start: P <- A P in each step that moves the slider. */
@@ -511,19 +514,19 @@ BD_INLINE void all_chords(bd_coupled_lanes *l, const int tangent) {
 void BD_JOIN(bd_coupled_chords_, BD_VARIANT)(bd_coupled_lanes *l, int tangent);
 void BD_JOIN(bd_coupled_chords_, BD_VARIANT)(bd_coupled_lanes *l, int tangent) {
     if (tangent)
-        all_chords(l, 1);
+        all_chords(l, WITH_TANGENT);
     else
-        all_chords(l, 0);
+        all_chords(l, WITHOUT_TANGENT);
 }
 
 void BD_JOIN(bd_coupled_period_, BD_VARIANT)(bd_coupled_lanes *l, int store, int tangent);
 void BD_JOIN(bd_coupled_period_, BD_VARIANT)(bd_coupled_lanes *l, int store, int tangent) {
     if (!store)
-        period(l, 0, 0);
+        period(l, DISCARD, WITHOUT_TANGENT);
     else if (!tangent)
-        period(l, 1, 0);
+        period(l, STORE, WITHOUT_TANGENT);
     else
-        period(l, 1, 1);
+        period(l, STORE, WITH_TANGENT);
 }
 
 /* Return the largest violation |c_k - s| - R_k of n disks by a point s, and the index of this disk.

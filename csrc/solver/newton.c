@@ -159,8 +159,12 @@ static bd_status solve_step(newton_run *run) {
     return bd_solve_linear(e, run->linear_tolerance, run->step);
 }
 
-/* Compute the Newton step and the tangent, as requested, from one factorisation. */
-static bd_status find_step(newton_run *run, int with_step, int with_tangent) {
+/* Wanted results of one factorisation. */
+enum { STEP = 1, TANGENT = 2 };
+
+/* Compute the Newton step and the tangent, as wanted, from one factorisation. */
+static bd_status find_step(newton_run *run, int wanted) {
+    const int with_step = wanted & STEP, with_tangent = wanted & TANGENT;
     bd_equations *e = run->equations;
     bd_solver_report *report = run->report;
     const double clock = bd_seconds();
@@ -391,9 +395,9 @@ static bd_status iterate_to_curve(newton_run *run) {
         bd_status status = begin_iteration(run, i);
         if (status != BD_OK) return status;
         run->arrived = report->residual <= options->tolerance;
-        if (run->arrived) return run->tangent ? find_step(run, 0, 1) : BD_OK;
+        if (run->arrived) return run->tangent ? find_step(run, TANGENT) : BD_OK;
 
-        status = find_step(run, 1, 0);
+        status = find_step(run, STEP);
         if (status != BD_OK) return status;
         advance_to_curve(run);
         if (options->accepted_residual > 0.0 && oscillates(run)) return BD_NOT_CONVERGED;
@@ -409,7 +413,7 @@ static bd_status iterate_to_curve(newton_run *run) {
 static bd_status iterate_to_stationary(newton_run *run) {
     for (int i = 0; !run->arrived; ++i) {
         bd_status status = begin_iteration(run, i);
-        if (status == BD_OK) status = find_step(run, 1, 1);
+        if (status == BD_OK) status = find_step(run, STEP | TANGENT);
         if (status == BD_OK) status = advance_along(run);
         if (status != BD_OK) return status;
     }

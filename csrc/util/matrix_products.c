@@ -236,6 +236,8 @@ BD_INLINE void fill_harmonic(const bd_fill *f, int m, const int n_row, const int
     for (; j < columns; j += BD_WIDTH) fill_columns(f, m, n_row, n_source, 1, columns, j);
 }
 
+/* All harmonics. The mean has one row for each mode, a harmonic two (cosine and sine); with these
+ * numbers constant the compiler unrolls the loops over rows and sources. */
 static void fill_rows(const bd_fill *f) {
     for (int m = 0; m <= f->n_harm; ++m) {
         if (m == 0) {
