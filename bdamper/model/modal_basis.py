@@ -126,7 +126,10 @@ class SpeedBasis(Record):
         """
         omega2, shapes = eigh(self.stiffness(omega))
         unstable = omega2[0] < -1e-12 * omega2[-1]
-        found = f"a negative squared frequency at {omega:.6g} rad/s"
+        found = (
+            f"a negative squared frequency at {omega:.6g} rad/s; the stiffness is linear in the "
+            "squared speed through the two imported speeds, so import a second one closer to this"
+        )
         validation.check(not unstable, "rotor speed", "a stable structure", found)
 
         # rows are modes of the basis, columns modes at this speed: one column for each row, with
