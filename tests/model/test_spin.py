@@ -177,7 +177,7 @@ def test_a_file_without_what_its_bases_cannot_supply_is_refused(turning, tmp_pat
 
 def test_a_speed_that_tears_the_structure_is_refused(turning):
     with pytest.raises(
-        SettingError, match="a stable structure, found .* import a second one closer"
+        SettingError, match=r"a stable structure, found .* import a second one closer"
     ):
         changed(turning, stiffness2=-50.0 * np.eye(40)).at_speed(600.0)
     with pytest.raises(SettingError, match=r"rotor speed: .*rad/s.*-1"):
