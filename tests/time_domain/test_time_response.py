@@ -468,7 +468,7 @@ def test_a_motion_after_the_processor_time_has_the_periods_until_then(bent, monk
 
     for call, asked in ((0, {}), (15, {"frequency": float(curve.peak.frequency)})):
         spent_at(monkeypatch, call)
-        with pytest.raises(TimeSpent, match=r"spent before \d+ periods? ended; raise seconds"):
+        with pytest.raises(TimeSpent, match=r"used before \d+ periods? ended; raise seconds"):
             study.motion_in_time(curve, seconds=1000.0, **asked)
         monkeypatch.undo()
 
