@@ -847,7 +847,13 @@ class _Runs:
         try:
             outcome = self.evaluate(self.study(names), self.solve)
         except BdamperError as failure:  # the other runs are useful without this one
-            outcome = PeakOutcome(np.nan, np.nan, str(failure), np.nan, None)
+            outcome = PeakOutcome(
+                amplitude=np.nan,
+                frequency=np.nan,
+                reason=str(failure),
+                seconds=np.nan,
+                result=None,
+            )
         run = Run(
             part,
             names,

@@ -230,7 +230,8 @@ def _shifted(problem: Problem, shift: float, preload: float, mode: int) -> Probl
     """Return the problem with a stiffness proportional to mass that shifts a mode."""
     if shift == 0.0:
         return problem
-    _, omega = mode_system(problem, preload, mode, 1.0)
+    # the stuck frequency does not depend on the amplitude, here 1 m
+    _, omega = mode_system(problem, preload, mode, low=1.0)
     stiffness_per_mass = 2.0 * shift * omega**2
     mean, *harmonics = problem.bases
     shifted = []
@@ -252,7 +253,7 @@ def _cycles(problem: Problem, mode: NonlinearMode, damping_ratio: float) -> list
     validation.check(
         len(mode), "flutter", f"a mode under {mode.preload:g} N", f"none: {mode.reason}"
     )
-    system, _ = mode_system(problem, mode.preload, mode.mode, float(mode.amplitude.min()))
+    system, _ = mode_system(problem, mode.preload, mode.mode, low=float(mode.amplitude.min()))
 
     def point(i: int) -> NDArray:
         omega = TWO_PI * mode.frequency[i]

@@ -533,7 +533,7 @@ def microslip(
     seat = problem.static(preload)
     if not seat.ok:
         raise ModelError(f"microslip: no static state under {preload:g} N: {seat.reason}")
-    modes = problem.coupling.location_modes(location, 0).real
+    modes = problem.coupling.location_modes(location, harmonic=0).real
     # residual modes move no location
     n_residual = problem.static_basis.n_modes - modes.shape[1]
     modes = np.pad(modes, ((0, 0), (0, n_residual)))

@@ -668,7 +668,7 @@ class _Branch:
 
 def _correlation(system: Equations[Mode], y: NDArray) -> NDArray:
     """Return the MAC (n,) of the first harmonic and the stuck mode, weighted with the mass."""
-    first_harmonic = system.layout.amplitudes(y, 1)
+    first_harmonic = system.layout.amplitudes(y, harmonic=1)
     mass = system.structure.basis.mass
     stuck = system.structure.stuck
     product = np.abs(first_harmonic @ (mass * stuck.conj())) ** 2

@@ -587,9 +587,11 @@ def with_other_friction(
     peaks = _FrictionPeaks(problem, (low, high))
     # every peak counts as interrupted until it is computed
     by_factor = {
-        factor: FrictionPeak(factor, preload, np.nan, INTERRUPTED) for factor in OTHER_FRICTION
+        factor: FrictionPeak(factor, preload, amplitude=np.nan, status=INTERRUPTED)
+        for factor in OTHER_FRICTION
     }
-    friction_range = FrictionRange((FrictionPeak(1.0, preload, np.nan, INTERRUPTED),))
+    nominal = FrictionPeak(factor=1.0, preload=preload, amplitude=np.nan, status=INTERRUPTED)
+    friction_range = FrictionRange((nominal,))
     with (
         LongWork(),
         progress_stages(progress, "other friction coefficients", "peak") as peaks.report,

@@ -523,7 +523,7 @@ def blade_structure(
     """Return the sector of one blade, clamped at the bore and at its cut faces, as an acyclic
     structure."""
     body = discretise(sector_mesh(g, density), material)
-    return body, clamped_segment(body, g, 1)
+    return body, clamped_segment(body, g, n_pitches=1)
 
 
 def blade_to_ground(

@@ -389,7 +389,7 @@ def sector_blocks(g: Geometry, n: MeshDensity) -> list[NDArray]:
     # edges
     edge_radius = g.ridge_radius + g.platform_edge_thickness
     edge_x, edge_y = turn(half)[:2, :2] @ [-0.5 * g.platform_clearance, edge_radius]
-    root_x = airfoil_points(g, zeta[:, None], xi, 0.0, edge_y)[..., 0]
+    root_x = airfoil_points(g, zeta[:, None], xi, eta=0.0, root=edge_y)[..., 0]
     # beyond the chord, x stays that of the leading and trailing edge
     root_x = np.concatenate([root_x[:, :1], root_x, root_x[:, -1:]], axis=1)
     # from 0 at the shank to 1 at the edge
@@ -541,7 +541,7 @@ def clamped_segment(body: Discretisation, g: Geometry, n_pitches: int) -> Cyclic
     in_disk = radius < g.rim_radius + 1e-8
     at_cut_face = in_disk & (np.abs(angle) > 0.5 * n_pitches * g.pitch - 1e-9)
     at_bore = radius < g.bore_radius + 1e-8
-    return CyclicSector(body, no_faces(), np.flatnonzero(at_bore | at_cut_face), 0)
+    return CyclicSector(body, no_faces(), np.flatnonzero(at_bore | at_cut_face), nodal_diameter=0)
 
 
 def surface_mesh(body: Discretisation, shapes: Mapping[int, NDArray] | None = None) -> SurfaceMesh:
@@ -604,7 +604,7 @@ def blade_nodes(body: Discretisation, g: Geometry) -> dict[str, int]:
     }
     nodes = {}
     for name, (along_chord, height) in places.items():
-        point = airfoil_points(g, 0.0, along_chord, height, root)
+        point = airfoil_points(g, zeta=0.0, xi=along_chord, eta=height, root=root)
         nodes[name] = body.nearest_node(point)
     return nodes
 

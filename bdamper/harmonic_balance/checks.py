@@ -501,7 +501,7 @@ def _check_direction(problem: Problem, sector: SectorData, frequency: tuple[floa
         return
     excitation = problem.settings.excitation
     # motion (3, n) of the location in each mode, its size, and its part along the force
-    at_location = problem.location_modes(excitation.location, 1) @ modes[:, within]
+    at_location = problem.location_modes(excitation.location, harmonic=1) @ modes[:, within]
     motion = np.linalg.norm(at_location, axis=0)
     force = problem.modal_force(1)
     along = np.abs(force.conj() @ modes[:, within]) / excitation.amplitude

@@ -100,7 +100,7 @@ def energies(
     first_harmonic_force = f[..., 0]
     work_at_points = bodily_motion(system, u).conj() * first_harmonic_force
     work = complex(work_at_points[counted].sum())
-    response = float(np.abs(layout.amplitudes(u, 1) @ system.response_rows[1]))
+    response = float(np.abs(layout.amplitudes(u, harmonic=1) @ system.response_rows[1]))
     stiffness = complex(np.nan, np.nan)
     if response > 0.0:
         stiffness = work / response**2
@@ -121,7 +121,7 @@ def bodily_motion(system: Equations[SectorData], u: NDArray) -> NDArray:
     """
     basis = system.structure.bases[1]
     of_bodies = np.array([coordinate.body != RESIDUAL for coordinate in basis.coordinates])
-    return np.asarray(basis.G[..., of_bodies] @ system.layout.amplitudes(u, 1)[of_bodies])
+    return np.asarray(basis.G[..., of_bodies] @ system.layout.amplitudes(u, harmonic=1)[of_bodies])
 
 
 def at_angles(coefficients: NDArray, theta: NDArray) -> NDArray:

@@ -123,7 +123,7 @@ class Sizes:
         """Return the static force (N) that deflects a location by a tenth of the model's extent."""
         omega2 = self.problem.modal_bases[1].omega2
         elastic = omega2 > 0.0
-        motion = np.linalg.norm(self.problem.coupling.location_modes(location, 1), axis=0)
+        motion = np.linalg.norm(self.problem.coupling.location_modes(location, harmonic=1), axis=0)
         flexibility = float(np.sum(motion[elastic] ** 2 / omega2[elastic]))
         if flexibility == 0.0:
             return np.inf

@@ -464,8 +464,10 @@ class _Archive:
             if parts is None:
                 raise mismatch(item, expected, found)
             count, letter, width = parts.groups("1")
-            size = check_count(int(width), item, "a width of fields", 1, 100)
-            repetitions = check_count(int(count), item, "a repetition of fields", 1, 100)
+            size = check_count(int(width), item, "a width of fields", smallest=1, largest=100)
+            repetitions = check_count(
+                int(count), item, "a repetition of fields", smallest=1, largest=100
+            )
             for _ in range(repetitions):
                 if letter not in ("a", "x"):
                     fields.append((letter == "i", slice(start, start + size)))
@@ -653,7 +655,7 @@ class _Archive:
         item = self.lines.item
         with parsing(item, "a number of items in CMBLOCK", words[3]):
             count = int(re.findall(r"^\d+", words[3].strip())[0])
-        n_items = check_count(count, item, "a number of items", 0, 50_000_000)
+        n_items = check_count(count, item, "a number of items", smallest=0, largest=50_000_000)
         if not n_items and not self.lines.follows("("):
             return
         fields = self._fields("CMBLOCK")
@@ -708,7 +710,9 @@ def _without_groups(text: str, item: str) -> str:
         group = _GROUP.search(descriptors)
         if group is None:
             break
-        count = check_count(int(group.group(1) or 1), item, "a repetition of fields", 1, 100)
+        count = check_count(
+            int(group.group(1) or 1), item, "a repetition of fields", smallest=1, largest=100
+        )
         repeated = ",".join([group.group(2)] * count)
         descriptors = f"{descriptors[: group.start()]}{repeated}{descriptors[group.end() :]}"
     return descriptors
@@ -893,7 +897,9 @@ def _rst_shape(
     head = _Header(file, word, f"result set {k + 1}")
     item = head.item
     n_nodes = head.count(3, "a number of nodes")
-    per_node = check_count(head[20] + head[98], item, "a number of values of each node", 3, 64)
+    per_node = check_count(
+        head[20] + head[98], item, "a number of values of each node", smallest=3, largest=64
+    )
     names = [head[21 + j] for j in range(head[20])] if 0 < head[20] <= 30 else []
     check(names[:3] == [1, 2, 3], item, "displacements UX, UY, UZ", f"degrees of freedom {names}")
     start = word + (head.pointer(105, 106) or head[11])

@@ -240,7 +240,7 @@ class DiskMatrices:
             order=order,
             n_blades=N,
             n_damper=int(of_damper.sum()),
-            stiffness=_blades(local, Mistuning.of(N, None)),
+            stiffness=_blades(local, Mistuning.of(N, mistuning=None)),
             mass=local.blade_mass,
             disk_stiffness=_all_waves(local.disk_stiffness, N),
             disk_mass=_all_waves(local.disk_mass, N),
@@ -444,9 +444,9 @@ def _rows(tuned: Problem, blade: str, local: LocalBasis) -> tuple[NDArray, NDArr
         is_blade = body.name == blade
         modes = coupling.modes[body.name]
         shapes = local.contact_modes if is_blade else body.bases[0].contact_modes[..., modes].real
-        rows_previous = coupling.placed(body, shapes, 0, (-1,)).real
-        rows_own = coupling.placed(body, shapes, 0, (0,)).real
-        rows_following = coupling.placed(body, shapes, 0, (1,)).real
+        rows_previous = coupling.placed(body, shapes, harmonic=0, sectors=(-1,)).real
+        rows_own = coupling.placed(body, shapes, harmonic=0, sectors=(0,)).real
+        rows_following = coupling.placed(body, shapes, harmonic=0, sectors=(1,)).real
         if rows_previous.any() or (not is_blade and rows_following.any()):
             raise SettingError(
                 "model: the dampers of a bladed disk must be in sector 0, between the blades of "

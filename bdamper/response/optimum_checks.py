@@ -202,7 +202,8 @@ def _more_harmonics(curve: OptimalCurve) -> Check:
         colour = "green"
     else:
         changes = [abs(peak.amplitude / first.amplitude - 1.0) for peak in others]
-        colour = graded(max(changes, default=np.inf), 0.0, FAIR)
+        # without convergence only peaks that do not change at all are green
+        colour = graded(max(changes, default=np.inf), good=0.0, fair=FAIR)
     remedy = "rely on the amplitude by time integration"
     settled = convergence.settled
     if len(settled) > 1 and convergence.status == COMPLETE:
@@ -328,7 +329,8 @@ def _fatigue_margins(curve: OptimalCurve) -> list[Check]:
         found = f"{least:.3g} at {amount(margins.preload[row], 'N')}"
         rated.append(
             Check(
-                colour=graded(-least, -SAFE, -1.0),
+                # a margin is better the larger it is, and 1 is the limit
+                colour=graded(-least, good=-SAFE, fair=-1.0),
                 name="Margin against fatigue",
                 found=found,
                 rule=f"red below 1, amber below {SAFE:g}",

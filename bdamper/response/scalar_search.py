@@ -293,11 +293,11 @@ def _classified(
     # candidates remain if the search ended early
     open_interval = candidates[0].ends if candidates else None
     if best.x in refined and abs(best.slope) <= LEVEL_SLOPE:
-        return Minimum(index, "smooth", 0.0, open_interval)
+        return Minimum(index, "smooth", uncertainty=0.0, open=open_interval)
     # the neighbour in the direction of lower values
     downhill = index + 1 if best.slope < 0.0 else index - 1
     if not 0 <= downhill < len(samples):
-        return Minimum(index, "end", 0.0, open_interval)
+        return Minimum(index, "end", uncertainty=0.0, open=open_interval)
     other = samples[downhill]
     width = abs(other.x - best.x)
     if not np.isfinite(other.value):

@@ -358,7 +358,7 @@ class SteadySearch:
         # the motion has left the tip within the first periods
         if best is not None and start.mean < CRITERIA.jump * best.mean:
             return
-        motion = self.sectors.seeded(start.motion, CRITERIA.seed, 0)
+        motion = self.sectors.seeded(start.motion, CRITERIA.seed, seed=0)
         point = self.settle_apart(
             self.sectors, start.frequency, motion, start.mean, parting=parting
         )
@@ -382,7 +382,7 @@ class SteadySearch:
         solution = self.balance.solution(frequency)
         motion = self.source.start(solution, TWO_PI * frequency, self.steps)
         in_sectors = transfer(self.source, motion, self.sectors)
-        return self.sectors.seeded(in_sectors, CRITERIA.seed, 0)
+        return self.sectors.seeded(in_sectors, CRITERIA.seed, seed=0)
 
     def sweep(self, motion: Motion, frequency: float, way: float) -> list[Place]:
         """Sweep slowly from a frequency (Hz), upward if ``way`` is 1 or downward if it is -1;
@@ -422,7 +422,7 @@ class SteadySearch:
         back = 1
         while index >= 0:
             place = places[index]
-            motion = self.sectors.seeded(place.motion, CRITERIA.seed, 0)
+            motion = self.sectors.seeded(place.motion, CRITERIA.seed, seed=0)
             point = self.settle(place.frequency, motion, place.mean, parting=parting)
             if point.stays:
                 self.failure = ""

@@ -435,14 +435,14 @@ def _add_refinements(
 
     Finished motions stay there after Ctrl-C or a failure.
     """
-    runs[_steps_name(search, 1)] = best
+    runs[_steps_name(search, factor=1)] = best
     # refinements start from the highest motion; if it does not stay, from the next two
     lower = [point for point in search.points if point is not best]
     highest_first = sorted(lower, key=lambda point: -point.mean)
     points = [best, *highest_first[:2]]
 
     def with_shorter_steps() -> None:
-        runs[_steps_name(search, 4)] = _refine(search, points, search.sectors, step_factor=4)
+        runs[_steps_name(search, factor=4)] = _refine(search, points, search.sectors, step_factor=4)
 
     def from_other_starts() -> None:
         others.update(_other_starts(search, best, starts))
@@ -596,7 +596,7 @@ def _stated(
     runs = integrations.runs
     if not runs:
         # interrupted, or failed, before the first refinement
-        runs = {_steps_name(search, 1): best}
+        runs = {_steps_name(search, factor=1): best}
     answers = {name: run.mean for name, run in runs.items()}
     if not np.isnan(search.fall):
         answers["at the jump"] = _at_fall(search)
@@ -782,7 +782,7 @@ def disturbed(sectors: AllSectors, u: NDArray, omega: float, steps: int | None =
     diameter.
     """
     solution = Transient(sectors, omega, u, steps)
-    motion = sectors.seeded(solution.motion, CRITERIA.seed, 0)
+    motion = sectors.seeded(solution.motion, CRITERIA.seed, seed=0)
     return Transient(sectors, omega, motion, solution.steps)
 
 
@@ -1029,7 +1029,7 @@ def _with_decision(
             transient, expected, tolerance, periods, progress
         )
     except TimeSpent as spent:
-        time_spent = _spent_after(transient, spent, 1)
+        time_spent = _spent_after(transient, spent, fewest=1)
         verdict = _verdict_so_far(transient, expected, tolerance)
     # distance of the last period from the solution; without the mean, which does not vibrate
     last_period = transient.response[-1]
