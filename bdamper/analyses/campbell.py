@@ -230,14 +230,12 @@ def campbell(
     model = problem.model
     own_diameter = model.folded_nodal_diameter(int(problem.engine_order))[0]
     diameters = _diameters(problem) or [own_diameter]
-    not_excited = [
-        order for order in orders if model.folded_nodal_diameter(order)[0] not in diameters
-    ]
+    outside = [order for order in orders if model.folded_nodal_diameter(order)[0] not in diameters]
     validation.check(
-        not not_excited,
+        not outside,
         "engine_orders",
         f"orders that excite nodal diameters {diameters}",
-        not_excited,
+        outside,
     )
     resting = Conditions(conditions.friction, conditions.temperature)
     families = []

@@ -413,8 +413,9 @@ def unstable_solutions(
     """
     refuse(system.structure.points.own, "stability")
     laws = system.structure.arrays["law"]
-    without_events = np.isin(laws, (LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC)).any()
-    if real_basis(system) is not None and not without_events:
+    # cycles() describes neither coupled friction nor cubic springs
+    has_other_laws = np.isin(laws, (LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC)).any()
+    if real_basis(system) is not None and not has_other_laws:
         grows = _multiplier_outside
         note = "all disturbances, multipliers of motion and sliders"
     else:

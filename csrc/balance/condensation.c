@@ -613,10 +613,18 @@ static bd_status memory_create(bd_condensation *c) {
     const size_t k = (size_t)c->n_border, n_extra = (size_t)c->n_extra, n_all = n + k;
     const size_t size = m + (size_t)c->most_kept + k, n_modes = count_modes(c->hbm);
     const size_t n_point = (size_t)c->hbm->n_point, n_component = (size_t)c->parts.n_component;
-    const size_t total = 2 * n_modes + m * m + 2 * (n_extra + k) * n + k * k + 7 * n_all +
-                         2 * size * size + 7 * size + m + n;
+    /* the arrays below, in the same order */
+    const size_t parts = 2 * n_modes + m * m;
+    const size_t columns_and_rows = 2 * n_extra * n + 2 * k * n, corner = k * k;
+    const size_t vectors = 7 * n_all;
+    const size_t reduced_matrices = 2 * size * size, reduced_vectors = 3 * size;
+    const size_t condition_work = 4 * size, force = m;
+    /* and n numbers to spare */
+    const size_t total = parts + columns_and_rows + corner + vectors + reduced_matrices +
+                         reduced_vectors + condition_work + force + n;
     c->memory = calloc(total, sizeof(double));
     c->kept = malloc(sizeof(int) * ((size_t)c->most_kept + 2 * size));
+    /* one more entry than needed: an allocation of 0 bytes may return NULL */
     c->is_kept = malloc(n + 1);
     c->parts.component = malloc(sizeof(int) * (n_component + 3 * n_point + 1));
     if (!c->memory || !c->kept || !c->is_kept || !c->parts.component) return BD_NO_MEMORY;

@@ -170,7 +170,8 @@ static bd_status layout_create(bd_hbm *hbm, const bd_hbm_input *in) {
     return BD_OK;
 }
 
-/* Copies of the input but for the modes. */
+/* Copies of the input but for the modes. Arrays have one more entry than needed: an allocation of 0
+ * bytes may return NULL. */
 static bd_status parameters_create(bd_hbm *hbm, const bd_hbm_input *in) {
     const size_t n_point = (size_t)in->n_point, n_component = 3 * n_point;
     const size_t n_unknown = (size_t)hbm->n_unknown;
@@ -195,7 +196,7 @@ static bd_status parameters_create(bd_hbm *hbm, const bd_hbm_input *in) {
     return BD_OK;
 }
 
-/* Results and work of an evaluation. */
+/* Results and work of an evaluation, also with one more entry than needed. */
 static bd_status workspace_create(bd_hbm *hbm) {
     const size_t n_point = (size_t)hbm->n_point, n_component = 3 * n_point;
     const size_t n_unknown = (size_t)hbm->n_unknown, n_coef = (size_t)hbm->n_coef;

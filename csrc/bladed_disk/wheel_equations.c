@@ -798,7 +798,8 @@ static lengths find_lengths(const bd_wheel_input *in, size_t n_unknown) {
     return n;
 }
 
-/* Elements, shares and forms of the contact points. */
+/* Elements, shares and forms of the contact points, one more than there are: an allocation of 0
+ * bytes may return NULL. */
 static bd_status points_create(bd_wheel *w, size_t n_point) {
     w->element = malloc(sizeof(bd_element) * (n_point + 1));
     w->share = malloc(sizeof(bd_status_share) * (n_point + 1));

@@ -225,6 +225,7 @@ bd_point_law *bd_point_laws_create(int n, const bd_point_law *from) {
     size_t n_number = 0;
     for (int p = 0; p < n && from; ++p)
         if (from[p].function) n_number += (size_t)(from[p].n_parameter + 3 + from[p].n_state);
+    /* one more byte: an allocation of 0 bytes may return NULL */
     bd_point_law *point_law = malloc(of_laws + sizeof(double) * n_number + 1);
     if (!point_law) return NULL;
 
