@@ -534,7 +534,7 @@ def test_a_path_that_breaks_off_outside_the_interval_is_told(monkeypatch):
 
 
 class Unsolvable(Ellipse):
-    def correct_at(self, u, omega, *args):
+    def correct_at(self, u, omega, *args, **named):
         return Correction(NOT_CONVERGED, np.append(u, omega), np.zeros(2), np.ones(2), 1, np.inf, 0)
 
 
@@ -625,8 +625,8 @@ def test_the_chain_of_the_first_point_says_what_was_tried(monkeypatch):
         asked.append((system.supported, options.patience, options.max_turn))
         return Path((), "too many points", "cut off", 0, 0)
 
-    def only_on_a_support(self, u, omega, scale, *args):
-        c = correct_at(self, u, omega, scale, *args)
+    def only_on_a_support(self, u, omega, scale, *args, **named):
+        c = correct_at(self, u, omega, scale, *args, **named)
         return c if self.supported else replace(c, status=NOT_CONVERGED)
 
     monkeypatch.setattr(start, "_homotopy", cut_off)

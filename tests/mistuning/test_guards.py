@@ -84,7 +84,7 @@ def test_a_disk_at_a_rotor_speed_is_refused():
     ).at_speed(400.0)
     with pytest.raises(
         SettingError,
-        match=r"^speed: the modes of a bladed disk .* without rotation, found 400 rad/s",
+        match=r"^speed: modes of a bladed disk .* only at rest, found 400 rad/s",
     ):
         BladedDisk(turning)
 

@@ -340,9 +340,9 @@ def test_answers_that_differ_by_more_than_a_twentieth_are_a_range(
 ):
     own = time_response._refine
 
-    def refine(search, points, ring, finer):
-        point = own(search, points, ring, finer)
-        if finer != 4:
+    def refine(search, points, ring, step_factor):
+        point = own(search, points, ring, step_factor)
+        if step_factor != 4:
             return point
         return point._replace(transient=Still(point.frequency, share * point.mean))
 
