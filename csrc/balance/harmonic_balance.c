@@ -289,10 +289,10 @@ void bd_hbm_destroy(bd_hbm *hbm) {
 
 /* ---- motion and force ---- */
 
-/* Relative motion X (n_component, n_coef) of the contact points from the unknowns u: X_l = Gr_l q_l
- * harmonic by harmonic, and X_0 = G_0 q_0 + shift. The sine row of Gr_l is (-Im G, Re G). The sine
- * of the motion is therefore a . [s; -c] with the cosine row a = (Re G, Im G), which alone is read.
- * */
+/* Relative motion X (n_component, n_coef) of the contact points from the unknowns u: X_l = Gr_l
+ * q_l harmonic by harmonic, and X_0 = G_0 q_0 + shift. The sine row of Gr_l is (-Im G, Re G).
+ * The sine of the motion is therefore a . [s; -c] with the cosine row a = (Re G, Im G), which
+ * alone is read. */
 void bd_hbm_motion(bd_hbm *hbm, const double *u) {
     const size_t n_component = 3 * (size_t)hbm->n_point, n_coef = (size_t)hbm->n_coef;
     double *value = hbm->harmonic_values, *shifted = hbm->shifted_amplitudes;

@@ -16,8 +16,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* C = A B, or C += A B with `add`: A (m, k), B (k, n), C (m, n) with rows of length lda, ldb, ldc.
- * */
+/* C = A B, or C += A B with `add`: A (m, k), B (k, n), C (m, n) with rows of length lda, ldb,
+ * ldc. */
 static void multiply(const bd_wheel *w, int m, int n, int k, const double *A, int lda,
                      const double *B, int ldb, int add, double *C, int ldc) {
     if (!add) {

@@ -364,8 +364,8 @@ BD_INLINE void slip_after_stick(step *o, const motion *m, const friction *f, bd_
     slip_step(o, m, &w, e, tau, R_e, tangent);
 }
 
-/* Motion and load of the lanes of a vector, from the samples at0 and at1 = sample BD_LANES + lane.
- * */
+/* Motion and load of the lanes of a vector, from the samples at0 and at1 = sample BD_LANES +
+ * lane. */
 BD_INLINE motion load_motion(const bd_coupled_lanes *l, int at0, int at1, int lane) {
     motion m;
     m.p0[0] = bd_load(l->x + at0);

@@ -151,8 +151,8 @@ static int bound_contact(const bd_element *element, const double *v, bd_event_wo
 }
 
 /* Lift-offs and closings: the roots of n0 + kn v, with the motion v of x (3, n_coef), become events
- * 0 .. n_lift-1. Return their number. For several harmonics, the root
- * finder needs samples of the polynomial and of its derivative. */
+ * 0 .. n_lift-1. Return their number. For several harmonics, the root finder needs samples of the
+ * polynomial and of its derivative. */
 static int find_lifts(const bd_element *element, const double *x, bd_event_work *work) {
     const int n_harm = work->n_harm, n_coef = bd_n_coef(n_harm), n_time = work->grid.n_time;
     const double n0 = element->n0, kn = element->kn;

@@ -123,9 +123,9 @@ static double rate(const bouc_wen *law, double sense, double z, double *by_z) {
 }
 
 /* State z after a step du of the displacement, and its derivatives with respect to du and to z
- * before the step. The step has STEPS equal parts h of the trapezoidal rule for dz/du = f(z), whose
- * equation y - h/2 f(y) = z + h/2 f(z) for the state y after a part is solved by Newton's method.
- * */
+ * before the step. The step has STEPS equal parts h of the trapezoidal rule for dz/du = f(z),
+ * whose equation y - h/2 f(y) = z + h/2 f(z) for the state y after a part is solved by Newton's
+ * method. */
 static double evolve(const bouc_wen *law, double du, double z, double *by_u, double *by_z) {
     *by_u = 0.0;
     *by_z = 1.0;

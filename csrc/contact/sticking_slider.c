@@ -60,8 +60,8 @@ static void motion_row(const bd_coulomb_work *work, const bd_element *element, i
     }
 }
 
-/* Row e . dp - dR (n_col): motion of the edge of the disk of sample k along e, at a fixed slider.
- * */
+/* Row e . dp - dR (n_col): motion of the edge of the disk of sample k along e, at a fixed
+ * slider. */
 static void edge_motion(const bd_coulomb_work *work, const bd_element *element, int k,
                         const double *e, double *row) {
     memset(row, 0, sizeof(double) * n_columns(work));
@@ -151,9 +151,9 @@ static void derivative_of_shifted(bd_coulomb_work *work, const bd_element *eleme
     }
 }
 
-/* a_i of the onset with two disks, (t . p')/(2 (e . p' - R')): half the motion of a disk's centre
- * across the slip direction e per length of slip, in the step that ends at the sample of the disk.
- * */
+/* a_i of the onset with two disks, (t . p')/(2 (e . p' - R')): half the motion of a disk's
+ * centre across the slip direction e per length of slip, in the step that ends at the sample of
+ * the disk. */
 static double slip_turn(const bd_coulomb_work *work, const bd_disk_point *point, int i,
                         const double *e, const double *t) {
     const int k1 = point->disk[i];

@@ -35,8 +35,8 @@ BD_INLINE void exchange(double *a, double *b) {
     *b = x;
 }
 
-/* Derivative D (3, 3) of the forces of a point, row-major; its entries are `stride` numbers apart.
- * */
+/* Derivative D (3, 3) of the forces of a point, row-major; its entries are `stride` numbers
+ * apart. */
 BD_INLINE double *tangent_of(const bd_time *t, size_t sector, size_t point) {
     return t->tangent + BD_N_COMPONENT * BD_N_COMPONENT * t->stride * sector + point;
 }

@@ -150,8 +150,8 @@ static int start(bd_time *t, const bd_time_path *path, double angle) {
     return 1;
 }
 
-/* Begin steps with these patterns: the pattern forces of the last contact forces, and the states.
- * */
+/* Begin steps with these patterns: the pattern forces of the last contact forces, and the
+ * states. */
 static void use_patterns(bd_time *t, const bd_time_patterns *patterns) {
     multiply((size_t)t->n_sector, (size_t)patterns->rank, t->rows, t->point_force,
              patterns->pattern_transposed, t->pattern_force);
@@ -165,8 +165,8 @@ static void use_patterns(bd_time *t, const bd_time_patterns *patterns) {
  *     m [(1 - am) a* + am a] + (1 - af) [c v* + K q* - e+] + af [c v + K q + g - e] = 0,
  *     q* = q + h v + h^2 [(1/2 - b) a + b a*],     v* = v + h [(1 - gamma) a + gamma a*].
  *
- * All terms with a* form the acceleration compliance. A coordinate without mass follows K q* = e+.
- * */
+ * All terms with a* form the acceleration compliance. A coordinate without mass follows K q* =
+ * e+. */
 static void predict_end(bd_time *t, double h, bd_time_alpha w, const double *restrict next) {
     const double *restrict q = t->q, *restrict v = t->v, *restrict a = t->a;
     const double *restrict m = t->mass, *restrict c = t->damping, *restrict K = t->stiffness;
