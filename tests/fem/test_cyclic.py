@@ -8,6 +8,7 @@ import scipy.sparse as sp
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 
+from bdamper.fem import sector_inside
 from bdamper.fem.cyclic_symmetry import CyclicSector, cyclic_transformation
 from bdamper.fem.meshes import ElasticMaterial, discretise, join_blocks, turn
 from bdamper.fem.sector_faces import match_faces
@@ -112,8 +113,14 @@ def test_modes_are_normalised_over_one_sector_with_a_definite_phase(sector):
         assert np.all(np.diff(omega2) > 0.0)
 
 
-def test_receptance_is_hermitian_and_the_sum_over_all_modes(sector):
+@pytest.mark.parametrize("n_modes", [0, 6])
+@pytest.mark.parametrize("columns", [64, 3])
+def test_receptance_is_hermitian_and_the_sum_over_all_modes(sector, monkeypatch, columns, n_modes):
+    """Four right-hand sides in one block or in two, of the whole or of what modes leave."""
+    monkeypatch.setattr(sector_inside, "COLUMNS", columns)
     s = CyclicSector(*sector, 2)
+    if n_modes:
+        s.modes(n_modes)
     contact = np.zeros((4, s.body.n_dof))
     contact[np.arange(4), 3 * s.body.nearest_node([0.2, 1.6, 0.3]) + np.array([0, 1, 2, -3])] = 1.0
     flexibility = s.receptance(sp.csr_matrix(contact))
