@@ -188,8 +188,10 @@ class Objective:
             for name in values:
                 if name != FORCE:
                     values[name] = setting_value(problem, name)
-        # a setting of zero begins at the lower end of its range
-        return np.clip(np.log([value or 1e-300 for value in values.values()]), *self.bounds)
+        # a setting of zero has no logarithm: it begins at the lower end of its range
+        positive = [value or 1e-300 for value in values.values()]
+        low, high = self.bounds
+        return np.clip(np.log(positive), low, high)
 
     def parts(self, x: NDArray) -> list[Separation]:
         """Return the residuals of each data set; the last result is stored."""
@@ -220,8 +222,11 @@ class Objective:
         """Return the derivatives (m, k) with respect to the logarithms of the parameters."""
         names = list(self.ranges)
         k = len(names)
-        # a held force gain would be one more column
-        rows = [part.slopes()[..., :k].reshape(-1, k) for part in self.parts(x)]
+        rows = []
+        for part in self.parts(x):
+            # (n, 2, parameters); a held force gain is one more column behind the k fitted ones
+            slopes = part.slopes()[..., :k]
+            rows.append(slopes.reshape(-1, k))
         for name, (_, deviation) in self.priors.items():
             prior = np.zeros((1, k))
             prior[0, names.index(name)] = 1.0 / deviation
@@ -251,7 +256,21 @@ class Objective:
         most: int = MOST,
         rows: NDArray | slice = slice(None),
     ) -> NDArray:
-        """Minimise the sum of squares of some rows from a point x over the free coordinates."""
+        """Return the point (k,) at which the sum of squared residuals is least.
+
+        Parameters
+        ----------
+        x : (k,) float
+            Logarithms of the parameters, from which the search begins.
+        free : (k,) bool
+            Parameters that change; the others keep their values.
+        tolerance : float
+            Relative change of the sum of squares below which the search ends.
+        most : int
+            Maximum number of evaluations.
+        rows : slice or (n,) int
+            Residuals that count; by default all.
+        """
         low, high = self.bounds
 
         def whole(part: NDArray) -> NDArray:
@@ -294,7 +313,8 @@ def covariance(J: NDArray) -> NDArray:
         Derivatives of the residuals.
     """
     k = J.shape[1]
-    # rows of zeros, so that there are k singular values with fewer residuals than parameters
+    # k rows of zeros below: without them, fewer residuals than parameters have too few singular
+    # values
     padded = np.pad(J, ((0, k), (0, 0)))
     _, singular, directions = np.linalg.svd(padded, full_matrices=False)
     least = max(NO_EFFECT * singular[0], NO_EFFECT)
@@ -304,6 +324,8 @@ def covariance(J: NDArray) -> NDArray:
 
 def left_out(r: NDArray, J: NDArray, rows: Sequence[slice | NDArray]) -> NDArray:
     """Return the jackknife standard errors (k,) from the omission of each group of rows.
+
+    A Gauss-Newton step from the minimum of all rows approximates the fit without a group.
 
     Parameters
     ----------
@@ -318,8 +340,11 @@ def left_out(r: NDArray, J: NDArray, rows: Sequence[slice | NDArray]) -> NDArray
     changes = []
     for group in rows:
         remaining = normal_matrix - J[group].T @ J[group]
+        # at the minimum J^T r is zero, so the gradients of the group and of the other rows differ
+        # in sign alone
         changes.append(np.linalg.pinv(remaining) @ (J[group].T @ r[group]))
     squared_deviation = (np.array(changes) - np.mean(changes, axis=0)) ** 2
+    # (g - 1)/g for g groups: their fits share most rows and scatter less than independent ones
     factor = 1.0 - 1.0 / len(rows)
     return np.asarray(np.sqrt(factor * squared_deviation.sum(axis=0)))
 
@@ -394,20 +419,31 @@ def fit(
     profiles = validation.choice("intervals", intervals, ("profile", "linear")) == "profile"
     ranges, checked_priors = _checked(model, vary, priors or {})
     unloaded = None
-    none_or_study = free is None or not callable(model)
+    # a function has no settings for damping and frequency, which the free response determines
+    is_possible = free is None or not callable(model)
     cannot = "it cannot be combined with a function of all parameters"
-    validation.check_sentence(none_or_study, "free", cannot)
+    validation.check_sentence(is_possible, "free", cannot)
     if free is not None:
-        test = free if isinstance(free, MeasuredResponse) else MeasuredResponse(free, 0.0)
-        free_ranges = {name: ranges.pop(name, ends) for name, ends in UNLOADED.items()}
-        objective = Objective(model, [test], free_ranges, noise, {}, profiles, checked_priors)
-        unloaded = _stage(objective)
+        test = free if isinstance(free, MeasuredResponse) else MeasuredResponse(free, preload=0.0)
+        # the first stage has the parameters of UNLOADED; the user may give their ranges
+        in_first_stage = {name: ends for name, ends in ranges.items() if name in UNLOADED}
+        ranges = {name: ends for name, ends in ranges.items() if name not in UNLOADED}
+        unloaded = _stage(
+            Objective(
+                model,
+                [test],
+                UNLOADED | in_first_stage,
+                noise,
+                profiles=profiles,
+                priors=checked_priors,
+            )
+        )
     validation.check(
         ranges, "vary", "parameters that the free response does not determine", list(vary)
     )
     if not callable(model):
         _check_stiffness(ranges, tests)
-    objective = Objective(model, tests, ranges, noise, {}, profiles, checked_priors)
+    objective = Objective(model, tests, ranges, noise, profiles=profiles, priors=checked_priors)
     loaded = _stage(objective, unloaded, groups).result
     loaded = replace(loaded, notes=(*notes, *loaded.notes))
     if unloaded is None:
@@ -469,25 +505,30 @@ def repetitions(
 ) -> tuple[list[int], float]:
     """Return the repetitions among tests, and their scatter.
 
-    For each test it is the index of the first test under the same conditions. The scatter is the
-    standard deviation of the logarithm of amplitude over force, 0 without repetitions. Tests
-    measured at other frequencies are interpolated.
+    Returns
+    -------
+    groups : list of int
+        For each test the index of the first test under the same conditions, which may be itself.
+    scatter : float
+        Standard deviation of the logarithm of amplitude over force, 0 without repetitions.  Tests
+        measured at other frequencies are interpolated.
     """
     groups = list(range(len(data)))
-    tests = [
-        (i, test)
-        for i, test in enumerate(data)
+    swept_at_force = [
+        (index, test)
+        for index, test in enumerate(data)
         if isinstance(test, MeasuredResponse) and test.control == "force"
     ]
     variances = []
-    for position, (i, test) in enumerate(tests):
-        for j, earlier in tests[:position]:
+    for position, (index, test) in enumerate(swept_at_force):
+        for earlier_index, earlier in swept_at_force[:position]:
             if not _same_conditions(test, earlier):
                 continue
             difference = _difference(test, earlier)
             # without common frequencies they are parts of one test
             if len(difference):
-                groups[i] = min(groups[i], groups[j])
+                groups[index] = min(groups[index], groups[earlier_index])
+                # the difference of two tests has twice the variance of one
                 variances.append(difference**2 / 2.0)
     if not variances:
         return groups, 0.0
@@ -500,23 +541,33 @@ def _same_conditions(one: MeasuredResponse, other: MeasuredResponse) -> bool:
         return False
     if (one.nominal is None) != (other.nominal is None):
         return False
-    ratio = (one.nominal or 1.0) / (other.nominal or 1.0)
-    return abs(ratio - 1.0) < ALIKE_FORCE
+    # without nominal forces the ratio is 1
+    force_ratio = (one.nominal or 1.0) / (other.nominal or 1.0)
+    return abs(force_ratio - 1.0) < ALIKE_FORCE
 
 
 def _difference(test: MeasuredResponse, other: MeasuredResponse) -> NDArray:
-    """Return the difference of the logarithms of two tests at common frequencies."""
+    """Return ln(amplitude over force) of a test minus that of another.
+
+    There is a value at each frequency of ``test`` within the range of ``other``, which is
+    interpolated; the array is empty if the ranges do not overlap.
+    """
     frequency, logarithm = _logarithms(test)
     other_frequency, other_logarithm = _logarithms(other)
-    common = (frequency >= other_frequency[0]) & (frequency <= other_frequency[-1])
-    return (logarithm - np.interp(frequency, other_frequency, other_logarithm))[common]
+    lowest = other_frequency[0]
+    highest = other_frequency[-1]
+    is_common = (frequency >= lowest) & (frequency <= highest)
+    difference = logarithm - np.interp(frequency, other_frequency, other_logarithm)
+    return difference[is_common]
 
 
 def _logarithms(test: MeasuredResponse) -> tuple[NDArray, NDArray]:
-    """Return frequencies in ascending order and logarithms of amplitude over force."""
-    order = np.argsort(test.data.frequency)
-    ratio = np.abs(test.data.displacement) / test.factors / (test.nominal or 1.0)
-    return test.data.frequency[order], np.log(ratio)[order]
+    """Return frequencies (n,) in ascending order and logarithms (n,) of amplitude over force."""
+    ascending = np.argsort(test.data.frequency)
+    # the force at each point is its factor times the nominal force, if there is one
+    amplitude = np.abs(test.data.displacement)
+    amplitude_over_force = amplitude / test.factors / (test.nominal or 1.0)
+    return test.data.frequency[ascending], np.log(amplitude_over_force)[ascending]
 
 
 @dataclass(frozen=True)
@@ -538,7 +589,8 @@ def _stage(
     if before is not None:
         objective.held = dict(zip(before.result.names, before.result.values.tolist()))
     names = tuple(objective.ranges)
-    x = objective.least(objective.start, np.ones(len(names), bool))
+    # x contains the logarithms (k,) of the parameters
+    x = objective.least(objective.start, free=np.ones(len(names), bool))
     parts = objective.parts(x)
     labels = tuple(_label(test) for test in objective.data)
     if all(part.lost.all() for part in parts):
@@ -551,16 +603,17 @@ def _stage(
         groups = range(len(parts))
     # group of each row of the residual
     sizes = [part.residual.size for part in parts]
-    group = np.repeat(groups, sizes)
-    x, prediction = _lowest_minimum(objective, x, group)
+    group_of_row = np.repeat(groups, sizes)
+    x, prediction = _lowest_minimum(objective, x, group_of_row)
     parts = objective.parts(x)
-    group_rows = [np.flatnonzero(group == number) for number in np.unique(group)]
+    group_rows = [np.flatnonzero(group_of_row == number) for number in np.unique(group_of_row)]
     uncertainty = _uncertainty(objective, x, group_rows, before)
 
-    low, high = objective.bounds
+    lowest, highest = objective.bounds
     below, above = uncertainty.half_widths
-    ends = np.clip([x - below, x + above], low, high)
-    unknown = (ends[0] <= low + EDGE) & (ends[1] >= high - EDGE)
+    interval_low, interval_high = np.clip([x - below, x + above], lowest, highest)
+    # an interval that is the complete range says nothing about the parameter
+    unknown = (interval_low <= lowest + EDGE) & (interval_high >= highest - EDGE)
     J = objective.jacobian(x)
     deviation = np.sqrt(np.diag(uncertainty.covariance))
     correlated = _correlated(names, uncertainty.covariance)
@@ -579,8 +632,8 @@ def _stage(
     result = Fitted(
         names=names,
         values=np.exp(x),
-        low=np.exp(ends[0]),
-        high=np.exp(ends[1]),
+        low=np.exp(interval_low),
+        high=np.exp(interval_high),
         deviation=np.where(unknown, np.inf, deviation),
         left_out=uncertainty.left_out,
         information=_information(J, sizes),
@@ -604,11 +657,13 @@ def _information(J: NDArray, sizes: Sequence[int]) -> NDArray:
     The information is the sum of squares of a column of ``J``.  ``sizes`` contains the number of
     rows of each test; rows of priors follow.
     """
-    squares = []
+    information_of_tests = []
     for end, size in zip(np.cumsum(sizes), sizes):
-        squares.append((J[end - size : end] ** 2).sum(axis=0))
+        rows_of_test = J[end - size : end]
+        information_of_tests.append((rows_of_test**2).sum(axis=0))
+    # (k, 1); a parameter without any effect has shares of zero
     whole = np.maximum((J**2).sum(axis=0)[:, None], 1e-300)
-    return np.asarray(np.array(squares).T / whole)
+    return np.asarray(np.array(information_of_tests).T / whole)
 
 
 def _label(test: MeasuredResponse | Measured | MeasuredMode) -> str:
@@ -622,8 +677,10 @@ def _correlated(names: Sequence[str], covariance: NDArray) -> list[str]:
     """Return the pairs of parameters with a strong correlation, with its value."""
     deviation = np.sqrt(np.diag(covariance))
     correlation = np.abs(covariance) / np.outer(deviation, deviation)
+    # above the diagonal each pair occurs once
+    is_strong = np.triu(correlation > CORRELATED, 1)
     pairs = []
-    for i, j in zip(*np.nonzero(np.triu(correlation > CORRELATED, 1))):
+    for i, j in zip(*np.nonzero(is_strong)):
         signed = covariance[i, j] / deviation[i] / deviation[j]
         pairs.append(f"{spaced(names[i])} and {spaced(names[j])} ({signed:+.3f})")
     return pairs
@@ -638,14 +695,17 @@ def _doubts(objective: Objective, x: NDArray, J: NDArray, unknown: NDArray) -> l
     names = list(objective.ranges)
     low, high = objective.bounds
     doubts = [f"{spaced(name)} {UNKNOWN}" for name, is_unknown in zip(names, unknown) if is_unknown]
+    # singular values descend: the last direction has the smallest effect on the residuals
     _, singular, directions = np.linalg.svd(J, full_matrices=False)
-    if singular[-1] * ALIKE < singular[0] and not unknown.any():
-        combination = " ".join(
-            f"{share:+.2f} ln {name}"
-            for share, name in zip(directions[-1], names)
-            if abs(share) > 0.1
-        )
-        doubts.append(f"the data do not determine {combination}")
+    is_undetermined = singular[-1] * ALIKE < singular[0]
+    # a single unknown parameter has such a direction as well, and is named above
+    if is_undetermined and not unknown.any():
+        weakest = directions[-1]
+        terms = []
+        for share, name in zip(weakest, names):
+            if abs(share) > 0.1:
+                terms.append(f"{share:+.2f} ln {name}")
+        doubts.append(f"the data do not determine {' '.join(terms)}")
     distance = np.minimum(x - low, high - x)
     at_end = (distance < 1e-3 * (high - low)) & ~unknown
     for name, is_at_end in zip(names, at_end):
@@ -696,14 +756,15 @@ def _far_priors(objective: Objective, x: NDArray) -> list[str]:
 
 
 def _lowest_minimum(objective: Objective, x: NDArray, group: NDArray) -> tuple[NDArray, NDArray]:
-    """Return a minimum and the residuals (n, 2) of its predictions, see :func:`_predictions`.
+    """Return a minimum (k,) and the residuals (n, 2) of its predictions.
 
-    A fit without some tests may lead to a lower minimum than ``x``.
+    The minimum is ``x``, or a lower one to which a fit without some tests has led.  For ``group``
+    and the predictions see :func:`_predictions`.
     """
     prediction, lower = _predictions(objective, x, group)
     if lower is None:
         return x, prediction
-    x = objective.least(lower, np.ones(len(x), bool))
+    x = objective.least(lower, free=np.ones(len(x), bool))
     prediction, _ = _predictions(objective, x, group)
     return x, prediction
 
@@ -717,26 +778,29 @@ def _predictions(
     residual, without those of the priors.  If ``x`` is a local minimum, one of these fits may have
     a lower sum of squares over all data; its parameters (k,) are returned as well, otherwise None.
     """
+    # two rows for each point, as in the residual: amplitude and phase, or amplitude and frequency
     prediction = np.full(len(group), np.nan)
     numbers = np.unique(group)
     if len(numbers) == 1:
         return prediction.reshape(-1, 2), None
-    r = objective.residual(x)
+    residual = objective.residual(x)
     J = objective.jacobian(x)
+    low, high = objective.bounds
     all_free = np.ones(len(x), bool)
-    lowest = LOWER * float(r @ r)
+    # sum of squares over all data that a better minimum must not exceed
+    lowest = LOWER * float(residual @ residual)
     lower_minimum = None
     for number in numbers:
         omitted = np.flatnonzero(group == number)
-        kept = np.setdiff1d(np.arange(len(r)), omitted)
+        kept = np.setdiff1d(np.arange(len(residual)), omitted)
         # a Gauss-Newton step, at most by a factor of e
-        step = -covariance(J[kept]) @ (J[kept].T @ r[kept])
-        start = np.clip(x + np.clip(step, -1.0, 1.0), *objective.bounds)
-        x_without = objective.least(start, all_free, LEAST, PREDICTIONS, kept)
-        residual = objective.residual(x_without)
-        prediction[omitted] = residual[omitted]
-        if residual @ residual < lowest:
-            lowest = float(residual @ residual)
+        step = -covariance(J[kept]) @ (J[kept].T @ residual[kept])
+        start = np.clip(x + np.clip(step, -1.0, 1.0), low, high)
+        x_without = objective.least(start, all_free, most=PREDICTIONS, rows=kept)
+        residual_without = objective.residual(x_without)
+        prediction[omitted] = residual_without[omitted]
+        if residual_without @ residual_without < lowest:
+            lowest = float(residual_without @ residual_without)
             lower_minimum = x_without
     return prediction.reshape(-1, 2), lower_minimum
 
@@ -762,41 +826,59 @@ class _Uncertainty:
 def _uncertainty(
     objective: Objective, x: NDArray, rows: Sequence[NDArray], before: _Stage | None
 ) -> _Uncertainty:
-    """Return the uncertainty of the parameters of a fit, from the rows of each group of tests."""
-    r = objective.residual(x)
+    """Return the uncertainty of the parameters of a fit.
+
+    Parameters
+    ----------
+    x : (k,) float
+        Logarithms of the parameters at the minimum.
+    rows : sequence of (n,) int
+        Rows of the residual of each group of tests.
+    before : _Stage, optional
+        Previous stage, whose parameters are held.
+    """
+    residual = objective.residual(x)
     J = objective.jacobian(x)
     k = len(x)
     n_groups = len(rows)
-    sum_of_squares = float(r @ r)
+    sum_of_squares = float(residual @ residual)
     # absent phases have a residual of zero and do not count
-    freedom = max(int(np.count_nonzero(r)) - k, 1)
-    scale = max(1.0, sum_of_squares / freedom)
-    quantile = float(scipy.stats.t.ppf(P95, freedom))
-    excess = max(sum_of_squares - float(scipy.stats.chi2.ppf(P95, freedom)), 0.0)
-    rise = max(scale * quantile**2, TAKEN_UP * excess)
-    C = scale * covariance(J)
-    linear = np.sqrt(rise / scale * np.diag(C))
-    # distances to the lower and to the upper end, (2, k)
+    degrees_of_freedom = max(int(np.count_nonzero(residual)) - k, 1)
+    # variance of the residuals: 1 by noise alone, or more with the misfit of the model
+    variance = max(1.0, sum_of_squares / degrees_of_freedom)
+    t_quantile = float(scipy.stats.t.ppf(P95, degrees_of_freedom))
+    # part of the sum of squares that noise does not explain: the model error
+    largest_by_noise = float(scipy.stats.chi2.ppf(P95, degrees_of_freedom))
+    excess = max(sum_of_squares - largest_by_noise, 0.0)
+    # rise of the sum of squares at the ends of the intervals
+    rise = max(variance * t_quantile**2, TAKEN_UP * excess)
+    of_parameters = variance * covariance(J)
+    linear = np.sqrt(rise / variance * np.diag(of_parameters))
+    # distances (2, k) to the lower and to the upper end
     if objective.profiles:
-        half = np.array([_profile(objective, x, j, rise, linear[j]) for j in range(k)]).T
+        distances = [_profile(objective, x, j, rise, linear[j]) for j in range(k)]
+        half_widths = np.array(distances).T
     else:
-        half = np.array([linear, linear])
-    left = np.full(k, np.nan)
+        half_widths = np.array([linear, linear])
+    jackknife_error = np.full(k, np.nan)
     if n_groups > 1:
-        left = left_out(r, J, rows)
+        jackknife_error = left_out(residual, J, rows)
         # without excess, noise explains the differences between tests
         if excess > 0.0:
-            half = np.fmax(half, float(scipy.stats.t.ppf(P95, n_groups - 1)) * left)
+            t_of_groups = float(scipy.stats.t.ppf(P95, n_groups - 1))
+            half_widths = np.fmax(half_widths, t_of_groups * jackknife_error)
     if before is not None:
+        # errors of both stages are independent: their squares add
         carried = _carried_covariance(objective, x, J, before)
-        C = C + carried
-        half = np.hypot(half, quantile * np.sqrt(np.diag(carried)))
-    return _Uncertainty(half, C, left)
+        of_parameters = of_parameters + carried
+        half_widths = np.hypot(half_widths, t_quantile * np.sqrt(np.diag(carried)))
+    return _Uncertainty(half_widths, of_parameters, jackknife_error)
 
 
 def _carried_covariance(objective: Objective, x: NDArray, J: NDArray, before: _Stage) -> NDArray:
     """Return the covariance (k, k) of the parameters from the errors of the held parameters."""
     held = before.result.values
+    # held parameters first, then those of this stage
     joint = Objective(
         objective.problem,
         objective.data,
@@ -805,7 +887,8 @@ def _carried_covariance(objective: Objective, x: NDArray, J: NDArray, before: _S
         priors=objective.priors,
     )
     J_held = joint.jacobian(np.append(np.log(held), x))[:, : len(held)]
-    # change of the parameters per change of the held parameters
+    # change (k, n_held) of the least squares solution per change of the held parameters, with the
+    # opposite sign, which the product below does not show
     effect = covariance(J) @ J.T @ J_held
     return np.asarray(effect @ before.covariance @ effect.T)
 
@@ -816,27 +899,31 @@ def _profile(objective: Objective, x: NDArray, j: int, rise: float, half: float)
     There the sum of squares, minimised over the other parameters, has risen by ``rise``. The search
     begins at the distance ``half``.
     """
-    least = float((objective.residual(x) ** 2).sum())
+    least_sum = float((objective.residual(x) ** 2).sum())
     J = objective.jacobian(x)
     low, high = objective.bounds
     free = np.arange(len(x)) != j
-    # the others follow the parameter as in the linear problem
+    # per unit of the parameter, the others change as in the linear problem
     direction = np.ones(len(x))
     if free.any():
         direction[free] = -np.linalg.lstsq(J[:, free], J[:, j], rcond=None)[0]
 
     def excess(point: NDArray) -> float:
-        risen = float((objective.residual(point) ** 2).sum()) - least
+        """Return by which fraction the root of the rise exceeds that of ``rise``, at most 1.
+
+        The root is nearly proportional to the distance, because the sum of squares is nearly a
+        parabola.
+        """
+        risen = float((objective.residual(point) ** 2).sum()) - least_sum
         return min(np.sqrt(max(risen, 0.0) / rise) - 1.0, 1.0)
 
     def excess_at(distance: float) -> float:
-        """Return how far the root of the rise exceeds that of ``rise``, as a fraction, at a signed
-        distance from ``x[j]``.
-        """
+        """Return the excess at a signed distance from ``x[j]``."""
         point = np.clip(x + distance * direction, low, high)
         linear = excess(point)
         if not free.any() or abs(linear) < NEARLY:
             return linear
+        # the others are fitted again unless the linear problem has led to the end of the profile
         return excess(objective.least(point, free, ROUGH))
 
     below = _zero_distance(lambda distance: excess_at(-distance), half, x[j] - low[j])
@@ -847,25 +934,28 @@ def _profile(objective: Objective, x: NDArray, j: int, rise: float, half: float)
 def _zero_distance(excess_at: Callable[[float], float], start: float, limit: float) -> float:
     """Return the distance, at most ``limit``, at which a function that rises from -1 is zero.
 
-    The function is nearly linear.
+    The function is nearly linear.  The search begins at the distance ``start``.
     """
     distance = min(start, limit)
     # distance and value on both sides of the zero
-    inner = (0.0, -1.0)
+    inner_distance, inner_value = 0.0, -1.0
     outer: tuple[float, float] | None = None
     for _ in range(SEARCH):
         value = excess_at(distance)
         if abs(value) < NEARLY or (value < 0.0 and distance >= limit):
             break
         if value < 0.0:
-            inner = distance, value
+            inner_distance, inner_value = distance, value
         else:
             outer = distance, value
         if outer is None:
+            # the line from -1 at distance 0 through the value, at most five times as far
             distance = min(limit, distance / max(1.0 + value, 0.2))
         else:
-            share = (outer[0] - inner[0]) * inner[1] / (inner[1] - outer[1])
-            distance = inner[0] + share
+            # zero of the chord between both sides
+            outer_distance, outer_value = outer
+            width = outer_distance - inner_distance
+            distance = inner_distance + width * inner_value / (inner_value - outer_value)
     return distance
 
 

@@ -29,6 +29,8 @@ from bdamper.util.tables import Column, Tabular
 
 WRONG = 30.0
 """Misfit of a test in units of the noise above which the model does not describe the data."""
+EXCEEDS_NOISE = 1.5
+"""Misfit of all tests in units of the noise above which the model misses them."""
 UNKNOWN = "not determined by these data"
 """Text of a parameter whose interval is its complete range."""
 
@@ -106,10 +108,11 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
         super().check_rows()
         n = len(self.place)
         k = len(self.names)
-        expected: dict[str, tuple[int, ...]] = dict.fromkeys(
-            ("place", "measured", "model", "test"), (n,)
-        )
-        expected |= dict.fromkeys(("values", "low", "high", "deviation", "left_out"), (k,))
+        expected: dict[str, tuple[int, ...]] = {}
+        for name in ("place", "measured", "model", "test"):
+            expected[name] = (n,)
+        for name in ("values", "low", "high", "deviation", "left_out"):
+            expected[name] = (k,)
         expected["residual"] = (n, 2)
         expected["information"] = (k, len(self.tests))
         # fits of older versions have none
@@ -141,15 +144,19 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
 
     def _by_test(self, residual: NDArray) -> NDArray:
         """Return the root mean square of the residuals (n, 2) of each test."""
+        # bincount adds the values of the points of each test
         n_tests = len(self.tests)
-        sums = np.bincount(self.test, (residual**2).sum(axis=1), n_tests)
+        squares = (residual**2).sum(axis=1)
+        sums = np.bincount(self.test, weights=squares, minlength=n_tests)
         # absent phases have a residual of zero and do not count
-        counts = np.bincount(self.test, np.count_nonzero(residual, axis=1), n_tests)
+        n_residuals = np.count_nonzero(residual, axis=1)
+        counts = np.bincount(self.test, weights=n_residuals, minlength=n_tests)
         return np.sqrt(sums / np.maximum(counts, 1))
 
     @property
     def misfit(self) -> float:
         """Root mean square of all residuals, in units of the noise."""
+        # absent phases have a residual of zero and do not count
         count = max(np.count_nonzero(self.residual), 1)
         return float(np.sqrt((self.residual**2).sum() / count))
 
@@ -201,33 +208,40 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
         validation.check(
             richer.names == self.names, "richer", f"a fit of {self.names}", f"one of {richer.names}"
         )
-        ratio = np.exp(np.abs(np.log(richer.values / self.values)))
+        # factor between the estimates of both fits, at least 1
+        factor = np.exp(np.abs(np.log(richer.values / self.values)))
         return replace(
             self,
-            low=np.minimum(self.low / ratio, richer.low),
-            high=np.maximum(self.high * ratio, richer.high),
+            low=np.minimum(self.low / factor, richer.low),
+            high=np.maximum(self.high * factor, richer.high),
             notes=(*self.notes, f"intervals include a fit with {richer._settings_text()}"),
         )
 
     def _settings_text(self) -> str:
         """Return the settings of the fit that determine its parameters."""
         numbers = self.settings["harmonics"]
-        harmonics = f"harmonic{'s' if len(numbers) > 1 else ''} {listed(map(str, numbers))}"
+        plural = "s" if len(numbers) > 1 else ""
+        harmonics = f"harmonic{plural} {listed(map(str, numbers))}"
         modes = f"{self.settings['blade_modes']} blade modes"
+        # the setting is None if all points of the model are in use
         points = f"{self.settings['contact_points'] or 'all'} contact points"
+        method = self.settings["contact_stiffness"]
+        # options and values of a method are too long for a sentence
         stiffness = "the contact stiffness of this fit"
-        if isinstance(self.settings["contact_stiffness"], str):
-            stiffness = f'contact_stiffness="{self.settings["contact_stiffness"]}"'
+        if isinstance(method, str):
+            stiffness = f'contact_stiffness="{method}"'
         return listed([harmonics, modes, points, stiffness])
 
     def columns(self) -> dict[str, Column]:
         """Return one row for each measured point."""
+        # the second column belongs to the phase, or to the frequency of a resonance
+        residual_of_amplitude = self.residual[:, 0]
         return {
             "test": Column(self.test),
             "place": Column(self.place),
             "measured": Column(np.abs(self.measured)),
             "model": Column(np.abs(self.model)),
-            "residual": Column(self.residual[:, 0]),
+            "residual": Column(residual_of_amplitude),
         }
 
     @property
@@ -240,12 +254,15 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
         worst = int(np.argmax(misfits))
         if not misfits[worst] > WRONG:
             return ""
-        ratio = float(np.nanmedian(np.abs(self.measured / self.model)[self.test == worst]))
+        ratios = np.abs(self.measured / self.model)
+        ratio_of_worst = float(np.nanmedian(ratios[self.test == worst]))
         # m, mm and um differ by powers of 1000
-        power = np.rint(np.log10(ratio) / 3.0) if np.isfinite(ratio) else 0.0
+        power_of_1000 = 0.0
+        if np.isfinite(ratio_of_worst):
+            power_of_1000 = np.rint(np.log10(ratio_of_worst) / 3.0)
         hint = ""
-        if power:
-            factor = f"{1e3**power:g} times those of the model"
+        if power_of_1000:
+            factor = f"{1e3**power_of_1000:g} times those of the model"
             hint = f"; measured amplitudes are about {factor}: check the units"
         misfit = f"misfit {misfits[worst]:.2g} times the noise"
         return f"the model does not describe these data ({misfit}{hint})"
@@ -256,7 +273,7 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
         return self.reason.removeprefix(self.wrong).removeprefix("; ")
 
     def _statement(self) -> Statement:
-        model_is_wrong = self.misfit > 1.5
+        model_is_wrong = self.misfit > EXCEEDS_NOISE
         misfits = self.misfits
         worst = int(np.argmax(misfits))
         size = f"{self.misfit:.2g} times the noise"
