@@ -51,6 +51,11 @@ from bdamper.util.tables import (
     Tabular,
 )
 
+OMEGA, ZETA, PARAMETER = -3, -2, -1
+"""Indices of angular frequency, damping ratio and ln(A/A_0) in a point ``y``; the unknowns of the
+motion precede them.
+"""
+
 
 @short_repr
 @dataclass(frozen=True)
@@ -135,7 +140,8 @@ class NonlinearMode(
         """
         amplitude = validation.number("amplitude", amplitude, above=0.0, unit="m")
         distance = np.log(self.amplitude / amplitude)
-        # each crossing lies between point i and the next one
+        # each crossing lies between point i and the next one; a point with exactly this amplitude
+        # counts as the beginning of an interval, not as its end
         crosses = (distance[:-1] * distance[1:] <= 0.0) & (distance[1:] != 0.0)
         same_branch = self.branch[:-1] == self.branch[1:]
         i = np.flatnonzero(crosses & same_branch)
@@ -214,26 +220,28 @@ class NonlinearMode(
 
     def _compared_with(self, other: NonlinearMode, richer: int) -> NonlinearMode:
         """Return this mode with its differences from one with more harmonics."""
-        damping, frequency = [], []
+        damping_differences = []
+        frequency_differences = []
         for own_amplitude, own_frequency, own_damping in zip(
             self.amplitude, self.frequency, self.damping_ratio
         ):
             motions = other.at(own_amplitude)
             if not motions:
                 continue
-            # where the branch folds, the nearest of several motions
-            nearest = min(motions, key=lambda motion: abs(motion[0] - own_frequency))
-            frequency.append(abs(nearest[0] / own_frequency - 1.0))
-            damping.append(abs(nearest[1] - own_damping))
-        if not damping:
+            # where the branch folds there are several motions; the nearest in frequency counts
+            distances = [abs(frequency - own_frequency) for frequency, _ in motions]
+            other_frequency, other_damping = motions[int(np.argmin(distances))]
+            frequency_differences.append(abs(other_frequency / own_frequency - 1.0))
+            damping_differences.append(abs(other_damping - own_damping))
+        if not damping_differences:
             return replace(self, richer=richer)
         # a mode without any loss has ratios of rounding size
         largest = max(float(np.max(np.abs(self.damping_ratio))), 1e-9)
         return replace(
             self,
             richer=richer,
-            damping_error=max(damping) / largest,
-            frequency_error=max(frequency),
+            damping_error=max(damping_differences) / largest,
+            frequency_error=max(frequency_differences),
         )
 
 
@@ -262,16 +270,23 @@ class InAmplitude:
 
     def vibration(self, y: NDArray) -> float:
         """Return the norm of the harmonics."""
-        return norm2(y[self.n_mean : -3]) * float(np.exp(y[-1]))
+        harmonics_at_reference = y[self.n_mean : OMEGA]
+        return norm2(harmonics_at_reference) * float(np.exp(y[PARAMETER]))
 
     def units(self, y: NDArray, vibration: float, width: float) -> NDArray:
-        """Return the units of mean, vibration, frequency, damping and ln(amplitude)."""
+        """Return the units (n_unknowns + 1,) of mean, vibration, frequency, damping and
+        ln(amplitude).
+
+        ``vibration`` is the norm of the harmonics.  The logarithm, the parameter, has the unit 1;
+        ``width`` has no effect.
+        """
         scale = np.ones(len(y))
-        scale[: self.n_mean] = max(norm2(y[: self.n_mean]), vibration)
+        mean = y[: self.n_mean]
+        scale[: self.n_mean] = max(norm2(mean), vibration)
         # the vibration in y has the reference amplitude
-        scale[self.n_mean : -3] = vibration * float(np.exp(-y[-1]))
-        scale[-3] = self.SHIFT * y[-3]
-        scale[-2] = self.DAMPING
+        scale[self.n_mean : OMEGA] = vibration * float(np.exp(-y[PARAMETER]))
+        scale[OMEGA] = self.SHIFT * y[OMEGA]
+        scale[ZETA] = self.DAMPING
         return scale
 
     def place(self, parameter: float) -> str:
@@ -307,7 +322,11 @@ class Mode:
         return self.driven.structure.bases[1]
 
     def start(self, mean: NDArray, omega: float, amplitude: float) -> NDArray:
-        """Return the linear mode at a response amplitude (m), an initial guess."""
+        """Return the linear mode at a response amplitude (m) as an initial guess ``y``.
+
+        ``mean`` contains the modal coordinates at rest, and ``omega`` (rad/s) is the frequency.
+        """
+        # damping ratio of the shape: its modal damping over 2 omega times its modal mass
         squared_shape = np.abs(self.stuck) ** 2
         modal_damping = squared_shape @ self.basis.damping
         modal_mass = squared_shape @ self.basis.mass
@@ -325,15 +344,19 @@ class Mode:
         omega : float, rad/s
         zeta : float
         """
-        ratio = float(abs(self.driven.response(u)[1])) / self.reference
+        first_harmonic = self.driven.response(u)[1]
+        ratio = float(abs(first_harmonic)) / self.reference
         y = np.append(u, [omega, zeta, np.log(ratio)])
-        y[self.driven.n_mean : -3] /= ratio
+        # harmonics in y are scaled to the reference amplitude; the mean is not
+        y[self.driven.n_mean : OMEGA] /= ratio
         return y
 
     def motion(self, y: NDArray) -> NDArray:
         """Return the unknowns (..., n_unknowns) of the driven equations at points."""
-        u = np.array(y[..., :-3])
-        u[..., self.driven.n_mean :] *= np.exp(y[..., -1:])
+        u = np.array(y[..., :OMEGA])
+        # harmonics in y are scaled to the reference amplitude; the mean is not
+        amplitude_ratio = np.exp(y[..., PARAMETER:])
+        u[..., self.driven.n_mean :] *= amplitude_ratio
         return u
 
 
@@ -356,13 +379,16 @@ def mode_equations(
     assert isinstance(sector, _core.SectorEquations)
     n_mean = driven.n_mean
     row = np.asarray(driven.response_rows[1])
+    # scaled so that the response is the reference amplitude with phase zero
     stuck = np.asarray(shape) * (reference / (row @ shape))
     real, imaginary = driven.layout.parts(row / reference)
-    # inertia forces have the size one in the scaled residual
+    # inertia forces have the size one in the scaled residual; the last two rows are the equations
+    # of amplitude and phase
     weight = omega**2 * norm2(np.abs(stuck))
     scale = np.append(driven.row_scale, [1.0 / weight, 1.0 / weight])
     scale[n_mean:-2] = 1.0 / weight
-    # maxima of the damping are located along a branch
+    # maxima of this quantity are located along a branch: the damping ratio, which is the last
+    # unknown, as the real part of one row (1, 2 parts, n_unknowns)
     damping = np.zeros((1, 2, len(scale)))
     damping[0, 0, -1] = 1.0
     return Equations(
@@ -453,23 +479,25 @@ def _mode(
     for piece in branch.pieces:
         meter.count(piece.path.iterations, piece.path.failed_steps)
     points = in_order(branch.pieces)
+    # (n_points, n_unknowns + 1), also without any point
     y = np.array([point.y for point, _ in points]).reshape(len(points), system.n_unknowns + 1)
     u = system.structure.motion(y)
+    shares = np.array([point.shares for point, _ in points]).reshape(-1, 3)
     correlation = _correlation(system, y)
     status, reason = _ending(branch, y, correlation, mode)
     if len(u):
-        lowest = int(np.argmin(y[:, -1]))
+        lowest = int(np.argmin(y[:, PARAMETER]))
         warn_of_small_slip(problem, system.structure.driven, u[lowest])
     return NonlinearMode(
-        frequency=y[:, -3] / TWO_PI,
-        damping_ratio=y[:, -2],
+        frequency=y[:, OMEGA] / TWO_PI,
+        damping_ratio=y[:, ZETA],
         harmonics=system.structure.driven.response(u),
         unknowns=u,
         correlation=correlation,
-        shares=np.array([point.shares for point, _ in points]).reshape(-1, 3),
+        shares=shares,
         residual=np.array([point.residual for point, _ in points]),
         branch=np.array([piece.branch for _, piece in points], int),
-        point_kind=_kinds(points, y[:, -2]),
+        point_kind=_kinds(points, y[:, ZETA]),
         linear_to=branch.linear_to,
         preload=preload,
         mode=mode,
@@ -492,18 +520,21 @@ def mode_system(
     driven = case.equations
     linear = driven.structure.linear
     free_frequencies, free_shapes = linear.modes(contact=None)
+    # the last frequency is the highest
     elastic = np.flatnonzero(free_frequencies > RIGID * free_frequencies[-1])
     mode = validation.integer("mode", mode, least=1, most=len(elastic))
     free_shape = free_shapes[:, elastic[mode - 1]]
     # the stuck mode most similar to the free mode
     frequencies, shapes = linear.modes(case.stuck_springs())
-    product = np.abs((driven.structure.bases[1].mass * free_shape.conj()) @ shapes)
+    mass = driven.structure.bases[1].mass
+    # similarity of each stuck mode, by the product weighted with the mass
+    product = np.abs((mass * free_shape.conj()) @ shapes)
     nearest = int(np.argmax(product))
     frequency = float(frequencies[nearest])
     shape = shapes[:, nearest]
     row = driven.response_rows[1]
-    largest = float(np.linalg.norm(row) * np.linalg.norm(shape))
-    if not abs(row @ shape) > 1e-6 * largest:
+    largest_response = float(np.linalg.norm(row) * np.linalg.norm(shape))
+    if not abs(row @ shape) > 1e-6 * largest_response:
         raise SettingError(
             f"response: mode {mode} does not move this location in this direction; choose another "
             "one"
@@ -516,7 +547,8 @@ def mode_system(
 def mode_points(
     problem: Problem, preload: float, mode: int, amplitude: NDArray, low: float
 ) -> tuple[Equations[Mode], list[Correction | None]]:
-    """Return the equations of a mode, and its motions at response amplitudes (m) above ``low``.
+    """Return the equations of a mode, and its motions at response amplitudes (n,) above ``low``
+    (m).
 
     A motion that was not found is None.
     """
@@ -533,14 +565,18 @@ def mode_points(
 
 
 def _motion_between(branch: _Branch, y: NDArray, parameter: float) -> Correction | None:
-    """Return the first motion at a parameter between two points of a branch, or None."""
-    distance = y[:, -1] - parameter
+    """Return the first motion at a parameter between two points (n, n_unknowns + 1) of a branch.
+
+    It is None if the branch does not reach the parameter, or if Newton's method fails.
+    """
+    distance = y[:, PARAMETER] - parameter
+    # each crossing lies between this point and the next one
     crossings = np.flatnonzero(distance[:-1] * distance[1:] <= 0.0)
     if not len(crossings):
         return None
     before = y[crossings[0]]
     after = y[crossings[0] + 1]
-    share = (parameter - before[-1]) / (after[-1] - before[-1])
+    share = (parameter - before[PARAMETER]) / (after[PARAMETER] - before[PARAMETER])
     solution = branch.at(before + share * (after - before), float(parameter))
     return solution if solution.status == OK else None
 
@@ -576,15 +612,16 @@ class _Branch:
             )
             self.pieces.append(Piece(path, up=True))
             return
+        # the linear range needs no steps
         ahead = self._linear(start)
-        if ahead.y[-1] >= self.high:
+        if ahead.y[PARAMETER] >= self.high:
             last = self.at(start.y, self.high)
             points = replace(start, kind="end"), replace(last, kind="end")
             reason = f"reached {self.system.measure.place(self.high)}, where nothing slips yet"
             path = Path(points, COMPLETE, reason, iterations=0, failed_steps=0)
             self.pieces.append(Piece(path, up=True))
             return
-        limits = float(start.y[-1]), self.high
+        limits = float(start.y[PARAMETER]), self.high
         path = follow(self.system, ahead.y, limits, options=self.options, on_point=self.on_point)
         if ahead is not start:
             path = replace(path, points=(replace(start, kind="end"), *path.points))
@@ -593,11 +630,14 @@ class _Branch:
             self._from_above(path.points[-1].y)
 
     def at(self, y: NDArray, parameter: float) -> Correction:
-        """Solve by Newton's method with line search from a point at another amplitude."""
-        y = np.append(y[:-1], parameter)
-        scale = self.system.units(y, 1.0)
+        """Solve by Newton's method with line search from a point at another amplitude.
+
+        ``parameter`` is the logarithm of the wanted amplitude over the reference.
+        """
+        y = np.append(y[:PARAMETER], parameter)
+        scale = self.system.units(y, width=1.0)
         return self.system.correct_at(
-            y[:-1],
+            y[:PARAMETER],
             parameter,
             scale,
             tolerance=self.options.tolerance,
@@ -614,8 +654,9 @@ class _Branch:
         structure = self.system.structure
         amplitude = structure.reference * float(np.exp(self.low))
         guess = structure.start(state.q, omega, amplitude)
-        for reduction in np.log([1.0, 0.1, 0.01, 0.002]):
-            solution = self.at(guess, self.low + float(reduction))
+        # the linear mode is a better guess the smaller the motion
+        for fraction in (1.0, 0.1, 0.01, 0.002):
+            solution = self.at(guess, self.low + float(np.log(fraction)))
             if solution.status == OK:
                 return solution
         return None
@@ -627,14 +668,16 @@ class _Branch:
         """
 
         def is_linear(parameter: float) -> bool:
-            y = np.append(start.y[:-1], parameter)
+            """Return whether the motion of the start, at another amplitude, is a solution."""
+            y = np.append(start.y[:PARAMETER], parameter)
             residual = np.empty(self.system.n_unknowns)
             self.system.core.evaluate(y, residual)
             largest = float(np.abs(residual * self.system.row_scale).max())
             return largest <= self.options.tolerance
 
-        low = float(start.y[-1])
+        low = float(start.y[PARAMETER])
         end = self.high
+        # a range of less than 0.1 % of the amplitude does not count
         if not is_linear(low + 1e-3):
             return start
         if not is_linear(end):
@@ -651,7 +694,7 @@ class _Branch:
             # continuation begins at this share of the amplitude of first slip
             stuck_part = 0.9
             begin = end + float(np.log(stuck_part))
-        if begin > start.y[-1]:
+        if begin > start.y[PARAMETER]:
             return self.at(start.y, begin)
         return start
 
@@ -667,7 +710,10 @@ class _Branch:
 
 
 def _correlation(system: Equations[Mode], y: NDArray) -> NDArray:
-    """Return the MAC (n,) of the first harmonic and the stuck mode, weighted with the mass."""
+    """Return the MAC (n,) of the first harmonic and the stuck mode, weighted with the mass.
+
+    ``y`` (n, n_unknowns + 1) contains the points of the branch.
+    """
     first_harmonic = system.layout.amplitudes(y, harmonic=1)
     mass = system.structure.basis.mass
     stuck = system.structure.stuck
@@ -690,28 +736,33 @@ def _scales_to(problem: Problem, system: Equations[Mode], u: NDArray, preload: f
         return 0.0
     if np.any(problem.displacement_by_rotation):
         return 0.0
+    # a negative force of a point at rest is a gap times the stiffness
     open_points = static.n0 < 0.0
     gap = -static.n0[open_points] / static.kn[open_points]
     theta = np.linspace(0.0, TWO_PI, 64 * system.n_harmonics, endpoint=False)
-    # largest part of a gap that the motion closes
-    shares = []
+    # largest fraction of a gap that each motion closes
+    closed_fractions = []
     for motion in u:
-        displacement = system.structure.driven.contact(motion)[0][open_points, 2]
-        closest = at_angles(displacement, theta).max(axis=1)
-        shares.append((closest / gap).max(initial=0.0))
-    largest = max(shares, default=1.0)
+        # coefficients (n_points, 3, 2 H + 1) of the displacement; the normal direction is the last
+        displacement, _, _ = system.structure.driven.contact(motion)
+        normal = displacement[open_points, 2]
+        closest = at_angles(normal, theta).max(axis=1)
+        closed_fractions.append((closest / gap).max(initial=0.0))
+    largest = max(closed_fractions, default=1.0)
     if largest >= 1.0:
         return 0.0
     if largest > 0.0:
+        # the motion grows with the preload and then closes the complete gap
         return preload / largest
     return float("inf")
 
 
 def _kinds(points: list[tuple[Correction, Piece]], damping: NDArray) -> tuple[str, ...]:
-    """Return the kinds of the points; a flat maximum of the damping counts as regular."""
+    """Return the kinds of the points; a flat maximum of the damping (n,) counts as regular."""
     kinds = []
-    around = np.concatenate([damping[:1], damping, damping[-1:]])
-    higher_neighbour = np.maximum(around[:-2], around[2:])
+    # the first and the last point are their own neighbours
+    with_neighbours = np.concatenate([damping[:1], damping, damping[-1:]])
+    higher_neighbour = np.maximum(with_neighbours[:-2], with_neighbours[2:])
     flat = higher_neighbour >= (1.0 - FLAT) * damping
     for (point, _), is_flat in zip(points, flat):
         kinds.append("regular" if point.kind == "maximum" and is_flat else point.kind)
@@ -730,18 +781,21 @@ def _remedy(branch: _Branch) -> str:
     if not folds:
         return ""
     before = points[max(folds[0] - 1, 0)].y
-    present = [l for l, n in enumerate(system.layout.n_mode) if l > 0 and n > 0]
-    sizes = {l: norm2(np.abs(system.layout.amplitudes(before, l))) for l in present}
-    even = [size for l, size in sizes.items() if l % 2 == 0]
+    # norm of each harmonic with unknowns; 0 is the mean
+    sizes = {}
+    for harmonic, n_modes in enumerate(system.layout.n_mode):
+        if harmonic > 0 and n_modes > 0:
+            sizes[harmonic] = norm2(np.abs(system.layout.amplitudes(before, harmonic)))
+    even = [size for harmonic, size in sizes.items() if harmonic % 2 == 0]
     vanishing = 1e-6
     if even and max(even) <= vanishing * sizes[1]:
         return (
             "; even harmonics are zero on the mode, and the path left it: compute with "
-            f"harmonics=tuple(range(1, {present[-1] + 1}, 2))"
+            f"harmonics=tuple(range(1, {max(sizes) + 1}, 2))"
         )
     return (
         "; a harmonic resonates with another mode: compute with other harmonics, or with amplitudes "
-        f"below {system.measure.place(before[-1])}"
+        f"below {system.measure.place(before[PARAMETER])}"
     )
 
 
@@ -766,16 +820,16 @@ def _ending(branch: _Branch, y: NDArray, correlation: NDArray, mode: int) -> tup
     if other_mode.any():
         first = y[int(np.argmax(other_mode))]
         reason += (
-            f"; above {place(first[-1])} the motion is no longer that of mode {mode}: it "
+            f"; above {place(first[PARAMETER])} the motion is no longer that of mode {mode}: it "
             "interacts with another mode"
         )
     # damping ratio above which the periodic motion does not represent a decaying one
     high_damping = 0.5
-    overdamped = y[:, -2] > high_damping
+    overdamped = y[:, ZETA] > high_damping
     if overdamped.any():
         first = y[int(np.argmax(overdamped))]
         reason += (
-            f"; damping is above {high_damping:g} from {place(first[-1])} on, too high for a "
+            f"; damping is above {high_damping:g} from {place(first[PARAMETER])} on, too high for a "
             "periodic approximation"
         )
     if path.status != COMPLETE or other_mode.any() or overdamped.any():
