@@ -99,8 +99,9 @@ class Campbell(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-cam
 
     def met_by(self, engine_order: int) -> int:
         """Return the nodal diameter that an engine order excites."""
-        d = engine_order % self.n_blades
-        return min(d, self.n_blades - d)
+        # waves d and n_blades - d are the same nodal diameter in opposite directions
+        wave = engine_order % self.n_blades
+        return min(wave, self.n_blades - wave)
 
     def row(self, nodal_diameter: int) -> int:
         """Return the index of a nodal diameter.
@@ -124,15 +125,20 @@ class Campbell(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-cam
         line of the order. There is one row for each order and mode, more if a resonance crosses a
         line more than once; NaN without a crossing.
         """
+        _, _, n_modes = self.free.shape
         rows = []
         for order in self.engine_order.tolist():
-            k = self.row(self.met_by(order))
-            for m in range(self.free.shape[2]):
-                free = line_crossings(self.speed, self.free[k, :, m], order).tolist()
-                stuck = line_crossings(self.speed, self.stuck[k, :, m], order).tolist()
+            diameter = self.row(self.met_by(order))
+            for mode in range(n_modes):
+                free_hertz = self.free[diameter, :, mode]
+                stuck_hertz = self.stuck[diameter, :, mode]
+                free = line_crossings(self.speed, free_hertz, order).tolist()
+                stuck = line_crossings(self.speed, stuck_hertz, order).tolist()
                 # a row without crossings too
                 pairs = zip_longest(free or [np.nan], stuck or [np.nan], fillvalue=np.nan)
-                rows += [(order, m + 1, *speeds) for speeds in pairs]
+                for free_speed, stuck_speed in pairs:
+                    rows.append((order, mode + 1, free_speed, stuck_speed))
+        # also without any engine order
         return np.array(rows, float).reshape(-1, 4)
 
     def plot_safe(
@@ -193,7 +199,9 @@ def line_crossings(speed: NDArray, frequency: NDArray, engine_order: int) -> NDA
     frequency : (n,) float, Hz
     engine_order : int
     """
+    # difference of squared angular frequencies of resonance and excitation, zero at a crossing
     gap = (2.0 * np.pi * frequency) ** 2 - (engine_order * speed) ** 2
+    # each crossing is at speed i or between it and the next one
     i = np.flatnonzero((gap[:-1] == 0.0) | (gap[:-1] * gap[1:] < 0.0))
     before = gap[i]
     after = gap[i + 1]
@@ -201,6 +209,7 @@ def line_crossings(speed: NDArray, frequency: NDArray, engine_order: int) -> NDA
     step = np.where(before == after, 1.0, before - after)
     share = np.where(before == 0.0, 0.0, before / step)
     crossings = np.sqrt(speed[i] ** 2 + share * (speed[i + 1] ** 2 - speed[i] ** 2))
+    # no interval begins at the last speed; empty unless the resonance is there
     at_last_speed = speed[-1:][gap[-1:] == 0.0]
     return np.append(crossings, at_last_speed)
 
@@ -237,24 +246,26 @@ def campbell(
         f"orders that excite nodal diameters {diameters}",
         outside,
     )
-    resting = Conditions(conditions.friction, conditions.temperature)
+    # natural frequencies do not depend on a variation of the excitation with speed
+    without_excitation = Conditions(conditions.friction, conditions.temperature)
     families = []
     for diameter in diameters:
         # the engine order n_blades excites nodal diameter 0
         order = diameter or model.n_blades
-        families.append(SpeedFamily(problem.replace(engine_order=order, harmonics=1), resting))
-    # all nodal diameters have the same static state
-    mean = diameters.index(own_diameter) if own_diameter in diameters else 0
+        of_diameter = problem.replace(engine_order=order, harmonics=1)
+        families.append(SpeedFamily(of_diameter, without_excitation))
+    # all nodal diameters have the same static state: it is computed with one of them
+    with_statics = diameters.index(own_diameter) if own_diameter in diameters else 0
     free = np.full((len(diameters), len(values), modes), np.nan)
     stuck = np.full((len(diameters), len(values), modes), np.nan)
     steps = with_progress(values.tolist(), shows_progress(progress), "Campbell diagram", "speed")
-    for i, omega in enumerate(steps):
-        problems = [under(family.base, omega, resting) for family in families]
-        preload = preload_at(problem, omega) if problem.carries_load else 0.0
-        states = problems[mean].static_states
-        for k, at_speed in enumerate(problems):
+    for i, speed in enumerate(steps):
+        problems = [under(family.base, speed, without_excitation) for family in families]
+        preload = preload_at(problem, speed) if problem.carries_load else 0.0
+        states = problems[with_statics].static_states
+        for row, at_speed in enumerate(problems):
             case = at_speed.given(static_states=states).at(preload)
-            free[k, i], stuck[k, i] = free_and_stuck(case, modes)
+            free[row, i], stuck[row, i] = free_and_stuck(case, modes)
     return Campbell(
         speed=values,
         nodal_diameter=np.array(diameters, int),
@@ -270,6 +281,7 @@ def campbell(
 
 def _check_damped(problem: Problem, result: Any) -> None:
     """Raise SettingError unless a result has crossings of the model of a problem."""
+    # other sweeps have other quantities
     are_crossings = isinstance(result, SweepResult) and {"speed", "mass"} <= {*result.quantities}
     validation.check_value(
         are_crossings, "damped", "crossings, as Study.resonance_crossings returns them", result
@@ -328,14 +340,18 @@ def run_up(
     # a given range is followed as a whole
     whole_range = has_range and interval(family, low, high, mode) is not None
     follow = follow_line if whole_range else follow_mode
+
+    def no_maximum(remark: str = "") -> BdamperError:
+        limits = family.limits_text(low, high, mode)
+        return BdamperError(f"run-up: mode {mode} has no maximum: {limits}{remark}")
+
     line = follow(family, (low, high), mode, meter, options, shows_progress(progress))
-    highest = None if line is None else line[2]
-    if line is None or highest is None:
-        reason = family.limits_text(low, high, mode)
-        if line is not None:
-            reason += f"; {line[1]._headline()}"
-        raise BdamperError(f"run-up: mode {mode} has no maximum: {reason}")
-    equations, curve, _ = line
+    if line is None:
+        raise no_maximum()
+    equations, curve, highest = line
+    if highest is None:
+        raise no_maximum(f"; {curve._headline()}")
+    # ``top`` solves equations assembled at its speed; ``near`` interpolates around this speed
     near, _, top, error, last_error = refined(family, equations, highest.peak, meter)
     if error > CLOSE:
         doubt = f"interpolation over speed leaves a residual of {error:.2g} at the highest point"
@@ -345,7 +361,9 @@ def run_up(
             reason=f"{curve.reason}; {doubt}; give a shorter range of speeds",
         )
     fixed = peak_at_fixed_speed(family, equations, (low, high), mode, highest.peak, meter)
-    result = _with_maximum(curve, highest.index, top, responses(near, top.y[None])[0])
+    # one point: its unknowns (1, n_unknowns + 1), its harmonics (1, n_harmonics + 1)
+    (harmonics,) = responses(near, top.y[None])
+    result = _with_maximum(curve, highest.index, top, harmonics)
     # no interpolated point is higher than the refined one
     refined_is_highest = result.peak_index == highest.index
     validation.check(
@@ -364,7 +382,8 @@ def run_up(
 def _with_maximum(curve: ResponseCurve, index: int, top: Peak, harmonics: NDArray) -> ResponseCurve:
     """Return the curve with the refined highest maximum, and without unknowns.
 
-    Unknowns over speed cannot be used in a study at one speed, because their residual modes have
+    ``top`` replaces the point with the given ``index``; ``harmonics`` (n_harmonics + 1,) are its
+    response (m).  Unknowns over speed cannot be used in a study at one speed, because their residual modes have
     other phases.
     """
     values: dict[str, Any] = {
