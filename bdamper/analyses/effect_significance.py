@@ -149,7 +149,7 @@ class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-eff
     @property
     def negligible(self) -> tuple[str, ...]:
         """Names of the effects that are not significant."""
-        return tuple(e.name for e in self.effects if not e.significant)
+        return tuple(effect.name for effect in self.effects if not effect.significant)
 
     def _statement(self) -> Statement:
         n = len(self.effects)
@@ -166,15 +166,20 @@ class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-eff
                 ),
                 Row("Computing effort", f"{self.work:.2g}", "relative to all effects"),
             ]
-        small = [e for e in self.effects if e.significant and e.size <= self.tolerance]
-        if small:
-            reasons = ", ".join(f"{effect.name} ({effect.reason})" for effect in small)
-            rows.append(Row("Kept although small", str(len(small)), reasons))
+        # for these the reason is not the size of the change
+        kept_although_small = []
+        for effect in self.effects:
+            if effect.significant and effect.size <= self.tolerance:
+                kept_although_small.append(f"{effect.name} ({effect.reason})")
+        if kept_although_small:
+            n_small = str(len(kept_although_small))
+            rows.append(Row("Kept although small", n_small, ", ".join(kept_although_small)))
         subject = f"preload {amount(self.preload, 'N')}, tolerance {percent(self.tolerance)}"
         remarks = [sentence(note) for note in self.notes]
         return Statement([f"{verdict}: {subject}"], rows, remarks=remarks, table=self._rows())
 
     def _rows(self) -> list[tuple[str, ...]]:
+        """Return the printed table: its head, and a row for each effect and for all omitted ones."""
         rows: list[tuple[str, ...]] = []
         rows.append(
             (
@@ -188,14 +193,17 @@ class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-eff
             )
         )
         for effect in self.effects:
-            state = f"{'on' if effect.on else 'off'}: {effect.verdict}"
+            now = "on" if effect.on else "off"
+            state = f"{now}: {effect.verdict}"
             if effect.reason:
                 state += f" ({effect.reason})"
+            # a computed change has no uncertainty
+            uncertainty = percent(effect.uncertainty) if effect.source == "estimated" else ""
             row = (
                 effect.name,
                 percent(effect.amplitude_change, sign=True),
                 percent(effect.frequency_change, sign=True),
-                percent(effect.uncertainty) if effect.source == "estimated" else "",
+                uncertainty,
                 effect.source,
                 f"{effect.work:.2f}",
                 state,
@@ -241,7 +249,8 @@ def effect_significance(
             rows.append(reference.row(name, present, tolerance))
         rows.sort(key=lambda row: -row.size)
         report("without all omitted effects", n_steps - 1, n_steps)
-        rows, (amplitude, change) = _chosen(reference, rows, tolerance)
+        rows, changes = _chosen(reference, rows, tolerance)
+    amplitude_change, frequency_change = changes
     significant = effects
     for row in rows:
         if not row.significant:
@@ -259,8 +268,8 @@ def effect_significance(
         effects=tuple(rows),
         reference=effects,
         significant=significant,
-        amplitude_change=amplitude,
-        frequency_change=change,
+        amplitude_change=amplitude_change,
+        frequency_change=frequency_change,
         work=_work(problem.replace(**significant).system(preload)) / reference.work,
         notes=notes,
     )
@@ -284,6 +293,7 @@ class _Reference:
 
         It is computed if the estimate exceeds the tolerance.
         """
+        # the study has an effect if its settings differ without it
         on = present.without(name) != present
         leaner = self.problem.replace(**self.effects.without(name))
         if not leaner.static(self.preload).ok:
@@ -292,7 +302,9 @@ class _Reference:
             )
         system = leaner.system(self.preload)
         peak = self.curve.peak
-        if free_motions(leaner, self.preload) > free_motions(self.problem, self.preload):
+        # a mean that is no longer held may drift away from the peak, which then gives no estimate
+        n_free = free_motions(leaner, self.preload)
+        if n_free > free_motions(self.problem, self.preload):
             change = self.computed(leaner)
             source = "computed"
         else:
@@ -350,21 +362,23 @@ def _chosen(
         if reason:
             kept[row.name] = reason
     while True:
-        effects, omitted = _omitted(reference.effects, rows, kept, tolerance)
-        change = 0.0, 0.0
+        remaining, omitted = _omitted(reference.effects, rows, kept, tolerance)
+        amplitude_change, frequency_change = 0.0, 0.0
         if omitted:
             try:
-                change = reference.computed(reference.problem.replace(**effects))[:2]
+                change = reference.computed(reference.problem.replace(**remaining))
+                amplitude_change, frequency_change = change.amplitude, change.frequency
             except BdamperError:
-                change = np.inf, np.inf
-        if max(map(abs, change)) <= tolerance:  # false if the change is unknown
+                amplitude_change, frequency_change = np.inf, np.inf
+        # false if the change is unknown (NaN)
+        if max(abs(amplitude_change), abs(frequency_change)) <= tolerance:
             break
         largest = max(omitted, key=lambda row: row.size)
         kept[largest.name] = "the change is larger together with other effects"
     marked = []
     for row in rows:
-        # omitted, alone or with an effect that contains it
-        if effects.without(row.name) == effects:
+        # the effect is absent: omitted alone, or with an effect that contains it
+        if remaining.without(row.name) == remaining:
             marked.append(replace(row, significant=False, reason=""))
             continue
         reason = row.reason or kept.get(row.name, "")
@@ -374,7 +388,7 @@ def _chosen(
             else:
                 reason = "the sum of all changes would exceed the tolerance"
         marked.append(replace(row, significant=True, reason=reason))
-    return marked, change
+    return marked, (amplitude_change, frequency_change)
 
 
 def _omitted(
@@ -389,6 +403,7 @@ def _omitted(
     for row in sorted(rows, key=lambda row: row.work):
         if row.name in kept or not total + row.size <= tolerance:
             continue
+        # an effect of the study stays if its omission saves nothing; others need not be added
         if row.on and not row.work < SAVES_NOTHING:
             continue
         remaining = effects.without(row.name)
@@ -396,7 +411,7 @@ def _omitted(
         if remaining == effects:
             continue
         effects = remaining
-        total = total + row.size
+        total += row.size
         omitted.append(row)
     return effects, omitted
 
@@ -423,23 +438,26 @@ def free_motions(problem: Problem, preload: float) -> int:
     Neither modes nor closed contacts resist them.
     """
     sector = problem.at(preload).sector
+    # the mean is harmonic 0
     basis = sector.bases[0]
+    spring_basis = (sector.spring_bases or sector.bases)[0]
     points = sector.points
-    n = len(basis.omega2)
-    if n == 0:
+    n_modes = len(basis.omega2)
+    if n_modes == 0:
         return 0
+    # springs (n_points, 3) along t1, t2 and n that hold without friction: all normal ones, and the
+    # tangential ones of bonded points, which do not slip
     contacts = np.zeros((len(points.kn), 3))
     contacts[:, 2] = points.kn
-    # bonded points do not slip
     bonded = points.law == LAW_BONDED
     contacts[bonded, :2] = points.kt[bonded]
-    spring_basis = (sector.spring_bases or sector.bases)[0]
     stiffness = np.diag(basis.omega2)
-    for springs, G in ((contacts, basis.G), (sector.springs, spring_basis.G)):
-        rows = G.real.reshape(-1, n)
-        of_rows = np.broadcast_to(springs, G.shape[:2]).reshape(-1, 1)
-        stiffness = stiffness + rows.T @ (of_rows * rows)
-    # coordinates have different units and stiffnesses
+    for springs, motion in ((contacts, basis.G), (sector.springs, spring_basis.G)):
+        # motion of the points (3 n_points, n_modes), and the spring of each of its rows
+        rows = motion.real.reshape(-1, n_modes)
+        spring_of_row = np.broadcast_to(springs, motion.shape[:2]).reshape(-1, 1)
+        stiffness = stiffness + rows.T @ (spring_of_row * rows)
+    # coordinates have different units and stiffnesses: scale to a unit diagonal
     diagonal = np.diag(stiffness)
     unit = np.sqrt(np.maximum(diagonal, 1e-12 * diagonal.max()))
     resistance = np.linalg.eigvalsh(stiffness / np.outer(unit, unit))
@@ -448,8 +466,9 @@ def free_motions(problem: Problem, preload: float) -> int:
 
 
 def _work(system: Equations) -> float:
-    """Return the number of operations of a Newton iteration, on any machine."""
-    return float(system.work[:3].sum())
+    """Return the number of operations of a Newton iteration in millions, on any machine."""
+    evaluation, jacobian, factorisation, _ = system.work
+    return float(evaluation + jacobian + factorisation)
 
 
 def fullest(problem: Problem) -> Effects:
@@ -460,17 +479,19 @@ def fullest(problem: Problem) -> Effects:
     effect of more modes.
     """
     present = Effects.of(problem)
+    # highest harmonic for whose nodal diameter the model has modes
     highest = 1
     most_harmonics = 3  # five harmonics would take some five times as long
-    for l in range(2, most_harmonics + 1):
+    for harmonic in range(2, most_harmonics + 1):
         try:
-            problem.coupling.basis(l)
+            problem.coupling.basis(harmonic)
         except SettingError:
             break
-        highest = l
+        highest = harmonic
     numbers = sorted({*harmonic_numbers(present["harmonics"]), *range(1, highest + 1)})
-    # a number means all harmonics up to it
-    consecutive = numbers[-1] == len(numbers)
+    # the setting is their number if there are no gaps, otherwise it lists them
+    has_no_gap = numbers[-1] == len(numbers)
+    harmonics = len(numbers) if has_no_gap else tuple(numbers)
     least_modes = min(2, problem.settings.most_modes("free"))
     damper_modes: Any = present["damper_modes"]
     if isinstance(damper_modes, Mapping):
@@ -483,7 +504,7 @@ def fullest(problem: Problem) -> Effects:
         for name, off in settings.items():
             switched_on[name] = not off
     switched_on |= {
-        "harmonics": len(numbers) if consecutive else tuple(numbers),
+        "harmonics": harmonics,
         "damper_modes": damper_modes,
         "rigid_modes": RIGID_NAMES,
         "contact_points": None,
@@ -492,27 +513,33 @@ def fullest(problem: Problem) -> Effects:
 
 
 def parts(problem: Problem, effects: Effects) -> list[str]:
-    """Return the names of all active effects that :meth:`Effects.without` can remove one by one."""
+    """Return the names of all active effects that :meth:`Effects.without` can remove one by one.
+
+    Large numbers of modes and contact points are halved.
+    """
     bodies = problem.model.bodies.values()
     names = ["bias", "variable normal load", "separation"]
     # excited harmonics are needed
     highest_excited = max(problem.settings.excited)
-    names += [f"harmonics beyond {l}" for l in (1, 3) if l >= highest_excited]
+    names += [f"harmonics beyond {highest}" for highest in (1, 3) if highest >= highest_excited]
     if problem.model.n_blades > 1:
         names.append("harmonic nodal diameters")
     if any(face.kind == "constraint" for face in problem.model.interfaces.values()):
         names.append("constraint planes")
     if any(body.kind == "free" for body in bodies):
-        # a loaded body moves along the preload
+        # a loaded body must move along the preload, its Y axis
         loaded = any(body.load is not None for body in bodies)
-        names += [motion for motion in MOTIONS if not (loaded and motion == "translation Y")]
+        for motion in MOTIONS:
+            if not (loaded and motion == "translation Y"):
+                names.append(motion)
         names.append("damper modes beyond 0")
     blade_modes = effects["blade_modes"]
     has_blades = any(body.kind == "constrained" for body in bodies)
     if has_blades and blade_modes > 1:
         names.append(f"blade modes beyond {blade_modes // 2}")
-    points = problem.settings.most_points
-    points = min(points, effects["contact_points"] or points)
+    # None means all points of a face
+    points_of_model = problem.settings.most_points
+    points = min(points_of_model, effects["contact_points"] or points_of_model)
     if points > 1:
         names.append(f"contact points beyond {points // 2}")
     return [name for name in names if effects.without(name) != effects]

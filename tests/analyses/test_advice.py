@@ -136,7 +136,7 @@ class Reference:
 
     def computed(self, effects):
         self.asked.append(effects)
-        return self.joint(effects), 0.0
+        return Change(amplitude=self.joint(effects), frequency=0.0, uncertainty=0.0)
 
 
 def test_effects_that_save_most_are_left_out_within_the_sum():
