@@ -102,12 +102,13 @@ class Effects(dict[str, Any]):
         SettingError
             If there is no such effect.
         """
+        # such as "harmonics beyond 3"
         reduced, _, most = name.partition(" beyond ")
         if name in OFF:
             changed = OFF[name]
         elif name in MOTIONS:
-            left = [mode for mode in self["rigid_modes"] if mode != MOTIONS[name]]
-            changed = {"rigid_modes": tuple(left)}
+            remaining = [mode for mode in self["rigid_modes"] if mode != MOTIONS[name]]
+            changed = {"rigid_modes": tuple(remaining)}
         elif reduced in REDUCED and most.isdigit():
             setting = reduced.replace(" ", "_")
             changed = {setting: _at_most(self[setting], int(most))}
@@ -122,30 +123,31 @@ class Effects(dict[str, Any]):
                 rows.append((spaced(name), _text(self[name]), assumed))
         lines = aligned(rows)
         numbers = harmonic_numbers(self.get("harmonics", 1))
-        evens = [number for number in range(2, max(numbers), 2) if number not in numbers]
-        if evens and self.get("variable_normal_load", True):
+        missing_evens = [number for number in range(2, max(numbers), 2) if number not in numbers]
+        # contacts that open or change their friction limit are not symmetric over a cycle
+        if missing_evens and self.get("variable_normal_load", True):
             lines.append(
-                f"harmonics {evens} are left out although the variable normal load excites them"
+                f"harmonics {missing_evens} are left out although the variable normal load excites them"
             )
         return "\n".join(lines)
 
 
 def _at_most(value: Any, most: int) -> Any:
-    """Limit a number or the values of a mapping to ``most``, or drop larger numbers from a
-    sequence.
+    """Return a setting with numbers up to ``most``.
+
+    A setting is a number, None for all, a number for each body, or a sequence of harmonics.
     """
     if isinstance(value, Mapping):
         return {name: min(count, most) for name, count in value.items()}
-    # None means all
     if value is None:
         return most
     if not isinstance(value, Sequence):
         return min(most, value)
-    left = tuple(number for number in value if number <= most)
+    remaining = tuple(harmonic for harmonic in value if harmonic <= most)
     # harmonics without a gap are given by their number, but unchanged ones remain as they are
-    shortened = len(left) < len(value)
-    without_gap = set(left) == set(range(1, len(left) + 1))
-    return len(left) if shortened and without_gap else left
+    is_shorter = len(remaining) < len(value)
+    has_no_gap = set(remaining) == set(range(1, len(remaining) + 1))
+    return len(remaining) if is_shorter and has_no_gap else remaining
 
 
 def check_harmonics(name: str, harmonics: int | Sequence[int]) -> int | tuple[int, ...]:
@@ -173,9 +175,10 @@ def check_law(name: str, law: Any) -> Any:
     It is a name, a user-defined law, or a mapping of interface names to these.
     """
     expected = f"one of {LAW_NAMES}, a ContactLaw or a mapping of interface names to these"
-    for one in law.values() if isinstance(law, Mapping) else [law]:
-        is_name = isinstance(one, str) and one in LAW_NAMES
-        validation.check_value(is_name or isinstance(one, ContactLaw), name, expected, law)
+    laws = list(law.values()) if isinstance(law, Mapping) else [law]
+    for each in laws:
+        is_name = isinstance(each, str) and each in LAW_NAMES
+        validation.check_value(is_name or isinstance(each, ContactLaw), name, expected, law)
     return law
 
 

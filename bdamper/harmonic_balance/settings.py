@@ -242,6 +242,8 @@ class Settings(validation.Answering):
             object.__setattr__(self, "aerodynamic_damping", self._flow(self.aerodynamic_damping))
 
     def _check_points(self) -> None:
+        """Check the largest number of contact points of a face."""
+        # a model without friction faces has none; 1 is accepted then
         most = max(self.most_points, 1)
         validation.check_value(
             self.contact_points is None or self.contact_points <= most,
@@ -260,7 +262,8 @@ class Settings(validation.Answering):
             elif name != "damper_modes":
                 expected = "0, since the model has no free body"
                 validation.check_value(self.free_bodies or not value, name, expected, value)
-        # its motions on the contact springs differ from one nodal diameter to the next
+        # a damping ratio belongs to motions on the contact springs; a ring has other motions at each
+        # nodal diameter
         for name, ratio in self.by_body("damper_damping_ratio").items():
             is_ring = self.model.bodies[name].kind == "ring"
             expected = "0 for a ring; use damper_drag"
@@ -269,6 +272,7 @@ class Settings(validation.Answering):
             )
 
     def _check_speed(self) -> None:
+        """Check that the model belongs to the rotor speed; its provenance gives its own."""
         if self.speed is None:
             return
         speed_of_model = self.model.provenance.get("rotor speed", "none")
@@ -290,19 +294,23 @@ class Settings(validation.Answering):
         )
         n = self.model.n_blades
         by_wave = {}
-        for d, value in by_diameter.items():
-            wave = validation.integer(f"aerodynamic_damping, nodal diameter {d}", d, -n) % n
-            item = f"aerodynamic_damping at nodal diameter {d}"
+        for diameter, value in by_diameter.items():
+            item = f"aerodynamic_damping at nodal diameter {diameter}"
+            # a backward wave -d is the wave n - d
+            name = f"aerodynamic_damping, nodal diameter {diameter}"
+            wave = validation.integer(name, diameter, least=-n) % n
             finite = isinstance(value, (int, float, complex)) and np.isfinite(value)
             validation.check_value(finite, item, "a finite number", value)
-            validation.check(wave not in by_wave, item, "each wave once", f"that of {d} twice")
+            twice = f"that of {diameter} twice"
+            validation.check(wave not in by_wave, item, "each wave once", twice)
             # a real number is a damping ratio
             by_wave[wave] = value if isinstance(value, complex) else 1j * value
         return by_wave
 
     def _check_places(self) -> None:
+        """Check location and direction of each force and of the response."""
         locations = self.model.locations
-        # other kinds are force fields, and the base
+        # points of the structure; other kinds are force fields, and the base
         places = sorted(name for name, place in locations.items() if place.kind is None)
         modes = [f"mode {number + 1}" for number in range(self.most_modes("constrained"))]
         for force in self._forces:
@@ -328,6 +336,7 @@ class Settings(validation.Answering):
             expected = "an excitation at the base, bd.Excitation('base', ...), for absolute=True"
             validation.check(moves, "response", expected, f"one {self.excitation.shown}")
         if self.response_location.elastic is not None:
+            # a strain gauge is at a node with stresses; both calls raise if it is not valid
             gauge_point(self.model.stress, self.response_location.location)
             gauge_weights(self.response_location.direction, self.response_location.elastic)
         else:
@@ -410,6 +419,7 @@ class Settings(validation.Answering):
                     places.append((location, direction))
         response = self.response_location
         if response.elastic is not None:
+            # a strain gauge: its location in the model and its direction are made with the model
             return (*places, (GAUGE, ALONG_GAUGE))
         direction = direction_vector(response.direction, "response direction")
         return (*places, (str(response.location), direction))
@@ -465,6 +475,7 @@ class Settings(validation.Answering):
         return {}
 
     def _check_loads(self) -> None:
+        """Check names and values of the loads, and those that a rotor speed excludes."""
         bodies = [name for name in self.loaded if name in self.model.bodies]
         for item in ("load_per_preload", "constant_loads"):
             loads = getattr(self, item)
@@ -472,10 +483,11 @@ class Settings(validation.Answering):
                 continue
             words = "names of loaded bodies, or of friction interfaces between constrained bodies,"
             for name in validation.mapping(item, loads, self.loaded, words):
+                may_be_array = item == "constant_loads" and name not in bodies
                 # constant loads of the points of an interface are checked with its points
-                single = np.ndim(loads[name]) == 0 or item == "load_per_preload" or name in bodies
-                if single:
-                    validation.number(f"{item} of '{name}'", loads[name], least=0.0)
+                if may_be_array and np.ndim(loads[name]) > 0:
+                    continue
+                validation.number(f"{item} of '{name}'", loads[name], least=0.0)
         if self.load_per_preload is not None:
             validation.check(
                 any(self.load_per_preload.values()),
@@ -501,24 +513,27 @@ class Settings(validation.Answering):
         for body in self.model.bodies.values():
             if body.kind != "lumped":
                 continue
-            faces = [self.model.interfaces[name] for name, _ in body.ports]
-            if any((face.gap < 0.0).any() for face in faces):
-                return True
+            for name, _ in body.ports:
+                # interference presses the faces together without any load
+                if (self.model.interfaces[name].gap < 0.0).any():
+                    return True
         return False
 
     def _check_held(self) -> None:
         """Check that settings do not contradict the forces and matrices of a lumped model."""
-        bases = [basis for body in self.model.bodies.values() for basis in body.bases.values()]
-        has_matrix = any(basis.drag is not None for basis in bases)
+        has_matrix = False
+        for body in self.model.bodies.values():
+            has_matrix |= any(basis.drag is not None for basis in body.bases.values())
         validation.check_value(
             not has_matrix or self.damping_ratio is None,
             "damping_ratio",
             "none, since the model carries a damping matrix that couples its modes",
             self.damping_ratio,
         )
-        values = isinstance(self.contact_stiffness, Mapping)
-        values_of_model = values and self.contact_stiffness_factor == 1.0
-        if self.holds_preload and not values_of_model:
+        # a mapping contains the values of the points; a factor would change them
+        has_values = isinstance(self.contact_stiffness, Mapping)
+        are_of_model = has_values and self.contact_stiffness_factor == 1.0
+        if self.holds_preload and not are_of_model:
             raise SettingError(
                 "contact_stiffness: the preload in this model belongs to the contact stiffness in the "
                 "model; create the model with other contacts instead"
@@ -535,13 +550,17 @@ class Settings(validation.Answering):
         Rigid-body modes of free bodies do not count.
         """
         bodies = [body for body in self.model.bodies.values() if body.kind == kind]
-        bases = [basis for body in bodies for basis in body.bases.values()]
-        modes = min((basis.n_natural for basis in bases), default=0)
+        # of each body at each nodal diameter
+        n_modes = []
+        for body in bodies:
+            n_modes += [basis.n_natural for basis in body.bases.values()]
+        least = min(n_modes, default=0)
         if bodies and kind == "free":
-            return modes - len(RIGID_NAMES)
-        return modes
+            return least - len(RIGID_NAMES)
+        return least
 
     def _check_friction(self) -> None:
+        """Check friction laws and coefficients; choose a sampled evaluation for laws that need it."""
         law = self.friction_law
         faces = [face.name for face in self.friction_faces]
         if isinstance(law, Mapping) and set(law) != set(faces):
@@ -554,10 +573,10 @@ class Settings(validation.Answering):
                 expected = f"{value!r} with a ContactLaw"
                 validation.check_value(setting == value, name, expected, setting)
 
-        # neither law has a closed form
-        sampled = {LAW_COUPLED, LAW_USER} & set(self.law_by_interface().values())
+        # the forces of these laws over a cycle have no closed form
+        sampled_laws = {LAW_COUPLED, LAW_USER} & set(self.law_by_interface().values())
         is_default = isinstance(self.contact_forces, str) and self.contact_forces == "event_driven"
-        if sampled and is_default:
+        if sampled_laws and is_default:
             n_samples = max(128, 8 * self.harmonic_numbers[-1] + 8)
             object.__setattr__(self, "contact_forces", AFT(n_samples))
         # raises if a value is missing or not valid
@@ -681,11 +700,16 @@ class Settings(validation.Answering):
     @property
     def needed_diameters(self) -> set[int]:
         """Nodal diameters of the mean and of the harmonics."""
+        # the mean has engine order 0
         orders = {0}
         for harmonic in {1, *self.active_harmonics}:
             factor = 1 if self.fundamental_modes_only else harmonic
             orders.add(self.engine_order * factor)
-        return {self.model.folded_nodal_diameter(order)[0] for order in orders}
+        diameters = set()
+        for order in orders:
+            diameter, _ = self.model.folded_nodal_diameter(order)
+            diameters.add(diameter)
+        return diameters
 
     def record(self, stiffness_method: object, options: object = None) -> dict[str, Any]:
         """Return all settings in the form of results: numbers, texts, lists and mappings.
@@ -698,9 +722,9 @@ class Settings(validation.Answering):
             Options of the continuation, stored with the settings.
         """
         record = {
-            f.name: getattr(self, f.name)
-            for f in fields(Settings)
-            if f.name not in ("model", "excitation", "response")
+            setting.name: getattr(self, setting.name)
+            for setting in fields(Settings)
+            if setting.name not in ("model", "excitation", "response")
         }
         record["harmonics"] = self.harmonic_numbers
         # a ContactLaw does not use the coefficient of its interface
@@ -721,15 +745,16 @@ def settings_of(record: Mapping[str, Any]) -> dict[str, Any]:
     """Return settings by name from the output of :meth:`Settings.record`; other entries are
     ignored.
     """
+    # a setting of older versions, of which one value is left
     if record.get("friction_axes", "contact") != "contact":
         raise SettingError(
             'friction_axes: expected "contact", the axes of this version, found "major"'
         )
     hints = get_type_hints(Settings)
     settings = {
-        f.name: from_json(hints[f.name], record[f.name])
-        for f in fields(Settings)
-        if f.name in record
+        setting.name: from_json(hints[setting.name], record[setting.name])
+        for setting in fields(Settings)
+        if setting.name in record
     }
     if isinstance(settings["contact_forces"], Mapping):
         settings["contact_forces"] = AFT(**settings["contact_forces"])
@@ -740,8 +765,11 @@ def settings_of(record: Mapping[str, Any]) -> dict[str, Any]:
         settings["friction_law"] = _recorded_law(law)
     damping = settings.get("aerodynamic_damping")
     if damping is not None:
-        # JSON has neither whole numbers as names nor complex numbers
-        settings["aerodynamic_damping"] = {int(d): complex(*z) for d, z in damping.items()}
+        # JSON has neither whole numbers as names nor complex numbers, only texts and pairs
+        settings["aerodynamic_damping"] = {
+            int(diameter): complex(real, imaginary)
+            for diameter, (real, imaginary) in damping.items()
+        }
     settings["gap"] = _arrays(settings.get("gap"))
     settings["constant_loads"] = _arrays(settings.get("constant_loads"))
     return settings
@@ -749,6 +777,7 @@ def settings_of(record: Mapping[str, Any]) -> dict[str, Any]:
 
 def _recorded_stiffness(record: Mapping[str, Any]) -> Any:
     """Return residual modes, or values, from the output of :func:`_stiffness_setting`."""
+    # one entry: its name is the kind of the value
     ((kind, value),) = record.items()
     if kind == "residual_modes":
         return ResidualModes(**value)
@@ -796,8 +825,8 @@ def _plain(value: Any) -> Any:
         return [value.real, value.imag]
     if isinstance(value, Response):
         # a response without further choices has the record of earlier versions
-        own = ("location", "direction")
-        return {name: each for name, each in asdict(value).items() if each or name in own}
+        always = ("location", "direction")
+        return {name: choice for name, choice in asdict(value).items() if choice or name in always}
     if isinstance(value, Mapping):
         return dict(value)
     return asdict(value)

@@ -44,10 +44,15 @@ def problem_of(study: StudyLike | Problem) -> Problem:
 
 
 def in_type_of(study: A, problem: Problem) -> A:
-    """Return a problem in the type of the first argument, a study of the problem or itself."""
-    result: Any = problem
-    if not isinstance(study, Problem):
-        result = study if problem is study.problem else study._with_problem(problem)
+    """Return a problem as a study if the first argument is a study, otherwise as it is."""
+    result: Any
+    if isinstance(study, Problem):
+        result = problem
+    elif problem is study.problem:
+        # the same problem needs no new study
+        result = study
+    else:
+        result = study._with_problem(problem)
     return result
 
 
@@ -66,8 +71,10 @@ def accepts_study(function: Callable[..., Any]) -> Callable[..., Any]:
     """
 
     @wraps(function)
-    def of_study(study: Any, /, *given: Any, **named: Any) -> Any:
-        answer = function(problem_of(study), *given, **named)
-        return in_type_of(study, answer) if isinstance(answer, Problem) else answer
+    def of_study(study: Any, /, *arguments: Any, **keywords: Any) -> Any:
+        answer = function(problem_of(study), *arguments, **keywords)
+        if isinstance(answer, Problem):
+            return in_type_of(study, answer)
+        return answer
 
     return of_study

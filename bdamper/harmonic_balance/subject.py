@@ -34,10 +34,16 @@ def preload_text(preload: float, settings: Settings) -> str:
 
 
 def condition(settings: Settings) -> list[str]:
-    """Return engine order and excitation as strings."""
+    """Return engine order and excitation as texts, without unknown ones."""
+    texts = []
+    # order 0, the same force on all sectors, has no text
     order = settings.get("engine_order")
-    texts = [f"engine order {order}" if order else "", excitation_text(settings)]
-    return [text for text in texts if text]
+    if order:
+        texts.append(f"engine order {order}")
+    excitation = excitation_text(settings)
+    if excitation:
+        texts.append(excitation)
+    return texts
 
 
 def excitation_text(settings: Settings) -> str:
@@ -62,11 +68,13 @@ def friction_coefficients(settings: Settings) -> NDArray:
 def has_more_points(settings: Settings) -> bool:
     """Return whether the faces can have more contact points.
 
-    With given stiffness each contact point is a joint, and there are no more of them.
+    With given stiffness each contact point is a joint, and there are no more of them, unless
+    ``contact_points`` has united some.
     """
+    # a name, or a mapping from the kind to values or options
     stiffness = settings.get("contact_stiffness", "")
-    joints = stiffness == "model" or "values" in stiffness
-    return not joints or settings.get("contact_points") is not None
+    are_joints = stiffness == "model" or "values" in stiffness
+    return not are_joints or settings.get("contact_points") is not None
 
 
 def has_residual_modes(settings: Settings) -> bool:
