@@ -223,15 +223,13 @@ def parser() -> argparse.ArgumentParser:
     commands = main.add_subparsers(dest="command", required=True)
     commands.add_parser("info", parents=[model, picture], help="content of a model file")
     commands.add_parser(
-        "explore", parents=[model, asked], help="interactive page in the browser of this machine"
+        "explore", parents=[model, asked], help="interactive page in a browser on this computer"
     )
     questions = {}
     for name, (_, text) in QUESTIONS.items():
         questions[name] = commands.add_parser(name, parents=[model, asked, picture, out], help=text)
     _add_question_options(questions)
-    decks = commands.add_parser(
-        "decks", help="write the files of an example of an import to this folder"
-    )
+    decks = commands.add_parser("decks", help="write the files of an import example to this folder")
     decks.add_argument("name", help="abaqus, ansys, calculix or shroud")
     _add_import_options(
         commands.add_parser(
@@ -298,7 +296,7 @@ def _study_options() -> Parser:
     add(
         "--direction",
         default="tangential",
-        help="of the excitation: tangential, radial or axial, default %(default)s",
+        help="direction of the excitation: tangential, radial or axial, default %(default)s",
     )
     return asked
 
@@ -315,12 +313,15 @@ def _add_question_options(questions: Mapping[str, argparse.ArgumentParser]) -> N
             **TWO_NUMBERS,
         )
     for name in ("margin", "optimum"):
-        text = "check by time integration (an optimum: and more), at several times the cost; the default"
+        text = (
+            "check by time integration, and an optimum also in other ways, at several times the "
+            "cost; on by default"
+        )
         questions[name].add_argument(
             "--check", action=argparse.BooleanOptionalAction, default=True, help=text
         )
     for name in ("response", "margin", "optimum"):
-        speed = "rotor speed in rpm of modes and stresses, default without rotation"
+        speed = "rotor speed of modes and stresses in rpm, by default at rest"
         questions[name].add_argument("--speed", type=float, metavar="RPM", help=speed)
     add = questions["optimum"].add_argument
     add(
@@ -352,30 +353,35 @@ def _add_import_options(command: argparse.ArgumentParser) -> None:
     add(
         "blade",
         metavar="DECK",
-        help="deck of the sector, .inp or .cdb, beside its matrices; DECK:INSTANCE for one",
+        help=(
+            "deck of the sector (.inp or .cdb), in the same folder as its matrices; "
+            "DECK:INSTANCE for a single instance"
+        ),
     )
     add("--damper", nargs="+", default=(), metavar="[NAME=]DECK", help="decks of free bodies")
     contact = (
-        "pairs of faces: sets of a damper and of the blade, "
-        "BODY/SET for those of another body, or ground"
+        "pairs of contact faces: a set of the damper and a set of the blade; BODY/SET for a set "
+        "of another body, or ground"
     )
     add("--contact", nargs="+", required=True, metavar="NAME=SET,SET", help=contact)
     stop = (
-        "faces of a damper that the ground stops without friction at a distance, "
-        "in the unit of the decks"
+        "damper faces with a frictionless stop on the ground, and their distance from it in the "
+        "unit of the decks"
     )
     add("--stop", nargs="+", default=(), metavar="NAME=SET,GAP", help=stop)
     add(
         "--points",
         default=(24,),
         type=int,
-        help="most contact points of a pair, or points along t1 and t2, default 24",
+        help=(
+            "maximum number of contact points of a pair, or the numbers along t1 and t2, default 24"
+        ),
         **SOME,
     )
     add(
         "--units",
         default="m-kg-s",
-        help="of the decks: m-kg-s, mm-t-s, mm-kg-s or in-lbf-s, default %(default)s",
+        help="units of the decks: m-kg-s, mm-t-s, mm-kg-s or in-lbf-s, default %(default)s",
     )
     for name, text, direction in (
         ("axis", "of rotation", (0.0, 0.0, 1.0)),
@@ -395,21 +401,21 @@ def _add_import_options(command: argparse.ArgumentParser) -> None:
         help="number of sectors, by default from the sector faces",
     )
     add("--faces", nargs=2, metavar="SET", help="sector faces, by default found in the mesh")
-    add("--fixed", metavar="SET", help="held nodes")
+    add("--fixed", metavar="SET", help="fixed nodes")
     add("--blade-nodes", metavar="SET", help="nodes of the blade, for mistuned bladed disks")
-    add("--stress", metavar="SET", help="nodes with stress")
+    add("--stress", metavar="SET", help="nodes at which stresses are computed")
     add("--engine-order", default=(5,), type=int, help="engine orders, default 5", **SOME)
     add(
         "--harmonics",
         type=int,
         metavar="H",
-        help="harmonics of the engine orders, by default for all studies",
+        help="number of harmonics of the engine orders, by default enough for all studies",
     )
     add(
         "--modes",
         type=int,
         default=40,
-        help="modes of the sector at each nodal diameter, default %(default)s",
+        help="number of sector modes at each nodal diameter, default %(default)s",
     )
     add(
         "--tip",

@@ -640,7 +640,7 @@ def _base_excitation(
     for key, acceleration in accelerations.items():
         ratio = acceleration / largest
         in_phase = abs(ratio.imag) < ROUNDING
-        found = f"{acceleration} beside {largest}"
+        found = f"{acceleration} and {largest}"
         validation.check(in_phase, "base", "accelerations of one phase", found)
         carried[modes.freedom(key, "base")] += ratio.real
     validation.check(BASE not in modes.locations, "base", "no location of this name", "one")

@@ -249,7 +249,7 @@ class TestWhatSettingsDoNotReach:
         study = bd.lumped(M, np.diag([0.05, 0.02, 0.01]), K, contacts=[JENKINS], forces={0: 1.0})
         with pytest.raises(
             bd.BdamperError,
-            match="damping_ratio: expected none, since the model carries a damping matrix",
+            match="damping_ratio: expected none, because the damping matrix",
         ):
             study.replace(damping_ratio=0.01)
 

@@ -394,7 +394,7 @@ def _near_or_highest(previous: Problem, peak: Peak, meter: CostMeter, problem: P
         meter.count(highest.cost.iterations, highest.cost.failed_steps)
         end = highest.ending
         if highest.top is None or not end.ok:
-            found = f"near it the response curve is {end.status_text}"
+            found = f"the response curve near it is {end.status_text}"
             raise BdamperError(f"{error}; {found}") from None
         return highest.top.peak
 
@@ -667,9 +667,9 @@ class AccuracyCost(Result, Plottable, Tabular, Storable, kind="bdamper-accuracy"
         best = self.recommended
         tolerance = percent(self.tolerance)
         if not np.isfinite(self.uncertainty):
-            return f"Not known which settings have an error within {tolerance}"
+            return f"Not known: the settings whose error is within {tolerance}"
         if not self.reached:
-            return f"Not reached: an error within {tolerance}"
+            return f"Not reached: no settings have an error within {tolerance}"
         if best is self.richest:
             return f"Only the most detailed settings have an error within {tolerance}"
         ratio = best.seconds / self.richest.seconds

@@ -369,8 +369,8 @@ def run_up(
     validation.check(
         last_error <= CLOSE and refined_is_highest,
         "speeds",
-        "a range in which the equations change smoothly",
-        f"a residual of {error:.2g} after interpolation over it; give a shorter one",
+        "a speed range in which the equations change smoothly",
+        f"a residual of {error:.2g} after interpolation over this range; give a shorter one",
     )
     notes = (
         _comparison_text(top, fixed),

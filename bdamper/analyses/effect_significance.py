@@ -258,7 +258,7 @@ def effect_significance(
     curve = reference.curve
     notes: tuple[str, ...] = ()
     if not curve.complete:
-        notes = (f"the curve with all effects ended as: {curve.status} ({curve.reason})",)
+        notes = (f"the curve with all effects is {curve.status} ({curve.reason})",)
     return EffectSignificance(
         preload=preload,
         interval=frequency,

@@ -370,7 +370,7 @@ def whole_curve(
         # an empty tuple, unlike None: the interval was widened without success
         widened_in_vain = wider is not None
         if widened_in_vain or highest_of_curve(problem.system(preload), curve).kind == "end":
-            reason = "the response is highest at an end"
+            reason = "the response is highest at an end of the interval"
     if reason:
         raise BdamperError(
             f"no peak at {preload:g} N between {frequency[0]:.6g} and {frequency[1]:.6g} Hz: "
@@ -866,11 +866,11 @@ def _more_harmonics(problem: Problem) -> Richer:
     highest = problem.harmonic_numbers[-1]
     top = min(highest + max(4, highest), MAX_HARMONIC)
     if top == highest:
-        raise BdamperError(f"there are no more than {MAX_HARMONIC} harmonics")
+        raise BdamperError(f"bdamper supports no more than {MAX_HARMONIC} harmonics")
     text = f"harmonics 1 to {top}"
     missing = missing_harmonics(problem, top)
     if missing:
-        text += f", with the modes of the first for {missing[0]} and more"
+        text += f", with the modes of harmonic 1 for harmonic {missing[0]} and above"
     return Richer(with_stand_ins(problem, top), text)
 
 

@@ -596,8 +596,8 @@ def _stage(
     if all(part.lost.all() for part in parts):
         reason = parts[0].reason or "no solution on the swept branch"
         raise BdamperError(
-            f"fit: no response could be computed at the measured points, first of {labels[0]} "
-            f"({reason}); check preloads, forces and frequencies"
+            f"fit: no response could be computed at any measured point (first test: {labels[0]}, "
+            f"{reason}); check preloads, forces and frequencies"
         )
     if groups is None:
         groups = range(len(parts))

@@ -280,9 +280,9 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
         if self.wrong:
             verdict = f"Not for design: {self.wrong}"
         elif model_is_wrong:
-            verdict = f"Not for design: the model misses the tests by {size}"
+            verdict = f"Not for design: the model deviates from the tests by {size}"
         else:
-            verdict = f"Fitted to {size}"
+            verdict = f"Fitted with a misfit of {size}"
         finding = f"{size}, largest for '{self.tests[worst]}' ({misfits[worst]:.2g})"
         checks = [Row("Misfit", "FAIL" if model_is_wrong else "pass", finding)]
         if np.isfinite(self.predictions).any():
@@ -312,7 +312,7 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
         errors = self.predictions
         worst = int(np.nanargmax(errors))
         return (
-            f"tests left out of the fit are predicted within {np.nanmin(errors):.2g} to "
-            f"{errors[worst]:.2g} times the noise ({percent(errors[worst] * self.noise)}) in "
-            f"{self.tests[worst]}"
+            f"a fit without one test predicts this test with an error of {np.nanmin(errors):.2g} "
+            f"to {errors[worst]:.2g} times the noise (largest: "
+            f"{percent(errors[worst] * self.noise)} for '{self.tests[worst]}')"
         )

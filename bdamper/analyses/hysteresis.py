@@ -540,7 +540,7 @@ def microslip(
     unit_force = direction_vector(direction, "microslip direction") @ modes
     if not np.any(unit_force):
         raise SettingError(
-            f"microslip: expected a location that moves along {direction}, '{location}' does not"
+            f"microslip: expected a location that moves along {direction}; '{location}' does not"
         )
     # the load of these equations is the force; the preload is constant
     static = problem.static_system(preload)

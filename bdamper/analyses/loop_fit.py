@@ -359,7 +359,9 @@ def _senses(x: NDArray, y: NDArray, turns: NDArray, reversal: float) -> NDArray:
         # start and end are incomplete periods
         full[[0, -1]] = False
         sense = sense * full
-    expected = "a closed period or more; remove drift, or give whole periods of constant amplitude"
+    expected = (
+        "at least one closed period; remove drift, or give whole periods of constant amplitude"
+    )
     validation.check(
         {-1.0, 1.0} <= set(sense),
         "displacement",
@@ -450,7 +452,7 @@ def _check_signs(x: NDArray, y: NDArray, sense: NDArray) -> None:
     slope, half_height, _ = np.linalg.lstsq(columns, y, rcond=None)[0]
     slips = abs(half_height) > STICKS * np.ptp(y)
     validation.check(
-        slips, "loop", "slip, without which friction is not known", "a loop that sticks"
+        slips, "loop", "slip, which determines the friction coefficient", "a loop without slip"
     )
     opposite_force = bool(slope * np.ptp(x) < -CLOSED * np.ptp(y))
     dissipates = half_height > 0.0
@@ -460,11 +462,11 @@ def _check_signs(x: NDArray, y: NDArray, sense: NDArray) -> None:
     # the sign of the force also changes the sign of the energy
     if opposite_force == dissipates:
         remedies.append("reverse the order of the points")
-    problem = "negative stiffness" if dissipates else "energy that is supplied"
+    problem = "negative stiffness" if dissipates else "an energy input"
     validation.check(
         not remedies,
         "loop",
-        "positive stiffness and energy that is dissipated",
+        "a positive stiffness and a positive dissipated energy",
         f"{problem}; {' and '.join(remedies)}",
     )
 

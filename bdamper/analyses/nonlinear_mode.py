@@ -617,7 +617,9 @@ class _Branch:
         if ahead.y[PARAMETER] >= self.high:
             last = self.at(start.y, self.high)
             points = replace(start, kind="end"), replace(last, kind="end")
-            reason = f"reached {self.system.measure.place(self.high)}, where nothing slips yet"
+            reason = (
+                f"reached {self.system.measure.place(self.high)}, where no contact point slips yet"
+            )
             path = Path(points, COMPLETE, reason, iterations=0, failed_steps=0)
             self.pieces.append(Piece(path, up=True))
             return
@@ -790,12 +792,12 @@ def _remedy(branch: _Branch) -> str:
     vanishing = 1e-6
     if even and max(even) <= vanishing * sizes[1]:
         return (
-            "; even harmonics are zero on the mode, and the path left it: compute with "
+            "; the mode has no even harmonics, and the path left it: compute it with "
             f"harmonics=tuple(range(1, {max(sizes) + 1}, 2))"
         )
     return (
-        "; a harmonic resonates with another mode: compute with other harmonics, or with amplitudes "
-        f"below {system.measure.place(before[PARAMETER])}"
+        "; a harmonic resonates with another mode: compute it with other harmonics, or with "
+        f"amplitudes below {system.measure.place(before[PARAMETER])}"
     )
 
 

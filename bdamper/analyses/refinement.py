@@ -381,7 +381,7 @@ class _Search:
         if seconds + next_seconds > self.maximum:
             limit = amount(self.maximum, "s")
             next_text = amount(next_seconds, "s", 2)
-            self._end(f"the next step takes about {next_text}, the limit of all is {limit}")
+            self._end(f"the next step takes about {next_text}; the limit for all steps is {limit}")
             self.needed = self._forecast(sizes)
             return
         by_source = {item.source: item for item in estimates.sources}
@@ -408,7 +408,7 @@ class _Search:
         while sum(sizes.values()) > self.tolerance:
             reducible = [source for source in sizes if source not in exhausted]
             if not reducible:
-                return Need("a model with more detail")
+                return Need("a more detailed model")
             worst = max(reducible, key=lambda source: sizes[source])
             try:
                 richer = richer_study(problem, worst)

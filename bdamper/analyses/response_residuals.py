@@ -1014,7 +1014,7 @@ def of_resonances(varied: Variations, data: Measured, noise: float) -> Separatio
     least = float(data.load[unloaded])
     source = data.source or "resonances"
     validation.check(
-        least == 0.0, source, "a row of load 0 as reference", f"{least:g} N as the smallest load"
+        least == 0.0, source, "a row with load 0 as reference", f"{least:g} N as the smallest load"
     )
     order = np.argsort(data.load)[-n:]
     # amplitude and frequency, relative to those without load

@@ -192,8 +192,8 @@ def _failed_text(failed: Mapping[int, str], n: int) -> str:
     verb = "does" if len(failed) == 1 else "do"
     first = min(failed)
     return (
-        f"{len(failed)} of {counted(n, 'draw')} failed and {verb} not count, first draw {first}: "
-        f"{failed[first]}"
+        f"{len(failed)} of {counted(n, 'draw')} failed and {verb} not count; the first is draw "
+        f"{first}: {failed[first]}"
     )
 
 
@@ -403,7 +403,8 @@ class OptimalCurveUncertainty(
         if n_without_peak:
             draws_without = f"{n_without_peak} of {counted(n_counted, 'draw')}"
             remarks.append(
-                f"{draws_without} have no peak at some preloads; these count as infinite"
+                f"{draws_without} have no peak at some preloads, where their amplitude counts as "
+                "infinite"
             )
         median, high = self.percentile([50.0, 95.0])
         too_few = _too_few_text(95.0, n_counted)
@@ -413,7 +414,7 @@ class OptimalCurveUncertainty(
             cells = [amount(x, "m") if np.isfinite(x) else "no peak" for x in (middle, upper)]
             table.append((amount(preload, "N"), *cells))
         if not np.isfinite(high).any():
-            verdict = f"At no preload do {draws} of {settings} have a peak"
+            verdict = f"No preload has a peak in {draws} of {settings}"
             return Statement([verdict], remarks=remarks, table=table)
         best = int(np.argmin(high))
         at_most = f"at most {amount(high[best], 'm')} in {draws}"
@@ -932,7 +933,7 @@ AGREES = 0.02
 highest peak.
 """
 WHERE = {
-    "end": "at the end of the preloads with an amplitude",
+    "end": "at the end of the range of preloads with an amplitude",
     "unknown": "next to preloads without an amplitude",
 }
 """Status of the largest margin if it was not refined."""

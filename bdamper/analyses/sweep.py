@@ -342,9 +342,9 @@ class SweepResult(WithRowStatus, Plottable, Tabular, Recorded, Storable, kind="b
         if len(self) > MOST_FAILURES:
             failures.append(f"and {len(self) - MOST_FAILURES} more")
         return (
-            f"quantity: expected a result at one point or more to return '{quantity}', "
-            f"found none ({SEPARATOR.join(failures)}); "
-            "change the settings that these reasons name, and compute again"
+            f"quantity: expected at least one point whose result contains '{quantity}', found "
+            f"none ({SEPARATOR.join(failures)}); change the settings that these reasons name, and "
+            "compute again"
         )
 
     def _grid(self) -> dict[str, Any]:
@@ -550,7 +550,10 @@ def _points(over: Any, combine: str) -> tuple[tuple[str, ...], NDArray, tuple[in
         return names, named_fields(columns, len(combinations)), tuple(lengths)
     if combine == "zip":
         validation.check(
-            len({*lengths}) == 1, 'combine="zip"', "as many values of each setting", lengths
+            len({*lengths}) == 1,
+            'combine="zip"',
+            "the same number of values for each setting",
+            lengths,
         )
         return names, named_fields(columns, lengths[0]), (lengths[0],)
     raise SettingError(f'combine: expected "product" or "zip", found {combine!r}')

@@ -69,7 +69,7 @@ def check_law(
         if not finite and size > length:
             return
         expected = "finite forces, states and derivatives"
-        check(finite, where, expected, f"others for displacements of {size:.3g} m")
+        check(finite, where, expected, f"infinite or NaN values for displacements of {size:.3g} m")
         for x, s in zip(path, states):
             _check_rest(where, law, x, s)
         _check_slopes(where, law, path, F, D, SHORT * size)
@@ -112,7 +112,10 @@ def _check_slopes(where: str, law: _Law, path: NDArray, F: NDArray, D: NDArray, 
             continue
         i = int(np.argmax(error))
         steps_before = STEPS - 1 - step
-        entry = f"of force {i + 1} by motion {direction + 1}, {steps_before} steps before"
+        entry = (
+            f"for force {i + 1} with respect to motion {direction + 1}, {steps_before} steps "
+            "earlier"
+        )
         raise SettingError(
             f"{where}: expected derivatives that agree with finite differences, "
             f"{slope[i]:.6g} {entry}, found {D[i, j]:.6g}"

@@ -67,7 +67,8 @@ def _check_ratios(amplitude: NDArray, mean: NDArray, ratio: NDArray) -> None:
         # tables round stress ratios
         agrees = abs(computed - tabulated) <= ROUNDED_RATIO * max(1.0, abs(tabulated))
         expected = (
-            f"R = {computed:.4g}, that of amplitude and mean (or one of the columns mean and R)"
+            f"R = {computed:.4g}, as computed from amplitude and mean (or only one of the columns "
+            "mean and R)"
         )
         validation.check(agrees, f"Haigh table, row {row}", expected, f"R = {tabulated:.4g}")
 

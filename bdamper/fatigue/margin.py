@@ -534,7 +534,9 @@ class LeastMargin(Rule):
         super().__post_init__()
         used = self.temperature is None or (self.line == "table" and self.criterion != "findley")
         found = f"criterion '{self.criterion}' and line '{self.line}'"
-        expected = "line='table' with criterion='von_mises', which alone use it"
+        expected = (
+            "line='table' with criterion='von_mises', because no other criterion or line uses it"
+        )
         validation.check(used, "temperature", expected, found)
 
     @property

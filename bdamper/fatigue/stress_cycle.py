@@ -495,7 +495,9 @@ class _Rows:
             d = 0
             conjugate = False
         if d not in chosen.modes:
-            needed = f"harmonic {harmonic} needs nodal diameter {d}, it has {sorted(chosen.modes)}"
+            needed = (
+                f"harmonic {harmonic} needs nodal diameter {d}; the set has {sorted(chosen.modes)}"
+            )
             raise SettingError(f"stress set '{chosen.name}': {needed}")
         basis = body.bases[d]
         modes = chosen.modes[d]

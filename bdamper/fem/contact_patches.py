@@ -226,7 +226,7 @@ def mean_frame(facets: Facets, nodes: NDArray) -> NDArray:
     expected = "expected one face, with all facets seen from outside counter-clockwise"
     require(
         np.linalg.norm(total) > 0.5 * area,
-        f"the normals of its facets do not point to one side: {expected}",
+        f"the normals of its facets do not all point to the same side: {expected}",
     )
     n = total / np.linalg.norm(total)
     axial = np.array([0.0, 0.0, 1.0])

@@ -94,7 +94,8 @@ def cyclic_transformation(
     fixed_alike = (fixed[faces.nodes, 0] == fixed[faces.nodes, 1]).all()
     require(
         faces.n_sectors == 1 or fixed_alike,
-        "a node of a sector face is fixed in one of the directions X and Y that a rotation mixes",
+        "a node of a sector face is fixed in only one of the directions X and Y, which a "
+        "rotation mixes",
     )
     # displacements of the independent nodes, and of nodes tied to the other face
     independent = np.ones(n_nodes, bool)

@@ -146,7 +146,7 @@ class PardisoFactors:
             ctypes.byref(first_matrix),
             ctypes.byref(error),
         )
-        assert error.value == 0, f"PARDISO shows no pivots: error {error.value}"
+        assert error.value == 0, f"PARDISO returns no pivots: error {error.value}"
         return pivots
 
 
@@ -163,8 +163,8 @@ def factorise(matrix: sp.spmatrix) -> Factors:
     diagonal = matrix.diagonal().real
     if not (np.isfinite(matrix.data).all() and len(diagonal) and diagonal.min() > 0.0):
         raise ValueError(
-            "a positive definite matrix has finite entries and a positive diagonal, "
-            "and this one has not"
+            "a positive definite matrix has finite entries and a positive diagonal; this one "
+            "does not"
         )
     if matrix.shape[0] <= LARGE or np.iscomplexobj(matrix):
         return SuperLUFactors(matrix)

@@ -126,10 +126,10 @@ class BladePart:
         self.root: NDArray = np.flatnonzero(root)
         self.root_dofs: NDArray = np.flatnonzero(np.repeat(root, 3) & moving)
         self.own_dofs: NDArray = np.flatnonzero(np.repeat(inside & ~root, 3) & moving)
-        require(len(self.root_dofs), "a blade that no node of its root joins to the disk")
+        require(len(self.root_dofs), "a blade without a root node that connects it to the disk")
         require(
             len(self.own_dofs) >= 12,
-            f"a blade of {len(self.own_dofs)} moving components besides its root",
+            f"a blade with only {len(self.own_dofs)} degrees of freedom apart from its root",
         )
 
     @property
@@ -158,7 +158,7 @@ class BladePart:
             )
         require(
             not on_blade[faces.nodes].any(),
-            "a node of the blade that lies on a face at which the sector repeats",
+            "a blade node that lies on a sector face",
         )
 
     @cached_property

@@ -101,8 +101,9 @@ def _kept(name: str, points: int) -> Model:
             from bdamper.fem.generated_models import MAKERS
         except ImportError as error:
             raise BdamperError(
-                f"reference model '{name}' with {points} contact points: not in the wheel, and making it needs scikit-fem: "
-                f"pip install 'bdamper[fe]', or name a folder that has {path.name} in BDAMPER_MODELS"
+                f"reference model '{name}' with {points} contact points: it is not part of the "
+                "installed package, and generating it needs scikit-fem: pip install "
+                f"'bdamper[fe]', or set BDAMPER_MODELS to a folder that contains {path.name}"
             ) from error
         model = MAKERS[name](points, progress=True)
         try:

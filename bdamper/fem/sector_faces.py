@@ -206,7 +206,8 @@ def tie_faces(
     dependent = np.setdiff1d(dependent, axis)
     facets = facets_on_nodes(surface, independent)
     require(
-        len(facets), "meshes that differ, and no face of an element on the nodes of the coarser one"
+        len(facets),
+        "different meshes, and no element face whose nodes all lie on the coarser sector face",
     )
     if angle is None:
         angle = 2.0 * np.pi / n_sectors

@@ -448,8 +448,8 @@ def check_interval(case: LoadCase, frequency: tuple[float, float]) -> None:
         warn_implausible(
             "frequency",
             f"an interval in Hz around resonances of the model, such as {near} Hz",
-            f"({low:g}, {high:g}) {weak}; divided by 2 pi it contains them: "
-            "possibly given in radians per second",
+            f"({low:g}, {high:g}) {weak}; divided by 2 pi, it contains resonances: possibly "
+            "given in radians per second",
         )
         return
     _check_far(case.problem, resonances, frequency)

@@ -162,8 +162,8 @@ def approach(
     validation.check(
         (kn[pressed] > 0.0).all(),
         item,
-        "loads of points with a normal stiffness",
-        f"one of {kn[pressed].min():g} N/m",
+        "loads only on points with a positive normal stiffness",
+        f"a loaded point with {kn[pressed].min():g} N/m",
     )
 
     # an almost vanishing normal spring holds N constant while the structure deforms; a negative

@@ -29,15 +29,15 @@ others (measured.md).
 ASSUMED = {
     "harmonics": "the response is sinusoidal, with or without a mean",
     "bias": "the mean stays at its static value",
-    "variable_normal_load": "friction limit of the static normal load, no separation",
+    "variable_normal_load": "the static normal load limits friction, and there is no separation",
     "separation": "closed points stay closed, open points stay open",
-    "friction_law": "uncoupled: each tangential direction slips for itself",
-    "rigid_modes": "the damper does not move along the axes or turn about the axes left out",
+    "friction_law": "uncoupled: both tangential directions slip independently",
+    "rigid_modes": "the damper does not translate along the omitted axes or rotate about them",
     "damper_modes": "the damper is rigid apart from contact stiffness",
-    "fundamental_modes_only": "if on, every harmonic has the modes of the first",
+    "fundamental_modes_only": "if on, all harmonics use the modes of the first harmonic",
     "constraint_planes": "nothing limits the axial motion of the damper",
     "contact_points": "neighbouring patches slip and open together",
-    "stability": "a curve that runs back between two folds counts as unstable",
+    "stability": "the part of a curve that runs back between two folds counts as unstable",
     "blade_modes": "higher modes act through the contact stiffness and residual modes alone",
 }
 """Settings that include effects, and the assumption made if the effect is off or reduced."""
@@ -117,7 +117,7 @@ class Effects(dict[str, Any]):
         return Effects({**self, **changed})
 
     def __str__(self) -> str:
-        rows = [("effect", "setting", "assumed where off or reduced")]
+        rows = [("effect", "setting", "assumption if off or reduced")]
         for name, assumed in ASSUMED.items():
             if name in self:
                 rows.append((spaced(name), _text(self[name]), assumed))

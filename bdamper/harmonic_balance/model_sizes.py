@@ -219,7 +219,7 @@ class Sizes:
             self.told.add("faces")
             warn_implausible(
                 "contact at rest",
-                "faces that touch over their area",
+                "faces that touch over most of their area",
                 f"{edges} under {preload:.4g} N",
             )
 

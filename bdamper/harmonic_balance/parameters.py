@@ -357,7 +357,7 @@ def aligned(basis: HarmonicBasis, reference: HarmonicBasis) -> HarmonicBasis:
         If the two bases have different coordinates.
     """
     expected = "a range in which contacts keep their residual modes"
-    found = 'one that changes them; give a shorter one, or contact_stiffness="unit_traction"'
+    found = 'a range that changes them; give a shorter one, or contact_stiffness="unit_traction"'
     validation.check(basis.coordinates == reference.coordinates, "residual modes", expected, found)
     residual = np.array([i for i, c in enumerate(basis.coordinates) if c.body == RESIDUAL], int)
     if not len(residual):

@@ -571,7 +571,7 @@ class Problem:
             if strain.any() and harmonic == 1:
                 warn(
                     "response: the strain lacks the local part that contact forces cause at the "
-                    "gauge, as the contact stiffness is not that of residual modes; "
+                    "gauge, because the contact stiffness does not come from residual modes; "
                     "study.gauge_stress includes it"
                 )
             return row
@@ -861,8 +861,8 @@ class LoadCase:
         if touch.any():
             warn(
                 f"interface '{name}' touches without a normal load: its touching points count as "
-                "stuck, although they carry no load at rest; load_per_preload=, constant_loads= or "
-                "a negative gap press it"
+                "stuck, although they carry no load at rest; load_per_preload=, constant_loads= "
+                "or a negative gap applies one"
             )
         return touch
 

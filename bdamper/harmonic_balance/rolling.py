@@ -89,8 +89,8 @@ def rolling_dampers(problem: Problem) -> tuple[str, ...]:
         rows = min(section.rows for section in sections)
         if enough > rows:
             doubts.append(
-                f"'{name}' rolls on {counted(rows, 'row')} of contact points, "
-                f"it would slide on {enough}"
+                f"'{name}' rolls on {counted(rows, 'row')} of contact points; on {enough} it "
+                "would slide"
             )
     return tuple(doubts)
 

@@ -327,8 +327,8 @@ class Settings(validation.Answering):
             )
         if self.response is None:
             missing = (
-                "give a Response(location, direction), because the excitation is no force at a "
-                "location"
+                "give a Response(location, direction), because the excitation is not a force at "
+                "a location"
             )
             validation.check_sentence(self.acts_at_location, "response", missing)
         elif self.response.absolute:
@@ -504,7 +504,7 @@ class Settings(validation.Answering):
             "damper_mass_factor instead",
         )
         on_bodies = [name for name in self.constant_loads or () if name in bodies]
-        expected = "those of interfaces alone at a rotor speed"
+        expected = "only loads of interfaces at a rotor speed"
         validation.check(not on_bodies, "constant_loads", expected, on_bodies)
 
     @property
@@ -527,7 +527,7 @@ class Settings(validation.Answering):
         validation.check_value(
             not has_matrix or self.damping_ratio is None,
             "damping_ratio",
-            "none, since the model carries a damping matrix that couples its modes",
+            "none, because the damping matrix of the model couples its modes",
             self.damping_ratio,
         )
         # a mapping contains the values of the points; a factor would change them

@@ -364,7 +364,7 @@ def _matrix_of_nodes(
     matrix, coded_dofs = _labelled(file, deck)
     # Abaqus holds a component by a large number on the diagonal; the message has the first one
     first_held = coded_dofs[matrix.diagonal() > 1e30][:1]
-    expected = "a job without *BOUNDARY (Sector.fixed holds nodes)"
+    expected = "a job without *BOUNDARY (Sector.fixed fixes nodes)"
     check(not len(first_held), str(file), expected, f"held: {first_held}")
     wanted = np.isin(coded_dofs[:, 0], list(number_of_code))
     n_coupled = matrix[wanted][:, ~wanted].nnz
@@ -503,7 +503,7 @@ class _Frd:
             binary = b"\x00" in raw.read(100_000)
         if binary:
             expected = "text (*NODE FILE, not the binary form)"
-            raise mismatch(str(source), expected, "bytes that are no text")
+            raise mismatch(str(source), expected, "bytes that are not text")
         self.lines = Lines(source, "ascii")
         self.source = str(self.lines.source)
         self.numbers: NDArray = np.empty(0, np.int64)
@@ -592,7 +592,7 @@ class _Frd:
             frequency = float(head[12:24])
         name = ""
         while self.lines.follows(" -4", " -5"):
-            line = self.lines.take("the head of a result")
+            line = self.lines.take("the header of a result")
             if line.startswith(" -4"):
                 name = line[5:13].strip()
         kind = name.removesuffix("I")

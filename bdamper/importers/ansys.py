@@ -132,7 +132,7 @@ class _Binary:
     @staticmethod
     def _head(raw: bytes, where: str) -> tuple[int, int]:
         """Return the number of values of a compressed record, and the word that follows it."""
-        check(len(raw) >= 8, where, "the head of a compressed record", "less than two words")
+        check(len(raw) >= 8, where, "the header of a compressed record", "less than two words")
         size, second = struct.unpack_from("<ii", raw, 0)
         return check_count(size, where, "a length", largest=100_000_000), second
 
@@ -509,7 +509,7 @@ class _Archive:
             return
         line = ""
         while not line.upper().startswith(":CDWRITE"):
-            line = self.lines.take("the line :CDWRITE behind the geometry (IGES)")
+            line = self.lines.take("the line :CDWRITE after the geometry (IGES)")
 
     def _read(self, command: str) -> None:
         """Read a command with the block that follows it."""

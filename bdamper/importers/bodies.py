@@ -129,9 +129,9 @@ def rotation_of(body: PreparedBody) -> Rotation | None:
     softening = _spin_softening(body, per_squared_speed)
     if softening < 0.5:
         body.report.missing.append(
-            f"spin softening of the {body.name}: the matrices at {last:g} rad/s take "
-            f"{100 * softening:.3g} % of its mass in the plane of rotation from the stiffness; "
-            "frequencies of bending in this plane come out too high"
+            f"spin softening of the {body.name}: the stiffness at {last:g} rad/s contains "
+            f"{100 * softening:.3g} % of the spin softening of its mass; frequencies of bending "
+            "in the plane of rotation are too high"
         )
     body.passed(
         f"{body.name}: stiffness at {first:g} and {last:g} rad/s, "
@@ -204,7 +204,7 @@ def basis_from_modes(
         f"combinations of the modes at {first:g} rad/s "
         "(singular values of the overlap within 1 % of 1)"
     )
-    found = f"{sizes[-1]:.4g} to {sizes[0]:.4g}; use fewer modes, or speeds nearer together"
+    found = f"{sizes[-1]:.4g} to {sizes[0]:.4g}; use fewer modes, or speeds closer together"
     body.require(np.abs(sizes - 1.0).max() <= BOUNDS.agreement, item, expected, found)
     # the nearest rotation; the stiffness at the higher speed, in the modes of the lower speed, is
     # turning @ diag(omega2) @ turning^H
@@ -299,7 +299,7 @@ def compare_known(body: PreparedBody, d: int, omega2: NDArray, ring: CyclicStruc
     for expected, source in references:
         with body.report.comparison():
             error = compare_frequencies(computed, expected, item, source)
-            body.passed(f"{item}: frequencies agree with {source} to {100 * error:.2g} %")
+            body.passed(f"{item}: frequencies agree with {source} within {100 * error:.2g} %")
 
 
 EXACT_FREQUENCIES = 1e-6
@@ -337,7 +337,9 @@ def check_second_speed(
                 in_file = np.asarray(modes.frequency, float)[index]
                 computed = np.sqrt(at_last.omega2[: basis.n_natural]) / (2.0 * np.pi)
                 difference = compare_frequencies(computed, in_file, item, source)
-                body.passed(f"{item}: frequencies agree with {source} to {100 * difference:.2g} %")
+                body.passed(
+                    f"{item}: frequencies agree with {source} within {100 * difference:.2g} %"
+                )
 
 
 def check_reached(body: PreparedBody, wanted: Wanted, absent: NDArray, content: str) -> None:
@@ -374,7 +376,7 @@ def _normalised(
     mass = body.placement.units.mass * np.asarray(modes.modal_mass, float)[waves.index]
     frequency = np.asarray(modes.frequency, float)[waves.index]
     lowest = frequency.min(initial=np.inf)
-    body.require((frequency > 0.0).all(), item, "frequencies > 0 of a held sector", lowest)
+    body.require((frequency > 0.0).all(), item, "frequencies > 0 of a constrained sector", lowest)
     lowest_first = np.argsort(frequency, kind="stable")[:n_modes]
     normalised = (waves.shapes / np.sqrt(mass))[:, lowest_first]
     omega2 = (2.0 * np.pi * frequency[lowest_first]) ** 2
@@ -502,8 +504,8 @@ def held_components(
     n_added = int((with_images & ~mask).any(axis=1).sum())
     if n_added:
         body.passed(
-            f"{body.name}: {n_added} nodes of a sector face held as images of held nodes "
-            "of the other face"
+            f"{body.name}: {n_added} nodes of a sector face fixed, because their images on the "
+            "other face are fixed"
         )
     return with_images
 
@@ -525,7 +527,7 @@ def cyclic_sectors(
         body.report.steps.begin(f"nodal diameter {d}")
         for other in made.values():
             other.forget_matrices()
-        expected = "a sector whose fixed components both sector faces can have"
+        expected = "fixed components that are compatible with both sector faces"
         with body.refusing(f"nodal diameter {d}", expected):
             new = CyclicSector(body.structure, ring.faces, mask, d, inside)
         # at other nodal diameters the frequencies show whether the body is held
@@ -599,7 +601,7 @@ def constrained_from_matrices(
         high = basis.omega2[-1]
         held = low > max(1e-10 * high, 0.0)
         found = f"squared frequencies {low:.3g} to {high:.3g} rad2/s2"
-        body.require(held, f"nodal diameter {d}", "a sector that is held (fixed nodes)", found)
+        body.require(held, f"nodal diameter {d}", "a constrained sector (fixed nodes)", found)
     body.passed("stiffness symmetric and positive definite at every nodal diameter, mass symmetric")
     check_second_speed(body, built.bases, ring)
     if n_modes < wanted.n_modes:
@@ -625,10 +627,10 @@ def _check_held(body: PreparedBody, sector: CyclicSector, held: bool) -> None:
     else:
         least = 1e-9 * np.median(np.abs(pivots))
     expected = (
-        "a body that is held: Sector(fixed=a set of nodes), "
-        "or components without rows in the matrices"
+        "a constrained body: Sector(fixed=a set of nodes), or components without rows in the "
+        "matrices"
     )
-    found = f"{'fixed components' if held else 'neither'}, and a motion without force"
+    found = f"{'fixed components' if held else 'neither'}, and a rigid-body motion without force"
     body.require(np.abs(pivots).min() >= least, item, expected, found)
     n_negative = int((pivots <= 0.0).sum())
     found = f"{n_negative} negative eigenvalues"

@@ -535,7 +535,7 @@ def _found_faces(body: PreparedBody, n_blades: int | None) -> SectorFaces:
     if faces is None:
         expected = "the two faces of the sector"
         if not n_blades:
-            expected += ", and n_blades (1 if nothing repeats)"
+            expected += ", and n_blades (1 for an acyclic structure)"
         raise SettingError(
             f"sector faces: expected {expected}, found no rotation that maps element faces onto "
             "each other"
@@ -552,7 +552,10 @@ def _face_pair(body: PreparedBody, faces: tuple[NodeSet, NodeSet], sector: Secto
     nearest = max(2, round(2.0 * np.pi / angle))
     n_blades = sector.n_blades or nearest
     is_given = sector.n_blades is not None
-    apart = f"the faces are {np.rad2deg(angle):.6g} degrees apart, nearest are {nearest} sectors"
+    apart = (
+        f"the faces are {np.rad2deg(angle):.6g} degrees apart; the closest number is {nearest} "
+        "sectors"
+    )
     deviation = 1.0 - 2.0 * np.pi / n_blades / angle
     fits = n_blades == nearest and abs(deviation) <= sector.angle_tolerance
     expected = f"360/N degrees within {100 * sector.angle_tolerance:g} %"
@@ -561,8 +564,7 @@ def _face_pair(body: PreparedBody, faces: tuple[NodeSet, NodeSet], sector: Secto
         degrees = np.rad2deg(angle)
         body.passed(f"{n_blades} sectors, from the {degrees:.4g} degrees between the sector faces")
     expected = (
-        f"two sets of nodes of which a rotation by 2 pi/{n_blades} about the axis carries one "
-        "onto the other"
+        f"two sets of nodes that coincide after a rotation of one by 2 pi/{n_blades} about the axis"
     )
     return _FacePair(
         first=first,
@@ -728,7 +730,7 @@ def _rings(
     expected = f"names out of the rings {closed}"
     validation.check(not unknown, "split_rings", expected, unknown)
     if n_blades == 1:
-        no_ring = f"a structure that does not repeat has no rings; omit {', '.join(closed)}"
+        no_ring = f"an acyclic structure has no rings; omit {', '.join(closed)}"
         validation.check_sentence(not closed, "rings", no_ring)
         return {}
     rings = {}
@@ -759,8 +761,8 @@ def _check_separate(body: PreparedBody, n_blades: int) -> None:
     last = numbers[found.dependent[0]]
     raise body.error(
         "free body",
-        f"Sector(rings={{'{body.name}': (set, set)}}) with the faces at which the ring repeats, "
-        f"or rings={{'{body.name}': None}} for {n_blades} separate pieces",
+        f"Sector(rings={{'{body.name}': (set, set)}}) with the sector faces of the ring, or "
+        f"rings={{'{body.name}': None}} for {n_blades} separate pieces",
         "faces that a rotation by one sector carries onto each other, for example "
         f"node {first} onto node {last}",
     )
@@ -957,11 +959,11 @@ def _needs_partial_contact(model: Model, nodal_diameter: int, report: ImportRepo
         return False
     by_mode = ", ".join(percent(shift) for shift in found.shifts)
     report.checks.append(
-        f"dampers: bonded faces raise the lowest {counted(len(found.shifts), 'frequency')} of nodal "
-        f"diameter {nodal_diameter} by {by_mode}"
+        f"dampers: bonding the faces raises the lowest {counted(len(found.shifts), 'frequency')} "
+        f"of nodal diameter {nodal_diameter} by {by_mode}"
     )
     if WHOLE not in found.errors:
-        report.checks.append("residual modes: bonded faces do not shift mode 1")
+        report.checks.append("residual modes: bonding the faces does not shift mode 1")
         return False
 
     has_effect = found.shift >= SMALL_SHIFT
@@ -971,12 +973,13 @@ def _needs_partial_contact(model: Model, nodal_diameter: int, report: ImportRepo
     whole = percent(abs(chosen.errors[WHOLE]))
     of_part = percent(abs(chosen.errors[chosen.worst_part]))
     compared = (
-        f"{vectors}: shift of mode 1 by bonded faces ({percent(chosen.shift)}) within {whole} of "
-        f"all vectors, by parts of them within {of_part} ({chosen.worst_part})"
+        f"{vectors}: the shift of mode 1 by bonded faces ({percent(chosen.shift)}) agrees with "
+        f"all vectors within {whole}, the shift by bonded parts within {of_part} "
+        f"({chosen.worst_part})"
     )
     if is_needed:
         without = percent(abs(found.errors[found.worst_part]))
-        compared += f"; {without} with the vectors of bonded faces alone"
+        compared += f"; within {without} with the vectors of whole faces alone"
     if chosen.accurate or not has_effect:
         report.checks.append(compared)
         return is_needed

@@ -173,7 +173,7 @@ def from_first_sector(
         # the body turns if the direction that becomes Y turns
         radial = (back @ body.placement.rotation)[1]
         moved[name] = replace(body, placement=replace(body.placement, radial=radial))
-        body.passed(f"{name}: {sector:+d} sectors off in the mesh, moved between blades 0 and 1")
+        body.passed(f"{name}: {sector:+d} sectors away in the mesh, moved between blades 0 and 1")
         contacts = tuple(
             _turned(contact, back, sector) if contact.body_a == name else contact
             for contact in contacts
@@ -308,7 +308,7 @@ def _check_other_faces(
         apart = np.linalg.norm(difference, axis=2)
         near = 1e-6 * np.sqrt(min(interface.area.min(), earlier.area.min()))
         n_repeated = int((apart < near).any(axis=1).sum())
-        found = f"{n_repeated} contact points in the same places"
+        found = f"{n_repeated} contact points at the same positions"
         check(not (same and n_repeated), contact.item, expected, found)
         return
     if same:
@@ -384,7 +384,7 @@ def _laid(
     areas = [_area(face_a, a.nodes)]
     sector = 0
     face_b, nodes_b = None, None
-    with a.refusing(item, "faces on which contact points can be laid"):
+    with a.refusing(item, "faces on which contact points can be placed"):
         if contact.faces_b is not None:
             b = bodies[body_b]
             face_b = b.faces(contact.faces_b, item)
@@ -539,7 +539,7 @@ def _check_gap(
     limit = BOUNDS.misfit * width
     if two_faces and abs(worst) > limit:
         expected = f"meshes within {limit:.2g} m of the gap {gap:g} m (or gap='measured')"
-        found = f"{abs(worst):.3g} m {'farther apart' if worst > 0.0 else 'into each other'}"
+        found = f"{abs(worst):.3g} m {'farther apart' if worst > 0.0 else 'of overlap'}"
         warn_implausible(contact.item, expected, found)
 
 

@@ -42,8 +42,8 @@ def refuse(found: str, item: str, read: Iterable[str]) -> NoReturn:
         Always.
     """
     advice = (
-        "which could make, move or tie nodes, elements or sets and is not read: "
-        "write the mesh without it"
+        "which may create, move or tie nodes, elements or sets and is not read: write the mesh "
+        "without it"
     )
     raise mismatch(item, f"a mesh of {', '.join(read)}", f"{found}, {advice}")
 
@@ -106,13 +106,14 @@ the mesh.
 
 
 CURE = (
-    "remove it before the matrices are written; Sector.fixed holds a set of nodes, forces= load one"
+    "remove it before the matrices are written; Sector.fixed fixes a set of nodes, forces= loads "
+    "one"
 )
 _CURES = {
     **dict.fromkeys(
         ("*TIE", "*SHELLTOSOLIDCOUPLING"),
-        "merge the meshes at the tied faces, or make each side a body of its own "
-        "and join both by ContactFaces",
+        "merge the meshes at the tied faces, or make each side a separate body and connect them "
+        "by ContactFaces",
     ),
     **dict.fromkeys(
         ("*EQUATION", "*MPC"),

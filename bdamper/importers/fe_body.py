@@ -552,7 +552,7 @@ class Included:
         """
         self._count += 1
         permitted = self._count <= MOST_INCLUDED and depth < DEEPEST
-        expected = f"at most {MOST_INCLUDED} included files, {DEEPEST} in each other"
+        expected = f"at most {MOST_INCLUDED} included files, nested at most {DEEPEST} deep"
         check(permitted, item, expected, "more")
         below = "a file in the folder of this one or below"
         relative = PureWindowsPath(name)  # accepts slashes and backslashes

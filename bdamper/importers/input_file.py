@@ -178,7 +178,12 @@ class Deck:
             self.scope.transforms.append(_Transform(node_set, item))
         elif keyword == "*PART":
             outside = bool(self.model.nodes) and not self.instances
-            check(not outside, item, "all nodes in parts or none", "nodes before the first part")
+            check(
+                not outside,
+                item,
+                "either all nodes in parts or none",
+                "nodes before the first part",
+            )
             self.scope = self.parts[name] = _Scope()
         elif keyword == "*INSTANCE":
             self._begin_instance(name, parameters, rows, item)
@@ -618,10 +623,10 @@ class Deck:
             free, n_components = np.unique(rows[:, 0], return_counts=True)
             partly = free[n_components < 3]
             expected = (
-                f"nodes of {transform.node_set} held in all three components or in none, "
-                "since the axes are not read"
+                f"nodes of {transform.node_set} fixed in all three components or in none, because "
+                "the axes are not read"
             )
-            found = f"node {partly[:1]} held in some components"
+            found = f"node {partly[:1]} fixed in some components"
             check(not len(partly), transform.item, expected, found)
 
     def body(self, instance: str | None = None) -> FEBody:

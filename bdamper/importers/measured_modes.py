@@ -98,7 +98,7 @@ class MeasuredMode:
             validation.number("noise", self.noise, above=0.0, below=1.0)
             return
         has_damping = not np.isnan(self.damping_ratio).all()
-        expected = "noise of the frequencies where no damping ratio is measured"
+        expected = "a noise of the frequency at each point without a measured damping ratio"
         check(has_damping, self.source, expected, "no damping")
 
 

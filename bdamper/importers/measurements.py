@@ -234,7 +234,8 @@ def motion_unit(where: str, unit: str) -> tuple[float, int]:
             return units[_plain(unit)], order
     if _plain(unit) in STRAINS:
         expected = (
-            "a displacement, velocity or acceleration, as strain has no derivatives over time"
+            "a displacement, velocity or acceleration, because the derivatives of a strain are "
+            "not available"
         )
         raise validation.invalid(where, expected, f"the unit '{unit}'")
     known = [name for units in (*kinds, STRAINS) for name in units]

@@ -162,7 +162,7 @@ def _bulk(path: Path) -> tuple[FEBody, _Tied]:
         if hasattr(node_set, "ids") and node_set.ids:
             sets[f"SET{key}"] = np.array(sorted(node_set.ids), np.int64)
     notes = [
-        f"cards {name} ({count}) are not read: they must be in the matrices"
+        f"cards {name} ({count}) are not read: the matrices must contain them"
         for name, count in model.card_count.items()
         if name in BDF_IN_MATRICES
     ]
@@ -233,12 +233,14 @@ def _tied(model: Any, solid: set[int], lines: list[_Line], path: Path, notes: li
             continue
         item, card = _line_of(tie.card, lines, path)
         expected = (
-            "a mesh without constraints, or RBE2 to a grid point that SPC1 holds in 123456 "
+            "a mesh without constraints, or RBE2 to a grid point that SPC1 fixes in 123456 "
             f"({CURE})"
         )
         check(tie.independent in _held(model), item, expected, card)
         held.add(tie.independent)
-        notes.append(f"{tie.card} holds its dependent grid points: {tie.independent} is held")
+        notes.append(
+            f"{tie.card} fixes its dependent grid points, because {tie.independent} is fixed"
+        )
     rows = []
     for grid in sorted(model.nodes):
         for component in range(1, 7):
@@ -449,7 +451,7 @@ def _without_empty(body: FEBody, tied: _Tied) -> FEBody:
     notes = body.notes
     n_dropped = len(used) - len(keep)
     if n_dropped:
-        notes = (*notes, f"{n_dropped} held or empty rows dropped")
+        notes = (*notes, f"{n_dropped} fixed or empty rows dropped")
     dofs = body.dofs[keep]
     without_rows = tied.spare.difference(dofs[:, 0].tolist())
     kept = ~np.isin(body.numbers, list(without_rows))
@@ -505,8 +507,8 @@ def read_nastran(
         found = f"the matrices {sorted(content)}"
         check(name in content, str(path), f"a matrix '{name}'", found)
         expected = (
-            f"{n_rows} rows: six for each grid point but the dependent components of "
-            "RBE2, RBE3, MPC"
+            f"{n_rows} rows: six for each grid point, without the dependent components of RBE2, "
+            "RBE3, MPC"
         )
         check(content[name].shape[0] == n_rows, str(path), expected, content[name].shape[0])
         matrices.append(content[name])

@@ -34,7 +34,7 @@ def _units(name: str, units: object) -> Units:
 
 def _two_sets(name: str, faces: Any) -> Any:
     is_pair = isinstance(faces, Sequence) and not isinstance(faces, str) and len(faces) == 2
-    expected = "two sets of nodes, the faces at which the sector repeats"
+    expected = "two sets of nodes, one for each sector face"
     validation.check_value(is_pair, name, expected, faces)
     return faces
 

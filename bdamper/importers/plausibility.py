@@ -123,14 +123,18 @@ def check_rigid_motion(body: PreparedBody) -> None:
         "positions that do not belong to it (order, units, axes)",
     )
     body.passed(
-        f"{body.name}: rigid motions strain it by {strain.max():.1g} of a stretch of equal size"
+        f"{body.name}: rigid-body motion strains it {strain.max():.1g} times as much as a stretch "
+        "of equal size"
     )
 
 
 def _check_strain(body: PreparedBody, strain: NDArray, motion: str, hint: str) -> None:
     """Raise ModelError if a rigid motion along or about X, Y or Z strains a free body."""
     axis = "XYZ"[strain.argmax()]
-    found = f"a strain of {strain.max():.2g} of its size under a {motion} {axis}: {hint}"
+    found = (
+        f"a strain of {strain.max():.2g} times that of an equal stretch under a {motion} {axis}: "
+        f"{hint}"
+    )
     rigid = strain.max() <= BOUNDS.rigid_strain
     expected = "a free body (rigid-body motion must not strain it)"
     body.require(rigid, "stiffness matrix", expected, found)
@@ -165,7 +169,8 @@ def check_table(body: PreparedBody) -> None:
     away = _away_from_held(body)
     if not away.any():
         body.passed(
-            f"{body.name}: order of the rows not checked, every node is a neighbour of a held one"
+            f"{body.name}: the order of the rows is not checked, because every node is adjacent "
+            "to a fixed one"
         )
         return
     stiffness = body.structure.stiffness
@@ -176,14 +181,15 @@ def check_table(body: PreparedBody) -> None:
     loaded = (force > BOUNDS.rigid_force * parts).any(axis=1)
     share = 100.0 * float(loaded.mean())
     found = (
-        f"forces on {share:.3g} % of the nodes away from held ones when the body moves as a rigid "
-        "one: rows in another order than the table (or than x, y, z of node after node), "
-        "or positions of other nodes"
+        f"forces on {share:.3g} % of the nodes away from fixed nodes under rigid-body motion: "
+        "rows in another order than the table (or than x, y, z of node after node), or positions "
+        "of other nodes"
     )
     expected = "rows in the order of the table of nodes and components"
     body.require(share <= 100.0 * BOUNDS.odd_ones, "stiffness matrix", expected, found)
     body.passed(
-        f"{body.name}: rigid motions cost forces on {share:.2g} % of the nodes away from held ones"
+        f"{body.name}: rigid-body motion causes forces on {share:.2g} % of the nodes away from "
+        "fixed nodes"
     )
 
 
@@ -252,8 +258,8 @@ def check_not_swapped(body: PreparedBody) -> None:
     stiffness = _resistance(body.structure.stiffness)
     mass = _resistance(body.structure.mass)
     found = (
-        "a matrix that resists translations as a mass does, then one that does not: "
-        "exchange the swapped matrices"
+        "a matrix that resists translation like a mass, then one that does not: the matrices are "
+        "swapped"
     )
     good = mass >= 0.1 or stiffness <= 0.5
     body.require(good, "matrices", "a stiffness matrix, then a mass matrix", found)

@@ -67,7 +67,7 @@ def stress_rows(
         nodes = _away_from_cuts(body, body.node_set(members, item), ring, item)
         solids = _solids(body, nodes, sector.elasticity, item)
         near = near_patches(body.nodes[nodes], *faces) | np.isin(nodes, nodes_with_points)
-        with body.refusing(item, "elements with volume and all nodes between corners"):
+        with body.refusing(item, "elements with a volume and all midside nodes"):
             out.append(StressRows(name, solids, body.nodes, nodes, near))
         body.passed(f"{item}: {len(nodes)} nodes, {int(near.sum())} of them next to a contact face")
     return out
@@ -111,7 +111,7 @@ def _away_from_cuts(
     to the stress.
     """
     inner = nodes[~np.isin(nodes, ring.faces.nodes)]
-    on_faces = "all nodes lie on the faces at which the sector repeats"
+    on_faces = "all nodes lie on the sector faces"
     body.require_sentence(len(inner) > 0, item, on_faces)
     n_left_out = len(nodes) - len(inner)
     if n_left_out:

@@ -460,7 +460,7 @@ class DiskProblem(Summarised):
         """Row (n,) whose product with the blade coordinates is the response, m."""
         response = self.structure.tuned.settings.response_location
         no_gauge = response.elastic is None
-        expected = "the motion of a location, in which bladed disks respond"
+        expected = "the motion of a location as the response of a bladed disk"
         validation.check(no_gauge, "response", expected, f"a strain gauge, {response.shown}")
         return self.structure.location_rows(str(response.location), response.direction, "response")
 

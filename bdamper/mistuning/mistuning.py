@@ -268,7 +268,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         )
         rows = [
             Row("Source", "", self.origin),
-            Row("Mean", f"{mean:.3g} %", "shifts all blades alike"),
+            Row("Mean", f"{mean:.3g} %", "shifts all blades equally"),
             Row("Range", f"{percents.min():.3g} to {percents.max():.3g} %", blades),
         ]
         return Statement([verdict], rows, remarks=["Not covered: mode shapes, damping"])

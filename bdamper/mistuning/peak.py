@@ -441,7 +441,10 @@ def peak(
     error = _error(top, peaks, changed, equations, all_climbed)
     reason = not_found.reason
     if np.isnan(harmonics_error):
-        reason += "; the error does not contain that of harmonics: no solution with more of them"
+        reason += (
+            "; the error does not include the effect of more harmonics, because no solution "
+            "with more was found"
+        )
     else:
         error += harmonics_error
     found = replace(
@@ -638,8 +641,8 @@ def _reason(
         parts.append("found only on the reduced disk")
     if top is not None and top.springs[-1]:
         parts.append(
-            f"the mean of dampers held by springs of {top.springs[-1]:.2g} of their stuck "
-            f"stiffness, which change the amplitude by some {100.0 * top.error:.2g} %"
+            f"springs with {top.springs[-1]:.2g} times the stuck stiffness hold the mean position "
+            f"of the dampers, which changes the amplitude by about {100.0 * top.error:.2g} %"
         )
     if gap is not None:
         parts.append(f"no solution found between {gap[0] / tau:.6g} and {gap[1] / tau:.6g} Hz")

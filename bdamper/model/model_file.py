@@ -115,7 +115,7 @@ def read_model(file: h5py.Group) -> Model:
         found += ": bd.load reads results"
     check(stored == FORMAT, place(file, "@format"), f"'{FORMAT}'", found)
     version = read_attribute(file, "version", int)
-    found = f"{version}; make the model again"
+    found = f"{version}; create the model again"
     check(version == VERSION, place(file, "@version"), f"{VERSION}", found)
     check_text(file, "time_convention", TIME_CONVENTION)
     check_text(file, "phase_convention", PHASE_CONVENTION)

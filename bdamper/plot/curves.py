@@ -384,7 +384,9 @@ def _draw_optimal(ax: Axes, result: OptimalCurve, quantity: str) -> None:
         )
     if quantity == "shift":
         if not np.isfinite(values).any():
-            note(ax, "no frequency shift: no peak or no free resonance is known", empty=True)
+            note(
+                ax, "no frequency shift, because no peak or no free resonance is known", empty=True
+            )
         return
     _draw_limits(ax, result)
     _mark_gaps(ax, result)
@@ -773,7 +775,7 @@ def _star_of_optimum(ax: Axes, result: OptimalCurve, colour: Any) -> None:
         color=colour,
         markersize=8.0,
         markerfacecolor=colour if optimum.ok else "w",
-        label=once(ax, "optimum" if optimum.ok else "least value, not verified"),
+        label=once(ax, "optimum" if optimum.ok else "lowest value, not verified"),
     )
 
 

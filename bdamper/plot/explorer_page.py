@@ -41,8 +41,8 @@ HERE = "#c0392b"
 DOT = f'<b style="color:{HERE}">●</b>'
 COARSE = "<i>Provisional, with one harmonic:</i> "
 PANELS = {
-    "curve": "Response over frequency",
-    "best": "Highest peak over preload",
+    "curve": "Response against frequency",
+    "best": "Highest peak against preload",
     "contacts": "Contacts",
     "motion": "Motion over one cycle",
 }

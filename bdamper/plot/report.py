@@ -87,7 +87,7 @@ def write_report(
     if fit is not None:
         validation.instance("fit", fit, Fitted)
 
-    figures = [("Resonance over preload", _picture(curve))]
+    figures = [("Resonance against preload", _picture(curve))]
     sensitivities: list[tuple[str, ...]] = []
     if problem is None:
         figures += _nearest_response(curve)
@@ -148,7 +148,7 @@ def _nearest_response(curve: OptimalCurve) -> list[tuple[str, str]]:
         return []
     nearest = min(followed, key=lambda c: abs(np.log(c.preload / curve.optimum.preload)))
     preload = amount(nearest.preload, "N")
-    title = f"Response over frequency at {preload}, the nearest preload with a response curve"
+    title = f"Response against frequency at {preload}, the nearest preload with a response curve"
     return [(title, _picture(nearest))]
 
 
@@ -295,7 +295,7 @@ def _at_optimum(
     tracked = frequency_response(problem, preload, band)
     peak = highest_peak(problem, preload, band)
     limits = [linear_limits.free(problem, band), linear_limits.stuck(problem, band, preload)]
-    figures = [(f"Response over frequency at {load}", _picture(tracked, limits=limits))]
+    figures = [(f"Response against frequency at {load}", _picture(tracked, limits=limits))]
     if not peak.ok:
         return figures, []
     contacts = _picture(peak, "plot_contacts", problem)

@@ -355,7 +355,7 @@ def given_up(curve: ResponseCurve) -> str:
     if not tangles:
         return ""
     where = " and ".join(f"{part.low:.6g} to {part.high:.6g} Hz" for part in tangles)
-    return f"a branch was given up among many folds from {where}"
+    return f"the continuation of a branch was stopped among many folds from {where}"
 
 
 @dataclass(frozen=True)

@@ -538,7 +538,7 @@ def _why_no_value(responses: Sequence[AtPreload]) -> str:
     if any(item.followed for item in with_note):
         first = with_note[0].top
         assert first is not None
-        return f"{reason}; it is {first.note}"
+        return f"{reason}; the amplitude there is {first.note}"
     return f"{reason}; another resonance is higher, widen frequency"
 
 

@@ -282,7 +282,7 @@ def time_response(
         **problem.recorded(),
     )
     if not np.isfinite(balance.flank):
-        why = "next to the tip there are several solutions at all frequencies; widen the interval"
+        why = "all frequencies near the peak have several solutions; widen the interval"
         return replace(without_amplitude, status=NOT_FOUND, reason=why)
 
     source = all_sectors(problem, preload, blades, limit)
@@ -653,7 +653,7 @@ def _remarks(search: SteadySearch, best: SteadyPoint) -> str:
     remarks = []
     if search.below < best.mean:
         below = amount(search.below, "m")
-        remarks.append(f"from the tip; a sweep from the flank has at most {below}")
+        remarks.append(f"from the peak; a sweep from the flank reaches at most {below}")
     n_integrated = len(search.sectors.nodal_diameters)
     n_diameters = search.sectors.n // 2 + 1
     if n_integrated < n_diameters:

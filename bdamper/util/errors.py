@@ -68,7 +68,7 @@ def mismatch(item: str, expected: str, found: object) -> ModelError:
 def too_little_memory(item: str, error: Exception) -> TooLittleMemory:
     """Return the error of an item that needs more memory; MemoryError itself often has no text."""
     found = f" ({one_line(error)})" if str(error) else ""
-    remedy = "end other programs or reduce the model"
+    remedy = "close other programs or reduce the model"
     return TooLittleMemory(f"{item}: expected enough memory, found too little{found}; {remedy}")
 
 

@@ -357,7 +357,7 @@ class Cost:
         return Cost(**sums)
 
     def __str__(self) -> str:
-        processor = f", {self.processor:.3f} s of the processor" if self.processor > 0.0 else ""
+        processor = f", {self.processor:.3f} s of processor time" if self.processor > 0.0 else ""
         condensed = ""
         if self.condensed:
             condensed = f"; {self.condensed} of {self.factorisations} factorisations condensed"

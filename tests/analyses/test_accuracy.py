@@ -366,7 +366,7 @@ def test_each_setting_goes_down_until_it_misses_the_tolerance(study, place, resu
     assert [r.values for r in strict.runs] == [("4",), ("3",)]
     assert (
         strict.recommended is strict.richest
-        and "Not reached: an error within 1e-07 %" in strict.summary()
+        and "Not reached: no settings have an error within 1e-07 %" in strict.summary()
     )
 
 
@@ -420,7 +420,7 @@ def test_unknown_answers_are_not_recommended(study, place):
     )
     assert (
         found.recommended is found.richest
-        and "Not known which settings have an error within 50 %" in found.summary()
+        and "Not known: the settings whose error is within 50 %" in found.summary()
     )
     assert np.isnan(found.uncertainty) and not found.reached
     with pytest.raises(
@@ -498,7 +498,7 @@ def test_errors_contain_the_error_of_the_reference():
     # twice the detail removes three quarters of an error of the second power
     assert found.uncertainty > 0.7 * error_against_limit(found.richest)
     assert not found.reached
-    assert "Not reached: an error within 5 %" in found._headline()
+    assert "Not reached: no settings have an error within 5 %" in found._headline()
     unvaried = {error.source: error.size for error in found.sources}["residual flexibility"]
     removed = 2.0 / 36
     assert unvaried == pytest.approx(
@@ -571,7 +571,7 @@ def test_a_source_without_a_peak_leaves_the_error_unknown():
         shipped(), 200.0, (610.0, 740.0), quantity=ask, vary={"blade_modes": [10, 20]}
     )
     assert np.isnan(found.uncertainty) and not found.reached and found.forecast is None
-    assert found._headline().startswith("Not known which settings have an error within 5 %")
+    assert found._headline().startswith("Not known: the settings whose error is within 5 %")
     assert "no answer with more harmonics" in found.summary()
 
 

@@ -140,7 +140,7 @@ class TestPeaks:
         assert found.peaks[-1].amplitude == pytest.approx(by_newton.amplitude, rel=1e-6)
         monkeypatch.setattr(room, "NEARBY_BUDGET", 20)
         broken = study.harmonic_convergence(peak, harmonics=(6,))
-        start = "no peak was found near this one with 6 harmonics (too far; near it the response curve is "
+        start = "no peak was found near this one with 6 harmonics (too far; the response curve near it is "
         assert broken.status == "incomplete" and broken.reason.startswith(f"{start}incomplete:")
         assert (
             len(broken.peaks) == 1

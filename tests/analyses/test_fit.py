@@ -363,9 +363,9 @@ def test_predictions_are_those_of_fits_without_a_test(jenkins):
             np.concatenate([A for A, _ in rest]), np.concatenate([b for _, b in rest]), rcond=None
         )[0]
         assert found.predictions[i] == pytest.approx(np.sqrt(((A @ x - b) ** 2).mean()), rel=1e-6)
-    assert "tests left out of the fit are predicted within" in said(found)
+    assert "a fit without one test predicts this test with an error of" in said(found)
     only = _stage(linear(jenkins, tests[:1])).result
-    assert np.isnan(only.predictions).all() and "left out" not in said(only)
+    assert np.isnan(only.predictions).all() and "fit without one test" not in said(only)
 
 
 def test_priors_are_measurements_of_the_parameters(jenkins):
@@ -834,7 +834,7 @@ def test_a_rich_truth_fitted_with_a_coarse_model():
     assert found["force_factor"] == pytest.approx(1.05, rel=0.02)
     j = found.names.index("friction_coefficient")
     assert found.low[j] < 0.45 < found.high[j]
-    assert found.misfit > 3.0 and "the model misses the tests by" in found._headline()
+    assert found.misfit > 3.0 and "the model deviates from the tests by" in found._headline()
     assert "constants may lie outside the intervals" in said(found)
     stiffness = found.names.index("contact_stiffness_factor")
     assert found.low[stiffness] > 0.6, "the true value lies outside"

@@ -292,7 +292,9 @@ def test_a_path_that_leaves_the_symmetric_motion_says_so_and_the_advice_helps():
     )
     mode = study.nonlinear_mode(0.0, 1, (1e-5, 2e-2))
     assert not mode.complete
-    advice = "and the path left it: compute with harmonics=tuple(range(1, 16, 2)); another branch"
+    advice = (
+        "and the path left it: compute it with harmonics=tuple(range(1, 16, 2)); another branch"
+    )
     assert advice in mode.reason
     odd = study.replace(harmonics=tuple(range(1, 16, 2))).nonlinear_mode(0.0, 1, (1e-5, 2e-2))
     assert odd.complete
@@ -314,7 +316,7 @@ def test_a_path_turned_by_an_internal_resonance_says_up_to_which_amplitude(gap_s
     )
     mode = study.nonlinear_mode(0.0, 1, (0.1, 100.0))
     found = re.search(
-        r"a harmonic resonates with another mode: compute with other harmonics, or with amplitudes "
+        r"a harmonic resonates with another mode: compute it with other harmonics, or with amplitudes "
         r"below ([\d.]+) m",
         mode.reason,
     )

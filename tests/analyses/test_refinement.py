@@ -127,7 +127,7 @@ def test_next_step_beyond_the_limit_is_not_begun(masses, monkeypatch):
     monkeypatch.setattr(refinement._Search, "_seconds_with", lambda *_: 1e6)
     result = study.refine(peak, tolerance=0.005)
     assert not result.reached and len(result.steps) == 1
-    assert "the limit of all is 600 s" in result.reason
+    assert "the limit for all steps is 600 s" in result.reason
     assert result.needed.startswith("harmonics 1 to ")
     assert result.needed_seconds % 1e6 == 0.0
 

@@ -200,7 +200,7 @@ class TestAnswers:
             ({"over": {"preload": [1.0]}, "combine": "all"}, "combine"),
             (
                 {"over": {"preload": [1.0], "friction_coefficient": [0.1, 0.2]}, "combine": "zip"},
-                "as many values",
+                "same number of values",
             ),
             (
                 {"over": {"preload": [1.0]}, "evaluate": residual_norm, "frequency": INTERVAL},
@@ -788,7 +788,7 @@ class TestUncertainty:
         found = bd.robust_optimum(study, {"friction_coefficient": [0.2, -0.1, 0.3]}, **ways)
         alone = bd.robust_optimum(study, {"friction_coefficient": [0.2, 0.3]}, **ways)
         assert (found.preload, found.amplitude, found.draws) == (alone.preload, alone.amplitude, 2)
-        named = "1 of 3 draws failed and does not count, first draw 1: friction_coefficient: expected a finite"
+        named = "1 of 3 draws failed and does not count; the first is draw 1: friction_coefficient: expected a finite"
         assert named in said(found)
         with pytest.raises(bd.SettingError, match="friction_coefficient: expected a finite"):
             bd.robust_optimum(study, {"friction_coefficient": [-0.1]}, **ways)
@@ -823,7 +823,7 @@ class TestUncertainty:
         status = ("failed", *found.status[1:])
         failed = replace(found, status=status, reason=("why", *found.reason[1:]))
         assert failed.percentile(0.0).tolist() == [2.0, np.inf]
-        assert "1 of 8 draws failed and does not count, first draw 0: why" in said(failed)
+        assert "1 of 8 draws failed and does not count; the first is draw 0: why" in said(failed)
         assert failed.plot().axes[0].get_legend_handles_labels()[1][-1] == "95 %: no value"
 
     def test_percentiles_of_many_draws(self, curve):

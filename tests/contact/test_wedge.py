@@ -177,7 +177,8 @@ def test_answers_warn_of_edge_contact(ask, monkeypatch):
         bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, friction_coefficient=0.4
     )
     with pytest.warns(
-        PlausibilityWarning, match="faces that touch over their area, found 'left' touches with"
+        PlausibilityWarning,
+        match="faces that touch over most of their area, found 'left' touches with",
     ):
         ask(s)
 
@@ -212,7 +213,7 @@ def test_edge_contact_is_named_with_its_pressure_once(recwarn):
         s.problem.sizes.check_faces(load)
     told = [str(w.message) for w in recwarn]
     assert told == [
-        f"contact at rest: plausible faces that touch over their area, found {words} under 20 N"
+        f"contact at rest: plausible faces that touch over most of their area, found {words} under 20 N"
     ]
 
 

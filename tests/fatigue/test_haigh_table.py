@@ -252,7 +252,7 @@ def test_a_temperature_without_the_table_is_refused(study, peak, material):
         (lambda m: at_points([20.0], ["root node 3", "root node 4"]), "temperature: expected 2"),
         (lambda m: HaighTable.from_csv({"amplitude (MPa)": [300.0, 200.0], "mean (MPa)": [0.0, 0.0], "R": [-1.0, 0.0],
                                         "temperature (C)": [20.0, 600.0], "probability": [0.5, 0.5]}),
-         r"Haigh table, row 2: expected R = -1, that of amplitude and mean .*found R = 0"),
+         r"Haigh table, row 2: expected R = -1, as computed from amplitude and mean .*found R = 0"),
         (lambda m: HaighTable.from_csv({"amplitude (MPa)": [1.0]}), "expected the columns amplitude, mean, temper"),
         (lambda m: HaighTable.from_csv({"amplitude": [1.0], "R": [0.0], "temperature (C)": [20.0], "probability": [0.5]}),
          "column 'amplitude': expected its unit"),

@@ -136,7 +136,7 @@ def test_x_or_y_alone_fixed_on_a_face_is_refused(sector):
     body, faces, _ = sector
     fixed = np.zeros((len(body.nodes), 3), bool)
     fixed[[faces.independent[0], faces.dependent[0]], 0] = True
-    with pytest.raises(ValueError, match="fixed in one of the directions X and Y"):
+    with pytest.raises(ValueError, match="fixed in only one of the directions X and Y"):
         cyclic_transformation(len(body.nodes), faces, fixed, 1)
 
 

@@ -185,7 +185,7 @@ def test_faces_that_cannot_be_used():
     with pytest.raises(ValueError, match="at least 1"):
         patches_on_faces(0, nodes, facets)
     both = Facets((np.concatenate([facets.groups[0], facets.flipped().groups[0]]),))
-    with pytest.raises(ValueError, match="do not point to one side"):
+    with pytest.raises(ValueError, match="do not all point to the same side"):
         mean_frame(both, nodes)
     bow = Facets((facets.groups[0][:, [0, 2, 1, 3]],))
     with pytest.raises(ValueError, match=r"folded|one side"):

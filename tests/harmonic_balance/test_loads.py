@@ -127,7 +127,7 @@ def test_at_a_speed_bodies_are_loaded_by_mass_times_radius():
     ):
         study.replace(load_per_preload=shares)
     with pytest.raises(
-        bd.SettingError, match="constant_loads: expected those of interfaces alone at a rotor speed"
+        bd.SettingError, match="constant_loads: expected only loads of interfaces at a rotor speed"
     ):
         study.replace(constant_loads={"front": 5.0})
 

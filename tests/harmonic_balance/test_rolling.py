@@ -118,7 +118,7 @@ def test_united_points_count():
     study = disk(48, friction_coefficient=0.3)
     assert rolling_dampers(study.problem) == ()
     (doubt,) = rolling_dampers(study.replace(contact_points=4).problem)
-    assert doubt == "'damper' rolls on 2 rows of contact points, it would slide on 3"
+    assert doubt == "'damper' rolls on 2 rows of contact points; on 3 it would slide"
 
 
 @pytest.mark.parametrize(
@@ -148,7 +148,7 @@ def test_headline_checks_and_files(tmp_path):
     curve = disk(9, friction_coefficient=FRICTION_BETWEEN_LIMITS).optimal_curve(
         [100.0, 200.0, 400.0], check=False
     )
-    doubt = "'damper' rolls on 3 rows of contact points, it would slide on 4"
+    doubt = "'damper' rolls on 3 rows of contact points; on 4 it would slide"
     assert curve.model_doubts == (doubt,)
     assert f"{doubt}; amplitudes may be wrong by several times" in curve.failures
     assert curve._headline().startswith(f"Not for design: {doubt};")

@@ -470,7 +470,7 @@ MISMATCHED = {
     + "9,1, 9,1, 1.0\n": "a_STIF1.mtx: expected nodes of .*a.inp (a job with noPartsInputFile=ON",
     DIAGONAL.replace(
         "9.0", "1e36"
-    ): "a_STIF1.mtx: expected a job without *BOUNDARY (Sector.fixed holds nodes)",
+    ): "a_STIF1.mtx: expected a job without *BOUNDARY (Sector.fixed fixes nodes)",
     DIAGONAL + "1,1, 8,1, 1.0\n": "a_STIF1.mtx: expected instance I without contact or ties",
     "I.1,1, I.1,1, 9.0\nI.7,1, I.7,1, 9.0\n": "expected nodes of .*a.inp (a job",
     "I.1,1, I.1,1\n": "a_STIF1.mtx: line 1: expected five values, found 4",

@@ -95,7 +95,7 @@ def test_the_number_of_included_files_is_bounded(tmp_path):
     (tmp_path / "d.inp").write_text("** nothing\n")
     for own, other in ("ab", "bc", "cd"):
         (tmp_path / f"{own}.inp").write_text(10 * f"*INCLUDE, INPUT={other}.inp\n")
-    expected = r"\.inp: \*INCLUDE in line \d+: expected at most 100 included files, 5 in each other, found more"
+    expected = r"\.inp: \*INCLUDE in line \d+: expected at most 100 included files, nested at most 5 deep, found more"
     with pytest.raises(ModelError, match=expected):
         read_inp(tmp_path / "a.inp")
 

@@ -69,7 +69,7 @@ def test_a_face_on_the_ground_has_one_contact(block):
     twice = [pair[0], replace(pair[1], patches=patches[0])]
     with pytest.raises(
         ModelError,
-        match=r"than those of contact 'patch 0', found 1 contact points in the same places",
+        match=r"than those of contact 'patch 0', found 1 contact points at the same positions",
     ):
         build(body, n_blades=1, **SETTINGS | {"contacts": twice})
 

@@ -135,11 +135,11 @@ def test_a_sector_of_almost_one_pitch_passes_with_a_word_of_the_deviation(bodies
         np.testing.assert_allclose(near.frequencies[d], frequencies, rtol=1e-3)
     without = {**SETTINGS, "n_blades": None}
     assert build(blade, bodies[1], **without, nodal_diameters=(1,)).model.n_blades == N
-    with pytest.raises(ModelError, match=r"60.03 degrees apart, nearest are 6 sectors"):
+    with pytest.raises(ModelError, match=r"60.03 degrees apart; the closest number is 6 sectors"):
         build(blade, bodies[1], **SETTINGS, nodal_diameters=(1,), angle_tolerance=1e-4)
     for settings in (SETTINGS, without):
         with pytest.raises(
-            ModelError, match=r"the faces are 61.2 degrees apart, nearest are 6 sectors"
+            ModelError, match=r"the faces are 61.2 degrees apart; the closest number is 6 sectors"
         ):
             build(opened(bodies[0], 0.02), bodies[1], **settings, nodal_diameters=(1,))
 

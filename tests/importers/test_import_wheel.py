@@ -89,7 +89,7 @@ def test_shapes_for_pictures_are_those_of_the_excited_wave(bodies):
             "BORE",
             "blade_nodes: expected the nodes of a blade from root to tip, with all its contact faces",
         ),
-        ("EVERY", "found a blade that no node of its root joins to the disk"),
+        ("EVERY", "found a blade without a root node that connects it to the disk"),
         ("HALF", "found contact points that are not on the blade"),
     ],
 )

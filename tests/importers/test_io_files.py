@@ -370,7 +370,7 @@ BAD_DECKS = [
         r"a\.inp: \*NOTE in line 4: expected a mesh of .*, found \*NOTE, NSET, which",
     ),
     ("*HEADING", "*INCLUDE, INPUT=c.inp", "expected an existing file, found 'c.inp'"),
-    ("*HEADING", "*INCLUDE, INPUT=a.inp", "at most 100 included files, 5 in each other"),
+    ("*HEADING", "*INCLUDE, INPUT=a.inp", "at most 100 included files, nested at most 5 deep"),
     ("5, 6, 7, 8\n", "5, 6, 7, 99\n", "elements with existing nodes, found nodes .99"),
 ]
 

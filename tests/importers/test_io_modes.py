@@ -178,7 +178,7 @@ def test_the_centre_of_a_rigid_damper_has_three_finite_coordinates(fe, bodies, c
 
 BAD = [
     (lambda m: replace(m, modal_mass=None), "modal masses .or matrices. to rescale"),
-    (lambda m: replace(m, frequency=-m.frequency), "frequencies > 0 of a held sector"),
+    (lambda m: replace(m, frequency=-m.frequency), "frequencies > 0 of a constrained sector"),
     (
         lambda m: replace(m, nodal_diameter=7),
         "expected modes of nodal diameter 5 once, found modes of",

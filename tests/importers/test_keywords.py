@@ -260,7 +260,7 @@ def test_geometry_in_front_of_an_archive_is_left_out(archive):
     )
     (archive / "geometry.cdb").write_text("\n".join(lines))
     with pytest.raises(
-        ModelError, match=r"expected the line :CDWRITE behind the geometry \(IGES\), found the end"
+        ModelError, match=r"expected the line :CDWRITE after the geometry \(IGES\), found the end"
     ):
         read_body(archive / "geometry.cdb")
 
@@ -336,7 +336,7 @@ def test_cards_that_could_change_the_mesh_are_refused(card, before, bulk_data):
     name, line = card.split(",")[0], len(f"{before}{BULK}".splitlines()) + 1
     where = rf"a\.bdf: {name} in line {line}: "
     with pytest.raises(
-        ModelError, match=rf"{where}expected a mesh of .*, found {name},.* which could"
+        ModelError, match=rf"{where}expected a mesh of .*, found {name},.* which may"
     ) as caught:
         bulk_data(card, before)
     assert "\n" not in str(caught.value)
@@ -373,7 +373,7 @@ def test_harmless_cards_leave_the_mesh_as_it_is_and_masses_are_noted(bulk_data):
     plain, more, mass = bulk_data(""), bulk_data(BDF_HARMLESS), bulk_data("CONM2,7,1,,2.5")
     np.testing.assert_array_equal(more.nodes, plain.nodes)
     assert str(more) == str(plain)
-    assert str(mass) == f"{plain}\n  cards CONM2 (1) are not read: they must be in the matrices"
+    assert str(mass) == f"{plain}\n  cards CONM2 (1) are not read: the matrices must contain them"
 
 
 def test_matrices_that_are_not_used_are_named(bulk_data):
@@ -404,7 +404,7 @@ def test_matrices_after_constraints_match_by_independent_components(bulk_data, t
     assert (
         "RBE3 6 ties grid points without solid elements: it must be in the matrices" in body.notes
     )
-    assert "RBE2 5 holds its dependent grid points: 9 is held" in body.notes
+    assert "RBE2 5 fixes its dependent grid points, because 9 is fixed" in body.notes
     solid = np.diag(np.arange(1.0, 7.0)) + 1.0  # grid points 3 and 4
     knn = np.zeros((18, 18))  # six rows of 3, 4 and 9
     kept = [0, 1, 2, 6, 7, 8]
@@ -417,7 +417,7 @@ def test_matrices_after_constraints_match_by_independent_components(bulk_data, t
     np.testing.assert_allclose(found.stiffness.toarray(), solid)
     np.testing.assert_allclose(found.mass.toarray(), 2.0 * solid)
     np.testing.assert_array_equal(found.numbers, [1, 2, 3, 4])
-    assert "12 held or empty rows dropped" in found.notes
+    assert "12 fixed or empty rows dropped" in found.notes
     cards = [f"DMIG    {name}           0       6       2       0" for name in ("KAAX", "MAAX")]
     for name, n, c in (
         (name, n, c) for name in ("KAAX", "MAAX") for n in (3, 4, 9) for c in (1, 2, 3)
@@ -451,6 +451,6 @@ def test_matrices_that_lack_the_rows_of_constraints_are_refused(bulk_data, tmp_p
     )
     with pytest.raises(
         ModelError,
-        match=r"expected 24 rows: six for each grid point but the dependent .*, found 21",
+        match=r"expected 24 rows: six for each grid point, without the dependent .*, found 21",
     ):
         read_nastran(tmp_path / "a.bdf", tmp_path / "n.op4")

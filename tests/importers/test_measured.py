@@ -274,7 +274,8 @@ def test_a_mode_over_its_amplitude_is_read(tmp_path):
         read_mode({"amplitude (mm)": [1.0], "frequency (Hz)": [2.0]}, noise=1e-3).damping_ratio
     ).all()
     with pytest.raises(
-        BdamperError, match="expected noise of the frequencies where no damping ratio is measured"
+        BdamperError,
+        match="expected a noise of the frequency at each point without a measured damping ratio",
     ):
         read_mode({"amplitude (mm)": [1.0], "frequency (Hz)": [2.0]})
     with pytest.raises(BdamperError, match="mode: expected damping_ratio above 0, found"):

@@ -13,7 +13,7 @@ from tests.fe_bodies import SIX_BLADES, contacts
 from tests.imports import build
 from tests.printed import said
 
-TEXT = "residual modes: shift of mode 1 by bonded faces"
+TEXT = "residual modes: the shift of mode 1 by bonded faces"
 NO_MODEL = SimpleNamespace()
 
 
@@ -53,7 +53,7 @@ def test_errors_within_the_limits_and_dampers_without_effect_pass(monkeypatch, s
     report, is_needed = report_of(monkeypatch, shift, whole, part, 0.0)
     assert TEXT in report.checks[1] and not report.missing and not is_needed
     assert report.checks[0] == (
-        "dampers: bonded faces raise the lowest 2 frequencies of nodal diameter 5 by "
+        "dampers: bonding the faces raises the lowest 2 frequencies of nodal diameter 5 by "
         f"{percent(shift)}, 2 %"
     )
 
@@ -62,8 +62,9 @@ def test_vectors_for_partial_contact_are_chosen_where_they_help(monkeypatch):
     report, is_needed = report_of(monkeypatch, 0.08, 0.0, -0.151, 0.02)
     assert is_needed and not report.missing
     assert report.checks[1] == (
-        "residual modes for partial contact: shift of mode 1 by bonded faces (8 %) within 0 % of all "
-        "vectors, by parts of them within 2 % (inner third); 15 % with the vectors of bonded faces alone"
+        "residual modes for partial contact: the shift of mode 1 by bonded faces (8 %) agrees with all "
+        "vectors within 0 %, the shift by bonded parts within 2 % (inner third); within 15 % with the "
+        "vectors of whole faces alone"
     )
 
 

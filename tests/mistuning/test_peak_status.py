@@ -104,7 +104,7 @@ def test_without_a_solution_the_error_of_harmonics_is_unknown(monkeypatch):
     options = DiskPeakOptions(least=12, most=12, climbs=60)
     top = BladedDisk(study(), mistuning=PATTERN).peak(2000.0, options=options)
     assert top.error == 0.0 and np.isnan(top.harmonics_error)
-    assert "does not contain that of harmonics" in top.reason
+    assert "does not include the effect of more harmonics" in top.reason
 
 
 @pytest.mark.parametrize(

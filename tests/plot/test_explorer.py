@@ -35,7 +35,7 @@ SHORT = 60.0  # longest wait for an answer, s
 SIZES = {"desktop": (1280, 800), "phone": (390, 844)}
 HEADINGS = [
     "Response over frequency",
-    "Highest peak over preload",
+    "Highest peak against preload",
     "Contacts",
     "Motion over one cycle",
 ]

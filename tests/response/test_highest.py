@@ -224,7 +224,10 @@ def test_a_curve_given_up_among_folds_is_followed_again(study, monkeypatch, leas
     monkeypatch.setattr(module, "highest_of_curve", lambda system, curve, options: highest(curve))
     found = module.found_at(study.problem, 1000.0, INTERVAL, budget=budget)
     assert len(asked) == curves and found.top.peak.amplitude == whole.amplitude.max()
-    told = "a branch was given up among many folds from 290 to 300 Hz, where the response could be higher"
+    told = (
+        "the continuation of a branch was stopped among many folds from 290 to 300 Hz, where the "
+        "response could be higher"
+    )
     end = Ending() if least == "coarse" else Ending("incomplete", told)
     assert found.ending == end
 
@@ -249,7 +252,7 @@ def test_an_optimum_whose_curve_was_given_up_is_not_verified(study, monkeypatch)
     assert doubt.startswith(f"No optimum: {beyond.optimum.status_text}")
     module = sys.modules["bdamper.response.highest_peak"]
     monkeypatch.setattr(
-        module, "given_up", lambda curve: "a branch was given up" if curve.preload == 30.0 else ""
+        module, "given_up", lambda curve: "a branch was stopped" if curve.preload == 30.0 else ""
     )
     again = study.optimal_curve(preloads, frequency=INTERVAL, check=False)
     assert np.isnan(again.amplitude[0]) and again.lower_bound[0] == pytest.approx(
@@ -257,7 +260,7 @@ def test_an_optimum_whose_curve_was_given_up_is_not_verified(study, monkeypatch)
     )
     assert (
         again.status_text[0]
-        == "incomplete: a branch was given up, where the response could be higher"
+        == "incomplete: a branch was stopped, where the response could be higher"
     )
     peak = study.peak(30.0, INTERVAL)
     assert np.isnan(peak.amplitude) and peak.lower_bound == pytest.approx(whole.amplitude[0])
@@ -297,7 +300,9 @@ def test_among_folds_a_search_does_not_leave_the_curve():
     )  # fmt: skip
     peak, curve = study.peak(65.6), study.frequency_response(65.6, (231.1673, 412.9133))
     complete = peak.search_status == "complete"
-    assert complete or peak.search_reason.startswith("a branch was given up among many folds from")
+    assert complete or peak.search_reason.startswith(
+        "the continuation of a branch was stopped among many folds from"
+    )
     assert (peak.amplitude if complete else peak.lower_bound) == pytest.approx(
         curve.peak.amplitude, rel=1e-7
     )

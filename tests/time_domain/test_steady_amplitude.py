@@ -113,7 +113,7 @@ def test_three_masses_beside_an_own_program(seed, below):
         assert found.status == "complete"
     else:
         start, most = (
-            "from the tip; a sweep from the flank has at most ",
+            "from the peak; a sweep from the flank reaches at most ",
             found.reason.split()[-2],
         )
         assert found.ok and found.reason == f"{start}{most} m" and float(most) < below * found.mean

@@ -185,7 +185,8 @@ def test_one_mass_falls_at_the_fold_of_its_branch(bent, found):
     """Its motion is periodic: the amplitude is that of five harmonics, and it falls at the fold of these."""
     _, curve = bent
     assert (
-        found.status_text == "complete: from the tip; a sweep from the flank has at most 10.4 mm"
+        found.status_text
+        == "complete: from the peak; a sweep from the flank reaches at most 10.4 mm"
         and found.ok
     )
     low = curve.frequency[curve.folds].min()
@@ -501,7 +502,7 @@ def test_a_curve_that_ends_before_the_branch_is_alone_is_no_start(bent, monkeypa
         study.time_response(study.frequency_response(0.0, (9.0, 10.6)))
     monkeypatch.setattr(BalanceCurve, "flank", float("nan"))
     found = study.time_response(curve)
-    why = "next to the tip there are several solutions at all frequencies; widen the interval"
+    why = "all frequencies near the peak have several solutions; widen the interval"
     assert (
         found.status_text == f"not found: {why}" and np.isnan(found.mean) and found.structure == ""
     )

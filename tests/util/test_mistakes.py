@@ -1026,8 +1026,8 @@ DOUBTED = {
     "rad/s for Hz": (
         lambda s: s.free((1700.0, 2200.0)),
         "frequency: plausible an interval in Hz around resonances of the model, such as "
-        "283.08 Hz, found (1700, 2200) with a response 3e+03 times weaker; divided by 2 pi "
-        "it contains them: possibly given in radians per second",
+        "283.08 Hz, found (1700, 2200) with a response 3e+03 times weaker; divided by 2 pi, "
+        "it contains resonances: possibly given in radians per second",
     ),
 }
 
