@@ -144,7 +144,7 @@ def optimum(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
 
 
 def resonance_crossings(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
-    """Return the crossings with engine orders, and whether there is any."""
+    """Return the crossings with engine orders, and whether there are any."""
     orders = given.orders or [study.settings.engine_order]
     crossings = study.resonance_crossings(
         rpm=given.speeds, engine_orders=orders, mode=given.mode, progress=not given.quiet
@@ -156,7 +156,7 @@ def resonance_crossings(study: bd.Study, given: argparse.Namespace) -> tuple[Any
 
 
 def margin(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
-    """Return the fatigue margins at the highest peak of a preload, and whether there is a peak."""
+    """Return the fatigue margins at the highest peak at a preload, and whether there is a peak."""
     peak = study.peak(given.preload, given.band, mode=given.mode)
     if not peak.ok:
         return peak, False

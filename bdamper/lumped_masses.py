@@ -3,7 +3,7 @@
     M x'' + C x' + K x + contact forces = Re(f exp(i omega t)) + P s + r_n^T N_0
 
 An acceleration ``a`` of the ground acts as the force ``f = -M r a`` on the relative motion ``x``,
-with the motion ``r`` of all degrees of freedom if they follow a unit motion of the ground.
+with the motion ``r`` of all degrees of freedom under a unit motion of the ground.
 
 The modal coordinates are all modes of M and K, so the modal model is exact.  Modes of frequency 0
 are free masses.  A contact is a point with the relative motion ``u = r_t x`` tangentially and the
@@ -160,8 +160,9 @@ def lumped(
         and scales all.
     base : float, complex or mapping of degree of freedom to these, m/s2, optional
         Harmonic acceleration of the ground, instead of forces.  A number applies to all degrees of
-        freedom.  A mapping has the acceleration of each degree of freedom that follows the ground
-        rigidly, with 0 for missing ones.  The response is then the motion relative to the ground.
+        freedom.  A mapping gives the acceleration of each degree of freedom that follows the ground
+        rigidly; it is 0 for degrees of freedom that are not listed.  The response is then the
+        motion relative to the ground.
     load_per_preload : mapping of degree of freedom to float, optional
         Static forces per newton of the preload in an analysis: with ``{1: 1.0}``,
         ``study.frequency_response(200.0, ...)`` applies 200 N to degree of freedom 1.  Without it
@@ -173,7 +174,8 @@ def lumped(
         acceleration.  A mapping is a sum with factors, ``{0: 1.2, 1: -0.7}``: a point of a model in
         modal coordinates.
     absolute : bool
-        Response in space instead of the motion relative to the ground, with ``base``.
+        With ``base``: whether the response is the absolute motion instead of the motion relative to
+        the ground.
     **settings
         Other settings of the study: ``harmonics``, ``contact_forces`` ...
 
@@ -281,16 +283,16 @@ def joint(
         Sum of the friction limits for exponent 0; the limit in macroslip is
         ``friction / (1 + exponent)``.
     exponent : float
-        Distribution of the limits, at least 0.1: nearly equal limits for 0.1, more small ones for
-        larger exponents; 0 is a single slider.
+        Exponent of the distribution of the friction limits, at least 0.1. The limits are nearly
+        equal for 0.1, and more of them are small for larger exponents; 0 is a single slider.
     mass : float, kg
         Modal mass for a unit displacement at the point of the force, where the response is
         measured.
     sliders : int, optional
-        Even number of sliders, of any accuracy.  By default as many as an accuracy of 2 % requires,
-        28 to 44 for three decades and exponents of 1 and more.
+        Even number of sliders. By default, the number required for an accuracy of 2 %: 28 to 44 for
+        three decades and exponents of 1 and above.
     decades : float
-        Decades of motion of the joint below macroslip for which its friction is represented.
+        Number of decades of joint motion below macroslip for which friction is represented.
     **settings
         Other settings of the study; ``harmonics`` is 1 by default.
 

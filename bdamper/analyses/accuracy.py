@@ -5,9 +5,9 @@ Harmonic convergence
     the amplitude along the curve (``bdamper.response.peak``). The initial guess is the peak with
     fewer harmonics; new harmonics are zero. Newton's method with line search solves at the phase of
     that peak, or at its frequency, then the peak is located. It must have the sign of det J of that
-    peak. This sign changes at every fold: another sign is another part of the curve. If this fails,
-    half of the new harmonics are added first; if that fails too, the response curve with all of
-    them is followed near the peak and its highest maximum is taken.
+    peak. This sign changes at every fold, so that a different sign indicates a different part of
+    the curve. If this fails, half of the new harmonics are added first; if that fails too, the
+    response curve with all of them is followed near the peak and its highest maximum is taken.
 
     A few equal results do not prove convergence, because a higher harmonic may be resonant. At its
     optimum the turbine blade has 75.3, 75.0, 75.0, 75.2 and 74.2 um with 3, 5, 7, 9 and 12
@@ -27,19 +27,20 @@ Cost of accuracy
     The most detailed combination of settings is the reference. It has an error itself, because it
     could be more detailed, and because other settings are not varied. For each source of error, a
     still more detailed study gives the change of the peak (:meth:`bdamper.Study.estimate_errors`).
-    The sum of the changes is the uncertainty of the reference. Where the model has no more detail,
-    the last refinement of the setting replaces the change.
+    The sum of the changes is the uncertainty of the reference. If the model has no more detail, the
+    last refinement of the setting replaces the change.
 
-    Each setting alone is then reduced as long as its difference from the reference, together with
-    the uncertainty, is within the tolerance. The cheapest of these values are combined. If the
+    Each setting is then reduced on its own, as long as its difference from the reference plus the
+    uncertainty is within the tolerance. The cheapest of these values are combined. If the
     combination misses the tolerance, the setting with the largest individual difference is refined
     by one value.
 
     If the reference misses the tolerance, its settings are refined without computing: the source
-    with the largest error takes the next step, until the sum is small enough. A step leaves a part
-    of the error (:data:`LEFT`), and the time grows by the factor of the computed step. On the
-    turbine blade (200 N, friction coefficient 0.35) the reference has 107.0 um, and the sum of the
-    changes is 6.1 %. Twelve harmonics with all modes and 24 residual modes give 100.9 um.
+    with the largest error takes the next step, until the sum is small enough. Each step leaves a
+    fraction of the error (:data:`LEFT`), and the time grows by the same factor as in the last
+    computed step. On the turbine blade (200 N, friction coefficient 0.35) the reference has 107.0
+    um, and the sum of the changes is 6.1 %. Twelve harmonics with all modes and 24 residual modes
+    give 100.9 um.
 
     Amplitude and frequency of the highest peak are compared. Times are processor times of the
     analysis, without modes, contact stiffness and static state, which a study computes once.
@@ -230,7 +231,7 @@ def _peak_at_optimum(problem: Problem, curve: OptimalCurve) -> Peak:
 def with_convergence(
     problem: Problem, curve: OptimalCurve, work: Callable[[], OptimalCurve], progress: bool = False
 ) -> OptimalCurve:
-    """Run work on an optimal curve and compute the convergence at its optimum at the same time.
+    """Process an optimal curve, and compute the convergence at its optimum at the same time.
 
     ``work`` returns the processed curve.  The result is this curve with ``convergence``; its cost
     includes both, with their common elapsed time.
@@ -484,14 +485,14 @@ class Run:
     values : tuple of str
         Values of the varied settings.
     amplitude, frequency : float, m, Hz
-        Highest peak; NaN if it was not found.
+        Amplitude and frequency of the highest peak; NaN if it was not found.
     difference : float
         Larger relative difference of amplitude and frequency from the most detailed run; NaN if
         unknown.
     seconds : float
         Processor time; NaN if the study does not allow these settings.
     reason : str
-        Reason of a failure; empty otherwise.
+        Reason for a failure; empty otherwise.
     """
 
     part: Annotated[str, Quantity(name="reduced_setting")]
@@ -505,7 +506,7 @@ class Run:
 
 @dataclass(frozen=True)
 class ReferenceError:
-    """Error of the most detailed run from one source, and the cost of its reduction.
+    """Error of the most detailed run due to one source, and the cost of reducing it.
 
     Parameters
     ----------
@@ -542,7 +543,7 @@ class Forecast:
     Parameters
     ----------
     settings : str
-        Changes from the most detailed run.
+        Settings that differ from the most detailed run.
     error : float
         Estimated error.
     seconds : float
@@ -560,7 +561,7 @@ class AccuracyCost(Result, Plottable, Tabular, Storable, kind="bdamper-accuracy"
     """Errors and times of settings.
 
     The error of a run consists of its difference from the most detailed run and the uncertainty of
-    that run. ``plot`` draws error over time (:func:`bdamper.plot.plot_accuracy`).
+    that run. ``plot`` draws the error against the time (:func:`bdamper.plot.plot_accuracy`).
 
     Parameters
     ----------
@@ -580,8 +581,8 @@ class AccuracyCost(Result, Plottable, Tabular, Storable, kind="bdamper-accuracy"
     sources : tuple of ReferenceError
         Errors of the most detailed run.
     forecast : Forecast, optional
-        Settings that are expected to meet the tolerance if no run meets it; None if no settings of
-        the model are.
+        Settings that are expected to meet the tolerance if no run meets it; None if the model
+        allows no such settings.
     """
 
     quantity: str
@@ -608,7 +609,7 @@ class AccuracyCost(Result, Plottable, Tabular, Storable, kind="bdamper-accuracy"
         return columns | last
 
     def error(self, run: Run) -> float:
-        """Return the relative error of a run; NaN if a part of it is unknown.
+        """Return the relative error of a run; NaN if either of its two parts is unknown.
 
         It consists of its difference from the most detailed run and the uncertainty of that run.
         """
@@ -935,8 +936,8 @@ def accuracy_cost(
 
     The error of a combination is its difference from the most detailed combination plus the
     estimated error of the latter. If no combination meets the tolerance, the result names settings
-    that are expected to meet it, with their time. The most detailed combination and the sources
-    take most of the time, especially if a damper is nearly loose.
+    that are expected to meet it, with their time. Most of the time is spent on the most detailed
+    combination and on the sources, especially if a damper is nearly loose.
 
     Parameters
     ----------

@@ -2,11 +2,11 @@
 
 An excitation of engine order EO is a travelling wave of nodal diameter ``d = EO mod N``, or ``N -
 d`` if that is less. It excites modes of this nodal diameter only, with the frequency ``EO Omega/(2
-pi)``. The Campbell diagram of an engine order shows the modes of its nodal diameter over speed. The
-interference (SAFE) diagram shows all modes over nodal diameter at one speed, with the line of the
-excitation folded at N/2.
+pi)``. The Campbell diagram of an engine order shows the natural frequencies of its nodal diameter
+against rotor speed. The interference (SAFE) diagram shows the natural frequencies of all modes
+against nodal diameter at one speed, with the line of the excitation folded at N/2.
 
-The run-up is one response curve over rotor speed at the preload of each speed
+The run-up is a single response curve, with the preload that belongs to each rotor speed
 (:mod:`bdamper.analyses.engine_order_line`).
 """
 
@@ -57,7 +57,7 @@ from bdamper.util.tables import Hertz, Numbers, RadiansPerSecond, Tabular
 @short_repr
 @dataclass(frozen=True)
 class Campbell(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
-    """Natural frequencies over rotor speed.
+    """Natural frequencies as functions of rotor speed.
 
     ``plot`` draws the Campbell diagram (:func:`bdamper.plot.plot_campbell`), ``plot_safe`` the
     interference diagram at one speed (:func:`bdamper.plot.plot_safe`).
@@ -119,7 +119,7 @@ class Campbell(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-cam
 
     @property
     def met(self) -> NDArray:
-        """Crossings (j, 4) of the orders and modes.
+        """Crossings (j, 4) of engine orders and modes.
 
         The columns are order, mode, and speeds (rad/s) of the free and the stuck resonance on the
         line of the order. There is one row for each order and mode, more if a resonance crosses a

@@ -1,15 +1,15 @@
 """Selection of the physical effects that change a peak significantly.
 
-The *reference* is the study with all effects that its model allows. The analysis computes the
-change of the highest peak of the reference without each effect, and the work saved.
+The *reference* is the study with all effects that its model allows. For each effect, the analysis
+computes how much the highest peak of the reference changes without it, and how much work is saved.
 
 1. The peak is embedded in the study without the effect; one adjoint solution estimates the change
    (:mod:`bdamper.analyses.error_estimates`). If the omission of an effect frees a direction of
    motion, the mean position may drift away from the peak. Such an effect has no estimate, and the
    complete curve without it is computed.
 2. If the estimate with its uncertainty exceeds the tolerance, Newton's method continues from the
-   peak. If this fails or the peak changes much, the complete curve without the effect is computed.
-   If this fails too, the change is unknown and the effect is significant.
+   peak. If this fails or the peak changes considerably, the complete curve without the effect is
+   computed. If this fails too, the change is unknown and the effect is significant.
 3. Effects are omitted one after the other, in order of the work saved, as long as the sum of their
    changes is within the tolerance. Together they may change the peak by more than the sum.
    Therefore the peak without all of them is computed and compared with the reference. As long as
@@ -64,7 +64,7 @@ class EffectRow:
         Possible error of an estimate, relative; 0 if the change was computed, infinite if unknown.
     source : {"estimated", "computed", "unknown"}
     work : float
-        Operations of a Newton iteration without the effect, relative to the reference.
+        Number of operations of a Newton iteration without the effect, relative to the reference.
     significant : bool
     reason : str
         Reason why the change is unknown, or why an effect with a small change is significant.
@@ -90,7 +90,7 @@ class EffectRow:
 
     @property
     def verdict(self) -> str:
-        """Recommended action for the effect in the study."""
+        """Recommendation for this effect in the study."""
         if self.on:
             return "keep" if self.significant else "leave out"
         return "switch on" if self.significant else "stays off"
@@ -120,7 +120,8 @@ class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-eff
     amplitude_change, frequency_change : float
         Computed relative change of the peak with the significant effects only.
     work : float
-        Operations of a Newton iteration with the significant effects, relative to the reference.
+        Number of operations of a Newton iteration with the significant effects, relative to the
+        reference.
     notes : tuple of str
         Status of the reference curve if it is not complete.
     """
@@ -433,7 +434,7 @@ def _contains_more(
 
 
 def free_motions(problem: Problem, preload: float) -> int:
-    """Return the number of motions of the mean that only friction resists.
+    """Return the number of rigid-body motions of the mean that only friction resists.
 
     Neither modes nor closed contacts resist them.
     """

@@ -12,8 +12,8 @@ Newton iteration
     The converged peak is embedded in the other study, and Newton's method continues to the peak
     there, first at the same phase, or to the response at the same frequency at an end of the
     interval. Lower peaks that could become the highest are treated in the same way. If an iteration
-    fails, or a peak leaves the interval or changes much, the complete curve follows. For small
-    changes this saves most of the time.
+    fails, or a peak leaves the interval or changes considerably, the complete curve is computed.
+    For small changes this saves most of the time.
 
 Adjoint estimate
     A converged solution ``y = (u, omega)`` is embedded in the other system: common modes and
@@ -111,7 +111,8 @@ class Change(NamedTuple):
     amplitude, frequency : float
         Relative changes; NaN if unknown.
     uncertainty : float
-        Possible error of the change: 0 if computed, the defect of an estimate, infinite if unknown.
+        Possible error of the change: 0 for a computed change, the defect for an estimate, infinite
+        if unknown.
     how : str
         Method, or the reason why the change is unknown.
     """
@@ -255,14 +256,14 @@ WIDER = 1.05, 1.1, 1.2
 
 
 class PeakOutcome(NamedTuple):
-    """Highest peak of a study with its cost, or the reason of a failure.
+    """Highest peak of a study with its cost, or the reason for a failure.
 
     Parameters
     ----------
     amplitude, frequency : float, m, Hz
         NaN if unknown.
     reason : str
-        Reason of a failure; otherwise "".
+        Reason for a failure; otherwise "".
     seconds : float
         Processor time.
     result : ResponseCurve, Peak or tuple of float, or None
@@ -277,7 +278,7 @@ class PeakOutcome(NamedTuple):
 
 
 def evaluate_peak(problem: Problem, solve: Callable[[Problem], Any]) -> PeakOutcome:
-    """Solve a problem for its highest peak in this thread; convert failures to a reason.
+    """Find the highest peak of a problem in this thread; a failure becomes a reason.
 
     Parameters
     ----------
@@ -403,7 +404,7 @@ class Tops:
 
     @classmethod
     def of(cls, problem: Problem, curve: ResponseCurve) -> Tops:
-        """Refine the highest point of a response curve and the nearly highest peaks."""
+        """Refine the highest point of a response curve and the peaks that are almost as high."""
         system = problem.system(curve.preload)
         highest = highest_of_curve(system, curve)
         lower = [

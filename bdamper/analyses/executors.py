@@ -1,15 +1,16 @@
 """Execution of the points of a sweep on the workers of an executor.
 
-The job, a study with its function, has some megabytes. With the job in each task, Dask needs half a
-second for a task, and a worker that is killed while it receives one can block a process pool.
-Therefore tasks contain the path of a file with the job, which a worker reads once. If a worker
-cannot read it, for example on another host, the point is submitted again with the job. Threads of
-this process use the job itself. A few tasks for each worker are submitted at a time.
+A job consists of a study and its function, and has a size of some megabytes. If each task contained
+the job, Dask would need half a second per task, and a worker that is killed while receiving one can
+block a process pool. Therefore tasks contain the path of a file with the job, which a worker reads
+once. If a worker cannot read it, for example on another host, the point is submitted again with the
+job. Threads of this process use the job itself. A few tasks for each worker are submitted at a
+time.
 
-Small points need less time than Dask needs for a task. Therefore a task contains as many points as
-take :data:`SECONDS`. It ends after this time, and points that it did not reach are submitted again.
-The finished points of a task are stored in one write. The only required method of an executor is
-:meth:`concurrent.futures.Executor.submit`.
+A small point takes less time than Dask needs for a task. Therefore a task contains as many points
+as can be computed in :data:`SECONDS`. It ends after this time, and points that it did not reach are
+submitted again. The finished points of a task are stored in one write. The only required method of
+an executor is :meth:`concurrent.futures.Executor.submit`.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ processes.
 
 
 def recorded(job: Job, settings: Mapping[str, Any]) -> Record:
-    """Return the record of one point: its named results, or the reason of a failure.
+    """Return the record of one point: its named results, or the reason for a failure.
 
     A result "cost" of type :class:`bdamper.util.progress.Cost` is the cost of the point, and a
     result "status" that begins with a word of :data:`bdamper.util.errors.STATUSES` is its status.
@@ -173,7 +174,7 @@ def run_points(
     executor: Executor | None,
     keep: Keep,
 ) -> None:
-    """Compute points and store those of each task as soon as it is finished.
+    """Compute points, and store the points of each task as soon as it is finished.
 
     Parameters
     ----------
@@ -183,7 +184,7 @@ def run_points(
     todo : sequence of int
         Indices of the points to compute.
     executor : concurrent.futures.Executor, optional
-        Without it points are computed one after the other.
+        Without an executor, the points are computed one after the other.
     keep : callable
         Receives indices and records of the points of each task in the order of completion. After an
         interruption it may receive a point twice.

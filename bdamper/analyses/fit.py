@@ -11,10 +11,11 @@ fitted again, until the sum of squares has risen by the 95 % limit of a t distri
 level is the larger of the given noise and the residual. A parameter whose interval is its complete
 range is not determined by the data.
 
-Model errors are not noise: more points do not average them out, and the parameters absorb a part
-that the residual does not show. If the residual exceeds the noise, the profile therefore continues
-until the misfit has doubled. The sum of squares then rises by three times its excess over the
-expectation from noise. The interval also covers the changes if one test after another is omitted,
+Model errors are not noise: more points do not average them out, and the parameters absorb part of
+them, which the residual does not show. If the residual exceeds the noise, the profile therefore
+continues until the misfit has doubled. The sum of squares then rises by three times its excess over
+the expectation from noise. The interval also covers the changes if one test after another is
+omitted,
 
 .. math:: d_t = (J^T J - J_t^T J_t)^{-1} J_t^T r_t,
 
@@ -23,7 +24,7 @@ errors that differ between loads. No residual shows an error that the parameters
 all loads. The true constants then lie outside the interval;
 :meth:`bdamper.analyses.fit_result.Fitted.widen` widens it by comparison with a more detailed model.
 
-A fit without one test predicts this test, and the residuals measure the error of the prediction.
+A fit that omits one test predicts this test, and the residuals measure the error of the prediction.
 Tests repeated under the same conditions are omitted together. Their scatter is the noise unless
 another is given.
 """
@@ -170,7 +171,8 @@ class Objective:
     def start(self) -> NDArray:
         """Logarithms (k,) of the initial values.
 
-        They come from the study, from defaults of the function, or from middles of the ranges.
+        They come from the study, from the defaults of the function, or from the middle of each
+        range.
         """
         values = dict(zip(self.ranges, np.exp(self.bounds.mean(axis=0)).tolist()))
         if FORCE in values:
@@ -323,7 +325,7 @@ def covariance(J: NDArray) -> NDArray:
 
 
 def left_out(r: NDArray, J: NDArray, rows: Sequence[slice | NDArray]) -> NDArray:
-    """Return the jackknife standard errors (k,) from the omission of each group of rows.
+    """Return the jackknife standard errors (k,), obtained by omitting each group of rows in turn.
 
     A Gauss-Newton step from the minimum of all rows approximates the fit without a group.
 
@@ -373,8 +375,8 @@ def fit(
         keywords. Default values of the function are the initial values; other parameters start at
         the middle of their range.
     data : MeasuredResponse, Measured, MeasuredMode, or a sequence of these
-        Responses over frequency, resonances over load relative to the resonance without load, or
-        frequency and damping of a mode over its amplitude.
+        Frequency responses, resonances at several loads relative to the resonance without load, or
+        frequency and damping of a mode as functions of its amplitude.
     vary : mapping of name to (low, high)
         Positive ranges of the parameters. Names are settings of
         :mod:`bdamper.harmonic_balance.parameters`, such as "friction_coefficient",

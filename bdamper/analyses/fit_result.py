@@ -1,8 +1,8 @@
 """Parameters identified from measured responses, with intervals, misfits, and predictions.
 
-A misfit is the root mean square of residuals in units of the noise: near 1 if the model is right.
-The misfit of a test in a fit without this test measures the error of a prediction. The identified
-parameters belong to the settings of their fit, and :meth:`Fitted.apply` refuses others.
+A misfit is the root mean square of residuals in units of the noise; it is close to 1 if the model
+is correct. The misfit of a test in a fit without this test measures the error of a prediction. The
+identified parameters belong to the settings of their fit, and :meth:`Fitted.apply` refuses others.
 """
 
 from __future__ import annotations
@@ -57,16 +57,16 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
         misfit if it exceeds 1; infinite if the data do not determine the parameter. ``left_out``
         follows from the omission of tests; NaN for fewer than two tests.
     information : (k, n_tests) float
-        Share of each test in the information about each parameter. The prior of the parameter
-        provides the rest.
+        Contribution of each test to the information about each parameter. The prior of the
+        parameter provides the rest.
     tests : tuple of str
     noise : float
         Relative standard deviation of the measured amplitudes.
     place : (n,) float, Hz
         Frequencies of the points.
     measured, model : (n,) complex, m
-        Measured and computed responses. For resonances over load, the measured amplitude is scaled
-        by the ratio of the computed to the measured amplitude without load. For modes and
+        Measured and computed responses. For resonances at several loads, the measured amplitude is
+        scaled by the ratio of the computed to the measured amplitude without load. For modes and
         controlled responses, the computed response is the measured one times measured over computed
         damping ratio or force.
     residual : (n, 2) float
@@ -193,7 +193,8 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
     def widen(self, richer: Fitted) -> Fitted:
         """Widen the intervals by the distance to a fit with more detailed settings.
 
-        An interval of one model does not show an error that this model makes under all loads.
+        The interval from a single model does not include an error that this model makes under all
+        loads.
 
         Parameters
         ----------
@@ -246,7 +247,7 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
 
     @property
     def wrong(self) -> str:
-        """Statement that the model does not describe the test of largest misfit.
+        """Statement that the model does not describe the test with the largest misfit.
 
         It includes a hint if the units may be wrong.  It is empty if the model describes all tests.
         """

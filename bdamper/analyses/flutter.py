@@ -34,9 +34,9 @@ from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Tabul
 @short_repr
 @dataclass(frozen=True)
 class Flutter(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-flutter", row="cycle"):
-    """Equilibria and limit cycles of a blade in a flow, over preload and nodal diameter.
+    """Equilibria and limit cycles of a blade in a flow, for each preload and nodal diameter.
 
-    ``plot`` draws them over the preload (:func:`bdamper.plot.plot_flutter`).
+    ``plot`` draws them against the preload (:func:`bdamper.plot.plot_flutter`).
 
     Parameters
     ----------

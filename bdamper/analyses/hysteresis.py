@@ -77,10 +77,10 @@ class Hysteresis(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-h
     For a single solution the fields are numbers, or arrays over the contact points. For several
     solutions each has a row, and there are no loops.
 
-    ``plot`` draws loops of force over displacement, or stiffness and damping of several solutions
-    over the amplitude (:func:`bdamper.plot.plot_hysteresis`). ``plot_history`` draws forces and gap
-    over time (:func:`bdamper.plot.plot_history`), ``plot_energy`` the dissipated energy on the
-    faces (:func:`bdamper.plot.plot_energy`).
+    ``plot`` draws loops of force against displacement, or stiffness and damping of several
+    solutions against amplitude (:func:`bdamper.plot.plot_hysteresis`). ``plot_history`` draws time
+    histories of forces and gap (:func:`bdamper.plot.plot_history`), ``plot_energy`` the dissipated
+    energy on the faces (:func:`bdamper.plot.plot_energy`).
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ class Hysteresis(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-h
 
     @property
     def by_interface(self) -> dict[str, Any]:
-        """Energy dissipated per cycle by interface, J."""
+        """Energy dissipated per cycle on each interface, J."""
         return {name: self.energy[..., self.rows(name)].sum(axis=-1) for name in self.interfaces}
 
     @property
@@ -264,7 +264,9 @@ class Hysteresis(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-h
         return vibration, self.force[rows, axis].sum(axis=0)
 
     def plot_history(self, where: int, path: FilePath | None = None, **options: Any) -> Any:
-        """Draw forces and gap of a contact point over time (:func:`bdamper.plot.plot_history`)."""
+        """Draw the time histories of forces and gap of a contact point
+        (:func:`bdamper.plot.plot_history`).
+        """
         return draw(self, "figure", "history", path, where, **options)
 
     def plot_energy(self, path: FilePath | None = None) -> Any:

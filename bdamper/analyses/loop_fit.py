@@ -3,7 +3,8 @@ r"""Identification of contact stiffness and friction from measured hysteresis lo
 The contact model consists of n sliders in parallel, each with the stiffness :math:`k_t/n` and the
 friction limit :math:`\mu_i N/n`. The coefficients :math:`\mu_i` are the midpoints of n equal parts
 between :math:`\mu(1-s)` and :math:`\mu(1+s)`. A spread s > 0 rounds the corners of the loop. A
-single slider underestimates the stiffness of a contact whose points slip one after the other.
+single slider underestimates the stiffness of a contact whose points begin to slip one after
+another.
 
 By Masing's rule the loop between the displacements :math:`x_-` and :math:`x_+` has two piecewise
 linear branches
@@ -75,7 +76,7 @@ POOR = 0.05
 class FittedLoop(Result, Plottable):
     """Contact stiffness and friction identified from a hysteresis loop.
 
-    ``plot`` draws measured and fitted force over displacement (:func:`bdamper.plot.plot_loop`).
+    ``plot`` draws measured and fitted force against displacement (:func:`bdamper.plot.plot_loop`).
 
     Parameters
     ----------

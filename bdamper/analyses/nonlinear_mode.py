@@ -1,4 +1,4 @@
-"""Nonlinear modes: frequency and damping of free vibration over its amplitude.
+"""Nonlinear modes: frequency and damping of free vibration as functions of its amplitude.
 
 The equations describe a sector without excitation, with frequency and damping as unknowns
 (``csrc/balance/nonlinear_mode.c``). A point ``y = (Q_0, P, omega, zeta, ln(A/A_0))`` contains the
@@ -68,10 +68,10 @@ class NonlinearMode(
     Storable,
     kind="bdamper-nonlinear-mode",
 ):
-    """Free vibration of a structure with friction: frequency and damping over amplitude.
+    """Free vibration of a structure with friction: frequency and damping as functions of amplitude.
 
-    Every point is a converged periodic motion. ``plot`` draws frequency and damping over amplitude
-    (:func:`bdamper.plot.plot_nonlinear_mode`).
+    Every point is a converged periodic motion. ``plot`` draws frequency and damping against
+    amplitude (:func:`bdamper.plot.plot_nonlinear_mode`).
 
     Parameters
     ----------
@@ -91,7 +91,8 @@ class NonlinearMode(
         "regular", "fold" (turning point of the amplitude), "maximum" (of the damping), "end" or
         "drift".
     linear_to : float, m
-        Amplitude up to which no point slips or opens; NaN if one does at the lowest amplitude.
+        Amplitude up to which no point slips or opens; NaN if a point slips or opens at the lowest
+        amplitude.
     preload, mode : float (N) and int
     scales_to : float, N
         Highest preload to which the curve can be scaled (:meth:`at_preload`); 0 if it cannot be

@@ -5,7 +5,7 @@
 2. The peaks with less and more friction follow, and the range of friction in which the amplitude at most doubles.
 3. The fatigue margins are computed along the curve.
 
-Ctrl-C ends a check; the checks after it are left out.
+Ctrl-C ends a check; the remaining checks are omitted.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ def check_optimum(
     curve : OptimalCurve
         Curve of this problem without checks.
     check : {"time", "neighbours", "range", False}
-        Preloads of the time integration, see :meth:`bdamper.Study.optimal_curve`.  False computes
-        margins only.
+        Preloads of the time integration, see :meth:`bdamper.Study.optimal_curve`.  If False, only
+        the margins are computed.
     material : Material, optional
         Fatigue strength; without it there are no margins.
     progress : bool

@@ -2,11 +2,12 @@
 
 Each step estimates the errors of the peak by source (:mod:`bdamper.analyses.error_estimates`). The
 estimate of a source has already solved a study that is more detailed in this respect. The study and
-the peak of the largest source replace the former ones, so that no peak is searched again.
+the peak of the largest source replace the former ones, so that no peak has to be searched for
+again.
 
-If the last refinement of a source took all detail of the model, a part of the last change remains
-as its error (:data:`bdamper.analyses.accuracy.LEFT`). The sum of all known errors is compared with
-the tolerance.
+If the last refinement of a source used all the detail of the model, a fraction of the last change
+remains as its error (:data:`bdamper.analyses.accuracy.LEFT`). The sum of all known errors is
+compared with the tolerance.
 
 The refinement ends without success if
 
@@ -14,8 +15,8 @@ The refinement ends without success if
 * a more detailed study has no peak;
 * peaks with more harmonics do not approach each other, not even after a refinement of the
   harmonics: only time integration can then give the amplitude;
-* the next step would exceed the largest time, or a step does. The expected time
-  grows with the square of the number of unknowns, because Jacobians take most of it.
+* the next step would exceed the time limit, or a step does exceed it. The expected time grows with
+  the square of the number of unknowns, because Jacobians take most of it.
 
 The result then gives the settings or the model that would reach the tolerance. The required number
 of modes is extrapolated from the part of the error that remains after doubling; the error is
@@ -72,7 +73,7 @@ class RefinementStep:
     Parameters
     ----------
     change : str
-        Settings that are more detailed than in the step before; "" for the first.
+        Settings that are more detailed than in the previous step; "" for the first step.
     amplitude, frequency : float, m, Hz
     error : float
         Estimated relative error; NaN if the estimate was stopped.
@@ -105,7 +106,7 @@ class Need(NamedTuple):
 class Refinement(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-refinement"):
     """Study that was enriched until the estimated error of a peak met a tolerance.
 
-    ``plot`` draws the error over time (:func:`bdamper.plot.plot_refinement`).
+    ``plot`` draws the error against time (:func:`bdamper.plot.plot_refinement`).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-r"""Residuals of computed against measured responses, and their derivatives.
+r"""Residuals between computed and measured responses, and their derivatives.
 
 At a measured frequency the residual of the amplitude is :math:`\ln|X/X_i|/\sigma` with the standard
 deviation :math:`\sigma` of the noise. If a phase was measured, its residual is
@@ -81,7 +81,7 @@ counts as zero.
 @validation.check_arguments
 @dataclass(frozen=True)
 class MeasuredResponse(Summarised, validation.Checked):
-    """Measured response over frequency with its test conditions.
+    """Measured frequency response with its test conditions.
 
     Parameters
     ----------
@@ -246,7 +246,7 @@ class Variations:
         return self.make({name: value for name, value in values.items() if name != FORCE})
 
     def neighbour(self, name: str, value: float) -> Problem:
-        """Return the problem with another value of one parameter."""
+        """Return the problem with a different value of one parameter."""
         if name == FORCE or value == self.values[name]:
             return self.own
         if (name, value) not in self._neighbours:
@@ -998,9 +998,9 @@ def of_mode(varied: Variations, data: MeasuredMode, noise: float) -> Separation:
 
 
 def of_resonances(varied: Variations, data: Measured, noise: float) -> Separation:
-    """Return the residuals of resonances over load, in amplitude and frequency.
+    """Return the residuals of resonances at several loads, in amplitude and frequency.
 
-    Resonances are relative to those without load.
+    Resonances are relative to the resonance without load.
 
     Noise of the amplitude hides the position of a maximum of relative width w up to ``w sqrt(2
     noise)``. This is the standard deviation of its frequency, so a flat peak has little weight.

@@ -5,17 +5,17 @@ Uncertainty
     scrambled Sobol sequence, whose averages converge faster than those of independent draws. The
     optimal curve of every draw is one point of a :func:`bdamper.sweep`, with its executors and
     results files. Percentiles over the sample give bands, and the preload at which a percentile of
-    the amplitude is least. Percentiles are values of draws, without interpolation between draws. A
+    the amplitude is lowest. Percentiles are values of draws, without interpolation between draws. A
     draw without a peak counts as infinite, because its amplitude is unknown. Draws with invalid
     settings do not count.
 
 Largest fatigue margin
-    A higher preload changes position and shape of the bending and increases the mean stress. The
-    preload with the largest margin may therefore differ from the preload with the least amplitude.
-    The margin at a preload is the margin of the highest point of the complete response curve. Its
-    maximum between the preloads of an optimal curve is refined in the same way as the least
-    amplitude (:mod:`bdamper.response.scalar_search`). The derivatives are finite differences of
-    peaks at neighbouring preloads.
+    A higher preload changes the mode shape, and with it the position of the largest bending stress,
+    and increases the mean stress. The preload with the largest margin may therefore differ from the
+    preload with the lowest amplitude. The margin at a preload is the margin of the highest point of
+    the complete response curve. Its maximum between the preloads of an optimal curve is refined in
+    the same way as the lowest amplitude (:mod:`bdamper.response.scalar_search`). The derivatives
+    are finite differences of peaks at neighbouring preloads.
 """
 
 from __future__ import annotations
@@ -230,13 +230,13 @@ END_REMEDY = "Remedy: include preloads outside the range"
 @short_repr
 @dataclass(frozen=True)
 class RobustOptimum(Result):
-    """Preload at which a percentile of the resonance amplitude over a sample is least.
+    """Preload at which a percentile of the resonance amplitude over a sample is lowest.
 
     Parameters
     ----------
     preload : float, N
     amplitude : float, m
-        Percentile of the amplitude at this preload: that of a draw, and of the next higher one.
+        Percentile of the amplitude at this preload. Between two draws, the higher value is used.
         Draws without a peak count as infinite.
     percentile : float
     uncertainty : float
@@ -249,7 +249,7 @@ class RobustOptimum(Result):
         "complete"; "incomplete" if a preload without a peak in every draw could have a lower
         percentile; "interrupted".
     reason : str
-        Reason for the status; of an interruption, why the executor ended.
+        Reason for the status; after an interruption, the reason why the executor ended.
     draws : int
         Number of draws, without those that failed.
     failed : mapping of int to str
@@ -340,7 +340,7 @@ class OptimalCurveUncertainty(
     def percentile(self, q: float | Sequence[float], quantity: str = "amplitude") -> NDArray:
         """Return percentiles over the sample at every preload, (m,) or (len(q), m).
 
-        A percentile is the value of a draw: of the two draws next to it, the higher one.  A draw
+        A percentile is the value of a draw: the higher one of the two adjacent draws.  A draw
         without a peak counts as an infinite amplitude.  Frequencies are NaN at preloads at which a
         draw has no peak.
 
@@ -819,9 +819,9 @@ def robust_optimum(
     """Find the preload that minimises a percentile of the resonance amplitude over a sample.
 
     Percentiles are computed from the highest peaks at each preload of a grid, without interpolation
-    in the preload or between draws. The grid is refined around its least value down to the
-    tolerance. A draw without a peak, or whose damper rattles, counts as infinite. Draws with
-    invalid settings do not count, and the result names them.
+    in the preload or between draws. The grid is refined around its lowest value until the tolerance
+    is met. A draw without a peak, or whose damper rattles, counts as infinite. Draws with invalid
+    settings do not count, and the result names them.
 
     Parameters
     ----------
@@ -845,8 +845,8 @@ def robust_optimum(
     Raises
     ------
     BdamperError
-        If the settings of all draws are invalid, the percentile is finite at no preload of the
-        first grid, or the executor ended within it.
+        If the settings of all draws are invalid, if no preload of the first grid has a finite
+        percentile, or if the executor ended during this grid.
     KeyboardInterrupt
         If the first grid was interrupted.
     """

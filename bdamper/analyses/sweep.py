@@ -190,7 +190,7 @@ class OptimalTask(validation.Checked):
 class SweepResult(WithRowStatus, Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
     """Results at all points of a sweep.
 
-    ``plot`` draws one quantity over the last setting (:func:`bdamper.plot.plot_sweep`).
+    ``plot`` draws one quantity against the last setting (:func:`bdamper.plot.plot_sweep`).
 
     Parameters
     ----------
@@ -205,9 +205,10 @@ class SweepResult(WithRowStatus, Plottable, Tabular, Recorded, Storable, kind="b
     reason : tuple of str
         Reason for the status of each point, "" if there is none.
     seconds : (n,) float
-        Elapsed time of each point.
+        Elapsed time of the computation of each point.
     shape : tuple of int
-        Shape of the grid of settings, the last name fastest; one number for a list of points.
+        Shape of the grid of settings, in which the last setting varies fastest; one number for a
+        list of points.
     settings : mapping
         Settings of the varied problem.
     model_hash : str
@@ -309,7 +310,7 @@ class SweepResult(WithRowStatus, Plottable, Tabular, Recorded, Storable, kind="b
     def array(self, quantity: str) -> NDArray:
         """Return a quantity as an array on the grid of settings.
 
-        Points without a value have NaN among numbers, and "" among texts.
+        A point without a value has NaN in an array of numbers, and "" in an array of texts.
 
         Raises
         ------

@@ -74,7 +74,7 @@ def power_law_sliders(
     exponent : float
         Exponent a of the distribution.
     decades : float
-        Decades of amplitudes below macroslip for which the loss is within 2 %.
+        Number of decades of amplitude below macroslip for which the loss is accurate to 2 %.
     n : int, optional
         Number of intervals.
 
@@ -249,9 +249,10 @@ class ContactLaw:
         A capsule has the C signature as its name.  The user data of a LowLevelCallable is the last
         argument.
     n_state : int
-        Length of the state, which is zero before any load.
+        Number of state variables, which are zero before any load.
     parameters : (n,) or (n_points, n) float
-        Argument ``p`` of the function, the same for all points of an interface or one row for each.
+        Argument ``p`` of the function: the same for all points of an interface, or one row for each
+        point.
     stick : (3,) or (n_points, 3) float, N/m
         Springs kt1, kt2, kn of the law in stick.  They replace the contact stiffness in stuck
         curves and frequencies and convert a ``gap`` to a force, so kn must be positive at points
@@ -366,13 +367,13 @@ class ContactLaw:
         n: int | None = None,
         decades: float = 3.0,
     ) -> Self:
-        """Return the four-parameter Iwan model of Segalman.
+        """Return Segalman's four-parameter Iwan model.
 
         It consists of Jenkins elements along each tangential direction, two for each interval of
         slip displacements and one that slips last.  Strength, total stiffness and the stiffness of
         each interval are exact.  The dissipation is within 2 % of the power law for amplitudes
         between 10^(-decades) times the macroslip displacement (the ``resolution`` of the law) and
-        the macroslip displacement.  In the decade below, it is wrong by up to a factor of 5.
+        the macroslip displacement.  In the next lower decade, the error reaches a factor of 5.
 
         Parameters
         ----------
@@ -387,11 +388,11 @@ class ContactLaw:
         kn : float, N/m
             Normal spring, see :meth:`jenkins`.
         n : int, optional
-            Number of intervals of slip displacements; by default as many as an accuracy of 2 %
-            requires, 12 to 22 for three decades.  The first interval begins at zero; the ends of
-            the others form a geometric sequence.
+            Number of intervals of slip displacements; by default the number required for an
+            accuracy of 2 %, which is 12 to 22 for three decades.  The first interval begins at
+            zero; the ends of the others form a geometric sequence.
         decades : float
-            Decades of amplitudes up to macroslip over which the law holds.
+            Number of decades of amplitude below macroslip over which the law holds.
         """
         F = validation.number("strength", strength, above=0.0, unit="N")
         K = validation.number("stiffness", stiffness, above=0.0, unit="N/m")
@@ -524,7 +525,7 @@ class ContactLaw:
 
 @dataclass(frozen=True, eq=False)
 class LawPoint:
-    """Compiled law of one contact point, with its parameters (n,) and the name of the interface."""
+    """Compiled law of one contact point, with its parameters (n,) and the name of its interface."""
 
     law: ContactLaw
     parameters: NDArray

@@ -74,7 +74,7 @@ class PartialContact:
 
     @property
     def largest_error(self) -> float:
-        """Largest error in units of its limit."""
+        """Largest error, relative to its limit."""
         whole, part = self.errors[WHOLE], self.errors[self.worst_part]
         return max(abs(whole) / WHOLE_LIMIT, abs(part) / PART_LIMIT)
 

@@ -56,11 +56,11 @@ class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="con
     residual : float
         Largest residual of modal equilibrium, relative to the modal load.
     steps, iterations : int
-        Number of load steps and of Newton iterations.
+        Numbers of load steps and Newton iterations.
     ok : bool
         Whether an equilibrium was found.
     reason : str
-        Reason if there is none.
+        Reason why no equilibrium was found.
     cost : Cost
     interface : tuple of str
         Interface of each contact point; empty if unknown.
@@ -110,7 +110,7 @@ class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="con
     def friction_state(self) -> tuple[str, ...]:
         """State of each point on a friction face.
 
-        Without such a face, or if it is unknown, the states of all points.
+        If there is no such face, or if it is unknown, these are the states of all points.
         """
         if self.on_friction_face is None or not self.on_friction_face.any():
             return self.state

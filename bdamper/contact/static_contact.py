@@ -483,7 +483,7 @@ class WedgeFriction(Summarised):
 
     @property
     def self_locking(self) -> bool:
-        """Whether the wedge stays in place by friction without load."""
+        """Whether friction alone holds the wedge in place without load."""
         return bool(np.isinf(self.highest).any())
 
     _states_all = True

@@ -70,12 +70,12 @@ compression.
 @validation.check_arguments
 @dataclass(frozen=True)
 class PerArea:
-    """Contact stiffness per area.
+    """Contact stiffness per unit area.
 
     Parameters
     ----------
     stiffness : float or tuple of three float, N/m3
-        One value for all directions, or a value each for t1, t2 and n.
+        One value for all directions, or one value each for t1, t2 and n.
     """
 
     stiffness: float | tuple[float, float, float]

@@ -469,8 +469,8 @@ class Material(validation.Checked):
     Parameters
     ----------
     endurance_limit : float, Pa
-        Endurable amplitude of fully reversed stress for infinite life, at the relevant survival
-        probability, surface, size and temperature.
+        Allowable amplitude of fully reversed stress for infinite life, at the relevant survival
+        probability, surface finish, size and temperature.
     ultimate_strength, yield_strength : float, Pa
         Strengths at the same temperature.
     findley_k : float
@@ -479,7 +479,7 @@ class Material(validation.Checked):
     name, source : str
         Description and origin of the data.
     haigh : HaighTable, optional
-        Endurable amplitudes of one survival probability, which the line "table" uses.
+        Allowable stress amplitudes at one survival probability, used by the line "table".
 
     Raises
     ------

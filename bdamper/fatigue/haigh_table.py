@@ -1,8 +1,8 @@
-r"""Endurable stress amplitudes as laboratories report them: a table over mean stress, temperature
-and survival probability.
+r"""Allowable stress amplitudes as reported by laboratories: a table of mean stress, temperature and
+survival probability.
 
-A row is the allowable amplitude of a test series: at a mean stress, or at a stress ratio
-:math:`R = \sigma_{min}/\sigma_{max}`, which has the mean stress
+Each row is the allowable amplitude of a test series at a mean stress, or at a stress ratio :math:`R
+= \sigma_{min}/\sigma_{max}`, which corresponds to the mean stress
 
 .. math:: \sigma_m = \sigma_a \frac{1 + R}{1 - R}.
 
@@ -82,12 +82,13 @@ def means_per_amplitude(ratio: ArrayLike) -> NDArray:
 
 @dataclass(frozen=True)
 class HaighTable(validation.Checked):
-    """Endurable stress amplitudes over mean stress, temperature and survival probability.
+    """Allowable stress amplitudes as functions of mean stress, temperature and survival
+    probability.
 
     Parameters
     ----------
     amplitude, mean : (n,) float, Pa
-        Endurable amplitude at a mean stress, one pair for each row.
+        Allowable amplitude and the mean stress to which it applies, one pair for each row.
     temperature : (n,) float, °C
     probability : (n,) float
         Survival probability, between 0 and 1.
@@ -186,7 +187,7 @@ class HaighTable(validation.Checked):
         return mean[order], amplitude[order]
 
     def at_probability(self, probability: float) -> HaighTable:
-        """Return the table at one survival probability.
+        """Return the table for one survival probability.
 
         Parameters
         ----------
@@ -326,7 +327,8 @@ def at_points(
     temperature: float | Sequence[float] | NDArray | Mapping[str, float] | None,
     names: Sequence[str],
 ) -> NDArray | None:
-    """Return the temperature (n,) of each point of stress sets, °C, or None if none is given.
+    """Return the temperature (n,) of each point of the stress sets in °C, or None if it is not
+    given.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""Safety factors against fatigue of solutions and curves.
+"""Safety factors against fatigue for solutions and curves.
 
-The margin of a solution is the least safety factor of all counted points of the stress sets. A
-curve over frequency, preload or speed has a margin at every point.
+The margin of a solution is the smallest safety factor of all points of the stress sets that count.
+A curve over frequency, preload or speed has a margin at each of its points.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class Rule(validation.Checked):
         factor : (n,) float
             Safety factor against fatigue.
         yield_factor : (n,) float
-            Yield strength over the largest von Mises stress.
+            Ratio of yield strength to the largest von Mises stress.
         """
         amplitude, mean = criteria.amplitude_and_mean(coefficients)
         if self.criterion == "findley":
@@ -154,10 +154,11 @@ class Margins(
     amplitude, mean : (n,) float, Pa
         Stress amplitude and mean stress.
     factor : (n,) float
-        Safety factor on the vibration, or on vibration and mean; below 1 the limit is exceeded.
+        Safety factor on the vibration, or on vibration and mean stress; the limit is exceeded if it
+        is below 1.
     yield_factor : (n,) float
-        Yield strength over the largest von Mises stress of the cycle; below 1 the first cycle
-        yields.
+        Ratio of yield strength to the largest von Mises stress of the cycle; the point yields in
+        the first cycle if it is below 1.
     material : Material
     rule : Rule
     settings : mapping
@@ -183,12 +184,12 @@ class Margins(
 
     @property
     def least(self) -> float:
-        """Margin of the solution: the least factor of the counted points."""
+        """Margin of the solution: the smallest factor of the points that count."""
         return float(self.factor[self.critical])
 
     @property
     def yields(self) -> bool:
-        """Whether any of the counted points yields in the first cycle."""
+        """Whether any of the points that count yields in the first cycle."""
         return bool((self.yield_factor[self.counted] < 1.0).any())
 
     @property
@@ -256,7 +257,7 @@ REMEDY = "Remedy: reduce the excitation or the stress, or choose a stronger mate
 @short_repr
 @dataclass(frozen=True)
 class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-margin-curve"):
-    """Margin over frequency, preload, rotor speed or damper mass.
+    """Margin as a function of frequency, preload, rotor speed or damper mass.
 
     ``plot`` draws it with the response amplitude (:func:`bdamper.plot.plot_margin`).
 
@@ -338,7 +339,7 @@ class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-
 
     @property
     def least(self) -> int:
-        """Index of the least margin.
+        """Index of the smallest margin.
 
         Raises
         ------

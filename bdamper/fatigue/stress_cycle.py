@@ -102,7 +102,7 @@ class StressCycle(
         return criteria.over_cycle(self.coefficients, np.asarray(theta, float))
 
     def amplitude_and_mean(self) -> criteria.Cycle:
-        """Return von Mises amplitude and mean stress, Pa, each (n,)."""
+        """Return the von Mises amplitude (n,) and the mean stress (n,), Pa."""
         return criteria.amplitude_and_mean(self.coefficients)
 
     @property
@@ -264,9 +264,8 @@ def check_loads(
 
 
 def check_ends(result: SomeResult) -> None:
-    """Warn about a response curve or an optimal curve with its best point at an end.
-
-    This is the highest point of a response curve, the least amplitude of an optimal curve.
+    """Warn about a curve whose relevant point lies at an end: the highest point of a response
+    curve, or the lowest amplitude of an optimal curve.
     """
     curve: Any = result
     if getattr(result, "peak_at_end", False):
@@ -279,7 +278,7 @@ def check_ends(result: SomeResult) -> None:
 
 
 def doubts(notes: Sequence[str]) -> list[str]:
-    """Return the notes that qualify the largest stress or the least margin."""
+    """Return the notes that qualify the largest stress or the smallest margin."""
     starts = (DOUBTED_LOAD, SCALED, UNSETTLED, APART)
     return [sentence(note) for note in notes if note.startswith(starts) or note.endswith(SMALLER)]
 

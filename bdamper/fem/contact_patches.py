@@ -96,7 +96,7 @@ class Patches:
 
 
 class MeshLines(NamedTuple):
-    """Number of lines of nodes of a face along t1 and t2, and number of its nodes."""
+    """Numbers of node lines of a face along t1 and t2, and number of its nodes."""
 
     along_1: int
     along_2: int
@@ -212,8 +212,9 @@ def resolved_grid(
 def mean_frame(facets: Facets, nodes: NDArray) -> NDArray:
     """Return the contact axes t1, t2, n of a face as rows (3, 3).
 
-    The normal n is the mean outward normal, and t2 points against Z.  If the normal is along the
-    axis of rotation, t1 is the direction of motion of the centre in a rotation toward +X.
+    The normal n is the mean outward normal, and t2 points in the negative Z direction.  If the
+    normal is along the axis of rotation, t1 is the direction of motion of the centre in a rotation
+    toward +X.
 
     Raises
     ------

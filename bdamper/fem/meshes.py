@@ -185,8 +185,9 @@ class Geometry(validation.Checked):
 
     @property
     def underside_range(self) -> tuple[float, float]:
-        """Distances below the ridge of the edge of the platform and of the shank on the
-        underside, m."""
+        """Distances from the ridge to the platform edge and to the shank, measured along the
+        underside, m.
+        """
         edge = 0.5 * (self.platform_clearance - self.ridge_width) / np.sin(self.face_angle)
         # along the slope x is linear in s, so one linear equation gives the corner of the shank
         x0, x1 = self.underside_points(np.array([0.0, 1.0]))[:, 0]
@@ -592,8 +593,8 @@ def interface(
 def blade_nodes(body: Discretisation, g: Geometry) -> dict[str, int]:
     """Return the nodes for excitation and response.
 
-    "tip" and "platform" are in the middle of the chord, "tip_trailing_edge" and "tip_leading_edge"
-    at its ends (toward +Z and -Z), all on the mean line of the airfoil.
+    All of them lie on the mean line of the airfoil: "tip" and "platform" in the middle of the
+    chord, "tip_trailing_edge" and "tip_leading_edge" at its ends (toward +Z and -Z).
     """
     root = g.ridge_radius + g.platform_edge_thickness
     places = {

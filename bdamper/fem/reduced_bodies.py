@@ -300,7 +300,7 @@ class RingSector:
     ----------
     body : Structure
     faces : SectorFaces
-        Faces at which the ring repeats, without nodes on the axis; at least three sectors.
+        Sector faces of the ring, without nodes on the axis; at least three sectors.
     nodal_diameter : int
     radial : (3,) float, optional
         Radial direction of the sector of a split ring; None for a closed ring.

@@ -34,26 +34,27 @@ def reference_model(name: str = "bladed_disk", contact_points: int | None = None
     """Return a reference model, generated with :mod:`bdamper.fem` by
     ``tools/make_reference_model.py``.
 
-    "bladed_disk" and "paper_disk" with 24 or 48 points are too large for the package.  The first
-    use generates them in minutes and stores them in the cache folder of the user.  This needs the
-    extra ``bdamper[fe]``.
+    "bladed_disk" and "paper_disk" with 24 or 48 points are too large for the package. They are
+    generated on first use, which takes some minutes and needs the extra ``bdamper[fe]``, and are
+    stored in the user's cache folder.
 
     Parameters
     ----------
     name : str
-        "turbine_blade": 60 blades of 100 mm with light wedge dampers, the typical case, for any
-        harmonic of engine order 5.
-        "bladed_disk": 65 blades with wedge dampers on flexible platforms, the difficult disk, for
-        engine order 5 up to harmonic 7. With 9 points: engine orders 3 to 10 up to harmonic 3, data
-        over rotor speed, stress, local basis.
-        "paper_disk": another disk, with which the method of the paper
-        (:data:`bdamper.CIGEROGLU_2009`, friction coefficient 0.46, excitation at
-        "tip_trailing_edge") reproduces its Figs 8 and 9; with 9 and 48 points one harmonic only.
-        "blade_to_ground": one blade with friction between one side of its platform and the ground;
-        normal loads and gaps are settings of a study (``constant_loads``, ``gap``).
-        "test_rig": one test blade with two dampers between dummy blades, an acyclic structure.
-        "shrouded_blade": 36 blades with a tip shroud and two strip dampers, "front" and "rear", for
-        engine order 4.
+        * "turbine_blade": 60 blades of 100 mm with light wedge dampers, the typical case, for any
+          harmonic of engine order 5.
+        * "bladed_disk": 65 blades with wedge dampers on flexible platforms, the difficult disk, for
+          engine order 5 up to harmonic 7.  With 9 points, it has engine orders 3 to 10 up to
+          harmonic 3, speed-dependent data, stress sets and a local basis.
+        * "paper_disk": a different disk, for which the method of the paper
+          (:data:`bdamper.CIGEROGLU_2009`, friction coefficient 0.46, excitation at
+          "tip_trailing_edge") reproduces Figs 8 and 9 of the paper; with 9 and 48 points, it has
+          one harmonic only.
+        * "blade_to_ground": a single blade with friction between one side of its platform and the
+          ground; normal loads and gaps are settings of a study (``constant_loads``, ``gap``).
+        * "test_rig": one test blade with two dampers between dummy blades, an acyclic structure.
+        * "shrouded_blade": 36 blades with a tip shroud and two strip dampers, "front" and "rear",
+          for engine order 4.
     contact_points : int, optional
         Contact points on each face: 9 (default), 24 or 48 for "bladed_disk", 24 (default), 9 or 48
         for "paper_disk", 9 for "turbine_blade", 4 for "shrouded_blade", 24 for the others.

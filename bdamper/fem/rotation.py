@@ -20,10 +20,10 @@ flexibility:
 .. math:: \frac{dR_{res}}{d\Omega^2} = - X^H B X + P \Phi\, \omega^{-2}\, \Phi^H B \Phi\, \omega^{-2} \Phi^H P^H .
 
 On the shipped disk at 600 rad/s the error of this linearisation is 5e-4 of the residual flexibility
-with 40 modes (2e-3 with ten), and 4e-7 (3e-5) of the frequencies.  The modes of one speed are no
-basis for those of another where rotation stiffens a part of the blade.  If the matrices of a second
-speed are given, the static shapes of the basis contain its modes as well, and the frequencies are
-exact at both speeds.
+with 40 modes (2e-3 with ten), and 4e-7 (3e-5) of the frequencies.  The modes at one speed cannot
+represent the modes at another speed if rotation stiffens part of the blade.  If the matrices of a
+second speed are given, the static shapes of the basis contain its modes as well, and the
+frequencies are exact at both speeds.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def coriolis_matrix(structure: Structure) -> sp.csr_matrix:
 
 
 def spin_displacement(sector: CyclicSector) -> NDArray:
-    """Return the static displacement (3 n_nodes,) by rotation per squared speed, m s2.
+    """Return the static displacement (3 n_nodes,) due to rotation per squared speed, m s2.
 
     The sector has no contact.
 
@@ -104,8 +104,8 @@ class Rotation:
     omega_ref : float, rad/s
         Speed at which the stiffness of the body is valid.
     check_at : float, rad/s, optional
-        Second speed at which the frequencies of the full matrices are computed, at the expense of
-        one factorisation.
+        Second speed at which the frequencies of the full matrices are computed, at the cost of one
+        factorisation.
     source : str
     """
 
@@ -136,7 +136,7 @@ class Rotation:
         contact: sp.spmatrix,
         faster: CyclicSector | None = None,
     ) -> ModalBasis:
-        """Add data over speed to the basis of a sector.
+        """Add the speed dependence to the basis of a sector.
 
         Parameters
         ----------

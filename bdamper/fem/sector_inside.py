@@ -36,7 +36,7 @@ COLUMNS = 64
 
 
 class SectorInside:
-    """Inside of a sector with held faces, factorised once for all nodal diameters.
+    """Inside of a sector with fixed faces, factorised once for all nodal diameters.
 
     Parameters
     ----------
@@ -68,17 +68,17 @@ class SectorInside:
 
     @cached_property
     def stiffness(self) -> sp.csr_matrix:
-        """Stiffness (n_inner, n_inner) of the inside with held faces."""
+        """Stiffness (n_inner, n_inner) of the inside with fixed faces."""
         return self.body.stiffness[self.inner][:, self.inner]
 
     @cached_property
     def mass(self) -> sp.csr_matrix:
-        """Mass (n_inner, n_inner) of the inside with held faces."""
+        """Mass (n_inner, n_inner) of the inside with fixed faces."""
         return self.body.mass[self.inner][:, self.inner]
 
     @cached_property
     def factors(self) -> Factors:
-        """Factorisation of the stiffness of the inside with held faces."""
+        """Factorisation of the stiffness of the inside with fixed faces."""
         self.report("factorisation", 0, 1)
         factors = factorise(self.stiffness)
         self.report("factorisation", 1, 1)
@@ -150,7 +150,7 @@ class SectorInside:
         return np.asarray(hermitian(mass))
 
     def held_modes(self, n_modes: int) -> tuple[NDArray, NDArray]:
-        """Return squared frequencies (n_modes,) and modes (n_inner, n_modes) with held faces."""
+        """Return squared frequencies (n_modes,) and modes (n_inner, n_modes) with fixed faces."""
         if self._held is None or len(self._held[0]) < n_modes:
             self._held = lowest_modes(
                 self.stiffness, self.mass, self.factors.solve, n_modes, report=self.report
@@ -160,8 +160,9 @@ class SectorInside:
         return omega2[:n_modes], shapes[:, :n_modes]
 
     def held_momentum(self, n_modes: int) -> NDArray:
-        """Return the momentum (n_face, n_modes) of the modes with held faces on the static shapes
-        of the faces."""
+        """Return the momentum (n_face, n_modes) of the modes with fixed faces on the static shapes
+        of the faces.
+        """
         _, held = self.held_modes(n_modes)
         n_held = held.shape[1]
         if self._momentum_of_held.shape[1] < n_held:
@@ -176,7 +177,7 @@ class SectorInside:
         """Compute approximate lowest modes of a nodal diameter without its own eigenproblem.
 
         The shapes are combinations of static shapes of the faces and of ``4 * n_modes`` modes of
-        the inside with held faces.
+        the inside with fixed faces.
 
         Parameters
         ----------

@@ -248,7 +248,7 @@ def boundary_facets(elements: Sequence[NDArray], nodes: NDArray) -> Facets:
 def oriented_facet(corner: NDArray, element: NDArray, nodes: NDArray) -> NDArray:
     """Return one facet of an element with outward normal and midside nodes.
 
-    Repeated corners of collapsed elements are left out.
+    Repeated corners of collapsed elements are omitted.
 
     Parameters
     ----------

@@ -50,7 +50,7 @@ def check_result(problem: Problem, result: SomeResult, name: str = "result") -> 
     ----------
     problem : Problem
     result : SomeResult
-        Its settings may lack the settings that a later version has added.
+        It may lack settings that were added in a later version.
     name : str
         Name in error messages.
 
@@ -104,7 +104,7 @@ def check_solution(
 ) -> None:
     """Raise SettingError unless a point solves the equations at a preload (N).
 
-    The point (n_unknowns + 1,) must solve them as well as its ``residual`` says.
+    The point (n_unknowns + 1,) must solve them with the accuracy given by its ``residual``.
     """
     # the last entry is the frequency
     n = len(y) - 1
@@ -223,7 +223,7 @@ def response_at(problem: Problem, result: SomeResult, place: Response) -> NDArra
 
 
 def warn_of_small_slip(problem: Problem, system: Equations[Any], unknowns: NDArray) -> None:
-    """Warn about joints that move less in a solution than what their sliders represent."""
+    """Warn about joints whose motion in a solution is smaller than their sliders resolve."""
     resolution = problem.model.slip_resolution
     if problem.own_laws is None and resolution is None:
         return

@@ -1,4 +1,4 @@
-"""Physical effects that a simulation includes, and the assumption made if an effect is off.
+"""Physical effects included in a simulation, and the assumption made if an effect is off.
 
 Each effect adds unknowns, contact points or a more expensive contact law: higher harmonics, the
 mean, variable normal load, separation, rigid-body and elastic modes of the damper, constraint

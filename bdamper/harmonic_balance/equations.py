@@ -153,8 +153,8 @@ class Correction:
     residual : float
         Largest residual relative to the excitation (harmonics) or the static load (mean).
     rank_deficiency : int
-        Number of directions that the equations leave undetermined.  The solution has least norm in
-        them.
+        Number of directions that the equations do not determine.  In these directions, the solution
+        has minimum norm.
     shares : tuple of three floats
         Fractions of the cycle in stick, slip and separation at ``y``, averaged over the points with
         friction.  NaN if the core has not evaluated them.

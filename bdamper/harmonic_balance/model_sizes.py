@@ -57,7 +57,7 @@ class Sizes:
 
     @property
     def largest_order(self) -> float:
-        """Largest engine order that excites a nodal diameter of the same number.
+        """Largest engine order that excites the nodal diameter with the same number.
 
         It is 1 for a structure without sectors.
         """
@@ -211,7 +211,7 @@ class Sizes:
         return True
 
     def check_faces(self, preload: float) -> None:
-        """Warn once if friction faces touch at an edge under a preload."""
+        """Warn once if friction faces touch only along an edge under a preload."""
         if "faces" in self.told or not (self.problem.carries_load and preload > 0.0):
             return
         edges = self.problem.at(preload).static.edges

@@ -92,7 +92,7 @@ def present_name(name: str) -> str:
 
 
 def check_name(problem: Problem, name: str) -> None:
-    """Raise a SettingError that lists the valid names if the name is not one of them."""
+    """Raise a SettingError that lists the valid names if a name is not valid."""
     validation.choice("setting to vary", name, setting_names(problem))
 
 

@@ -144,7 +144,7 @@ class Problem:
     def damping_text(self) -> str:
         """Modal damping ratio of the retained elastic modes.
 
-        It is the setting, or the value of the model for each body.
+        It is the value in the settings, or the value of each body in the model.
         """
         setting = self.settings.damping_ratio
         if setting is not None:
@@ -176,7 +176,8 @@ class Problem:
         return Problem(changed)
 
     def given(self, **parts: Any) -> Problem:
-        """Return the problem with the given derived quantities; others already computed are reused.
+        """Return the problem with the given derived quantities; all other quantities already
+        computed are reused.
 
         Parameters
         ----------
@@ -226,8 +227,8 @@ class Problem:
 
     @made_once
     def body_loads(self) -> Mapping[str, float] | None:
-        """Newtons on bodies per newton of preload; at a rotor speed in proportion to mass times
-        radius.
+        """Load (N) on each body per newton of preload; at a rotor speed, it is proportional to mass
+        times radius.
         """
         if self.settings.speed is None:
             return self.settings.load_per_preload
@@ -362,7 +363,7 @@ class Problem:
 
     @property
     def stiffness_method(self) -> Any:
-        """Method or values of the contact stiffness; without a setting the method in use."""
+        """Method or values of the contact stiffness; without a setting, the method that is used."""
         if self.settings.contact_stiffness is not None:
             return self.settings.contact_stiffness
         try:
@@ -782,7 +783,7 @@ class Problem:
         return {name: value for name, value in self.__dict__.items() if name != "_load_cases"}
 
     def at(self, preload: float) -> LoadCase:
-        """Return the problem under one preload (N); store the latest 16."""
+        """Return the problem under one preload (N); the latest 16 are stored."""
         preload = self.check_preload(preload)
         if preload not in self._load_cases:
             # all but the latest 15; another thread may have removed one

@@ -7,11 +7,11 @@ damper is in equilibrium as long as
 
     sum mu N r <= sum N a
 
-and then it slides.  A load that misses this point adds its moment on the left.  Otherwise the
-damper rolls on the edges of its faces, with much less dissipation.  The points of a face lie at the
-centres of ``n`` strips, so that the normal force shifts by ``(n - 1) / n a`` only, and a damper may
-roll on its points although the whole faces would slide.  Its amplitude is then wrong by several
-times (docs/evidence/measured.md, rows of contact points).
+and then it slides.  A load that does not pass through this point adds its moment to the left-hand
+side.  Otherwise the damper rolls on the edges of its faces, with much less dissipation.  The points
+of a face lie at the centres of ``n`` strips, so that the normal force shifts by ``(n - 1) / n a``
+only, and a damper may roll on its points although the whole faces would slide.  Its amplitude is
+then wrong by several times (docs/evidence/measured.md, rows of contact points).
 """
 
 from __future__ import annotations
@@ -64,8 +64,7 @@ class FaceInSection:
 def rolling_dampers(problem: Problem) -> tuple[str, ...]:
     """Describe each free damper that rolls on its contact points but would not on its whole faces.
 
-    Dampers with other than two friction faces, or with another law than Coulomb friction, are not
-    examined.
+    Only dampers with two friction faces and Coulomb friction are examined.
     """
     settings = problem.settings
     turns_about_the_normals = {"TX", "TY", "RZ"} <= set(settings.rigid_modes)

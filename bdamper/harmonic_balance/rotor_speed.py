@@ -87,10 +87,10 @@ class Conditions:
     Parameters
     ----------
     friction : mapping of number to number, or callable, optional
-        Friction coefficient of all friction faces over speed (rad/s), or over ``temperature`` if
-        given.
+        Friction coefficient of all friction faces as a function of speed (rad/s), or of
+        ``temperature`` if it is given.
     temperature : mapping of number to number, or callable, optional
-        Temperature of the contacts over speed, in the unit that ``friction`` uses.
+        Temperature of the contacts as a function of speed, in the unit that ``friction`` uses.
     excitation : callable or mapping, optional
         Amplitude of the excitation (N): ``excitation(omega, engine_order)``, or for each engine
         order a number or a mapping of speed to newtons.
@@ -127,7 +127,7 @@ class Conditions:
     def values(
         self, speeds: Iterable[float], engine_orders: Iterable[int]
     ) -> tuple[tuple[float | None, ...], ...]:
-        """Return friction coefficient and excitation of each order at speeds.
+        """Return the friction coefficient and the excitation of each engine order at given speeds.
 
         These values identify the conditions in results files, because callables cannot be compared.
         """
@@ -139,7 +139,7 @@ class Conditions:
         return tuple(by_speed)
 
     def reach(self, engine_order: int) -> tuple[float, float]:
-        """Return the range of speeds (rad/s) that all tables over speed cover."""
+        """Return the range of speeds (rad/s) covered by all tables of speed."""
         # with a temperature the friction coefficient is a table over temperature, not speed
         over_speed: list[Any] = [self.friction]
         if self.temperature is not None:

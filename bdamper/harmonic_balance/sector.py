@@ -116,8 +116,8 @@ class Linear:
         return np.sqrt(omega2), mass_normalised
 
     def response(self, omega: float, contact: NDArray | None, harmonic: int = 1) -> NDArray:
-        """Return the complex modal amplitudes of a harmonic under linear contact; unrestrained
-        rigid-body modes stay at rest.
+        """Return the complex modal amplitudes of a harmonic with linear contact; unrestrained
+        rigid-body modes remain at rest.
         """
         excitation = self.layout.amplitudes(self.force, harmonic)
         Z = self.matrix(omega, contact, harmonic)

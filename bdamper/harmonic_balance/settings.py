@@ -74,8 +74,9 @@ class Settings(validation.Answering):
         Engine order of the fundamental harmonic.  Required for a bladed disk; 1 for a structure
         without cyclic symmetry.
     friction_coefficient : float or mapping of interface name to float or (n_points,) float
-        An array has a value for each contact point of the interface in the model; a united patch
-        uses their mean.  Interfaces with a :class:`~bdamper.ContactLaw` need no coefficient.
+        An array has a value for each contact point of the interface in the model; united patches
+        use the mean of their values.  Interfaces with a :class:`~bdamper.ContactLaw` need no
+        coefficient.
     response : Response, optional
         Location and direction of the response; by default location and direction of the excitation.
     harmonics : int or tuple of int
@@ -87,8 +88,8 @@ class Settings(validation.Answering):
         flexibility, otherwise the values of the model or unit tractions, with a note in
         ``stiffness_report`` and a :class:`~bdamper.util.errors.BdamperWarning`.
     contact_stiffness_factor : float
-        Factor on the contact stiffness of any method.  For residual modes it divides the complete
-        flexibility of the contact.
+        Factor by which the contact stiffness of any method is multiplied. With residual modes, the
+        complete flexibility of the contact is divided by it.
     blade_modes : int
         Number of modes of each constrained body, limited by the model; the default is accepted for
         a smaller model.
@@ -130,11 +131,11 @@ class Settings(validation.Answering):
         contact stiffness.  It and "coupled" are sampled, with 128 samples unless ``contact_forces``
         is given.
     bias, variable_normal_load, separation : bool
-        Whether the mean position changes, the friction limit follows the normal load, and surfaces
-        open and close.  :class:`~bdamper.harmonic_balance.effects.Effects` describes the
-        assumption made if one of them is False.
+        Whether the mean position may change, whether the friction limit follows the normal load,
+        and whether surfaces may open and close.  :class:`~bdamper.harmonic_balance.effects.Effects`
+        describes the assumption made if one of them is False.
     contact_points : int, optional
-        Largest number of contact points on each friction face; neighbouring patches are united.
+        Maximum number of contact points on each friction face; neighbouring patches are united.
         Use at least 9.
     gap : mapping of interface name to float or (n_points,) float, optional
         Initial gap of the surfaces in m, instead of the values of the model; negative for
@@ -361,7 +362,7 @@ class Settings(validation.Answering):
         )
 
     def at_base(self, excitation: Excitation) -> bool:
-        """Whether an excitation is an acceleration (m/s2) of the held nodes."""
+        """Whether an excitation is an acceleration (m/s2) of the fixed nodes."""
         place = self.model.locations.get(excitation.location)
         return place is not None and place.kind == "base"
 
@@ -619,8 +620,8 @@ class Settings(validation.Answering):
     def friction_by_interface(self) -> dict[str, float | NDArray]:
         """Return a mapping of the interfaces in use to their friction coefficients.
 
-        A value is one number, or one number for each contact point (n_points,).  Interfaces without
-        friction have the value 0.
+        A value is one number, or one number for each contact point (n_points,).  The value of an
+        interface without friction is 0.
         """
         coefficient = self.friction_coefficient
         if isinstance(coefficient, Mapping):

@@ -1,6 +1,6 @@
 """Subject of a printed result: preload, engine order, excitation, friction coefficients.
 
-All functions take the settings that a result stores; settings that it does not have give no text.
+All functions take the settings that a result stores; for missing settings, the text is empty.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def has_residual_modes(settings: Settings) -> bool:
 
 
 def not_covered(settings: Settings, effects: Sequence[str] = (), equal_blades: bool = True) -> str:
-    """Return the line on effects that a computed amplitude does not contain."""
+    """Return the line that lists the effects not included in a computed amplitude."""
     listed = [*effects, "mistuning", "wear"] if equal_blades else [*effects, "wear"]
     if has_more_points(settings):
         listed.append("more contact points")

@@ -343,7 +343,7 @@ def check_second_speed(
 
 
 def check_reached(body: PreparedBody, wanted: Wanted, absent: NDArray, content: str) -> None:
-    """Raise ModelError if a contact face or location includes nodes (n,) that lack ``content``."""
+    """Raise ModelError if a contact face or location includes nodes (n,) without ``content``."""
     nodes_of_part = {"contact faces": wanted.contact.indices // 3}
     for name, location in wanted.locations.items():
         nodes_of_part[f"location '{name}'"] = nodes_of(location)
@@ -643,8 +643,8 @@ def free_from_matrices(body: PreparedBody, wanted: Wanted) -> Body:
     Raises
     ------
     ModelError
-        If the stiffness fixes the body somewhere, or it has motions without force other than the
-        six rigid ones.
+        If the stiffness constrains the body, or if it has zero-energy motions other than the six
+        rigid-body motions.
     """
     free = _free_in_space(body)
     structure = body.structure
@@ -688,7 +688,7 @@ def ring_from_matrices(
     body : PreparedBody
     wanted : Wanted
     ring : CyclicStructure
-        Faces at which the ring repeats, and the nodal diameters of the model.
+        Sector faces of the ring, and the nodal diameters of the model.
     split : bool
         Whether the ring has a gap.
 
@@ -701,8 +701,8 @@ def ring_from_matrices(
     Raises
     ------
     ModelError
-        If the stiffness fixes the sector somewhere, or the ring has motions without force other
-        than the rigid ones.
+        If the stiffness constrains the sector, or if the ring has zero-energy motions other than
+        its rigid-body motions.
     """
     whole = _free_in_space(body)
     n_coordinates = 3 * (len(body.nodes) - len(ring.faces.dependent))

@@ -312,12 +312,14 @@ def build_model(
     Parameters
     ----------
     blade, damper : FEBody, FEBody or mapping of name to FEBody
-        One sector (or a whole structure with ``Sector(n_blades=1)``), and optional free bodies in
+        One sector (or a whole structure with ``Sector(n_blades=1)``), and optionally free bodies in
         contact with a blade.
     contacts : sequence of ContactFaces
-        Pairs of faces in contact; none for a blisk, whose linear response can be computed.
+        Pairs of contact faces; none for a blisk, for which only the linear response can be
+        computed.
     sector : Sector
-        Number of sectors, their faces, clamped nodes, the blade, nodes with stress.
+        Number of sectors, sector faces, clamped nodes, nodes of the blade, and nodes at which
+        stresses are computed.
     placement : Placement
         Units and axes of the files.
     reduction : Reduction
@@ -328,7 +330,7 @@ def build_model(
     forces : mapping of name to (node numbers, forces) or to a CSV file
         Fields of nodal forces (:func:`force_fields`).
     base : bool
-        Add the location "base": ``bd.Excitation("base", direction, a)`` accelerates the held nodes
+        Add the location "base": ``bd.Excitation("base", direction, a)`` accelerates the fixed nodes
         of a structure without sectors by ``a`` m/s2.
     checks : Checks
         Frequencies of another program for comparison, and the treatment of failures.
@@ -959,8 +961,8 @@ def _needs_partial_contact(model: Model, nodal_diameter: int, report: ImportRepo
         return False
     by_mode = ", ".join(percent(shift) for shift in found.shifts)
     report.checks.append(
-        f"dampers: bonding the faces raises the lowest {counted(len(found.shifts), 'frequency')} "
-        f"of nodal diameter {nodal_diameter} by {by_mode}"
+        f"dampers: bonded faces raise the lowest {counted(len(found.shifts), 'frequency')} of "
+        f"nodal diameter {nodal_diameter} by {by_mode}"
     )
     if WHOLE not in found.errors:
         report.checks.append("residual modes: bonding the faces does not shift mode 1")
@@ -974,8 +976,7 @@ def _needs_partial_contact(model: Model, nodal_diameter: int, report: ImportRepo
     of_part = percent(abs(chosen.errors[chosen.worst_part]))
     compared = (
         f"{vectors}: the shift of mode 1 by bonded faces ({percent(chosen.shift)}) agrees with "
-        f"all vectors within {whole}, the shift by bonded parts within {of_part} "
-        f"({chosen.worst_part})"
+        f"all vectors within {whole}, for parts within {of_part} ({chosen.worst_part})"
     )
     if is_needed:
         without = percent(abs(found.errors[found.worst_part]))

@@ -43,9 +43,9 @@ class ContactFaces:
         Face of body b in the same form; None for a contact with the ground.
     body_a, body_b : {"damper", "blade", "ground"}, or the name of one of several free bodies
     points : int or (int, int)
-        Largest number of contact points in total, or their numbers along t1 and t2; a free body
-        needs three along t1.  A single number is reduced to the points that the coarser mesh of
-        both faces resolves.
+        Maximum number of contact points, or their numbers along t1 and t2; a free body needs three
+        along t1. A single number is reduced to the number of points that the coarser mesh of the
+        two faces resolves.
     kind : {"friction", "constraint"}
         A constraint has no friction.
     sector_b : {-1, 0, 1}, optional
@@ -144,7 +144,8 @@ def from_first_sector(
 ) -> tuple[tuple[ContactFaces, ...], dict[str, PreparedBody]]:
     """Move free bodies to the position between the blades of sectors 0 and 1.
 
-    A damper that the mesh has at another blade, or at the other flank, is rotated by whole sectors.
+    A damper that is meshed at another blade, or on the other side of the blade, is rotated by whole
+    sectors.
 
     Parameters
     ----------

@@ -607,8 +607,8 @@ class Deck:
         return {code: code - (k << _BITS) for code in self.model.nodes if code >> _BITS == k}
 
     def check_transforms(self, dofs: NDArray) -> None:
-        """Raise ModelError if a node with rotated axes (``*TRANSFORM``) is held in some
-        components.
+        """Raise ModelError if a node with rotated axes (``*TRANSFORM``) is fixed in some components
+        only.
 
         Parameters
         ----------

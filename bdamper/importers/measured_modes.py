@@ -1,4 +1,5 @@
-"""Measured frequency and damping of a mode over its amplitude, from tables and from free decays.
+"""Measured frequency and damping of a mode as functions of its amplitude, from tables and from free
+decays.
 
 Rigs under phase control measure such points directly. A free decay contains them as well: at each
 time the amplitude falls at a rate that is the product of damping ratio and angular frequency.
@@ -49,7 +50,7 @@ RATIOS = {"%": 0.01, "-": 1.0, "1": 1.0}
 @short_repr
 @dataclass(frozen=True)
 class MeasuredMode:
-    """Measured frequency and damping ratio of a mode over the amplitude of its vibration.
+    """Measured frequency and damping ratio of a mode as functions of its amplitude.
 
     Parameters
     ----------
@@ -62,8 +63,8 @@ class MeasuredMode:
     mode : int
         Number of the mode, as in :meth:`bdamper.Study.nonlinear_mode`.
     noise : float, optional
-        Relative standard deviation of the frequencies. By default the noise of a fit times the
-        damping ratio; the mean of the damping ratios replaces missing values.
+        Relative standard deviation of the frequencies. By default, the noise of a fit times the
+        damping ratio; missing damping ratios are replaced by the mean.
     source : str
         Name in results.
 
@@ -106,7 +107,7 @@ class MeasuredMode:
 def read_mode(
     path: str | PathLike[str] | Mapping[str, Any], *, name: str | None = None, **conditions: Any
 ) -> MeasuredMode:
-    """Read frequency and damping ratio of a mode over its amplitude.
+    """Read frequency and damping ratio of a mode as functions of its amplitude.
 
     Parameters
     ----------
@@ -162,13 +163,13 @@ def read_ring_down(
     name: str | None = None,
     **conditions: Any,
 ) -> MeasuredMode:
-    r"""Return frequency and damping ratio over amplitude from a free decay.
+    r"""Return frequency and damping ratio as functions of amplitude from a free decay.
 
     Parameters
     ----------
     path : path-like, or mapping of header to values
         Columns ``time (s)``, with constant steps, and ``amplitude`` (displacement, velocity or
-        acceleration). Samples before the largest amplitude are left out.
+        acceleration). Samples before the largest amplitude are omitted.
     band : (2,) float, Hz, optional
         Lowest and highest frequency that is evaluated: the band of one mode if an impact excites
         several.
@@ -199,15 +200,15 @@ def read_ring_down(
 
     Notes
     -----
-    The modulus of the analytic signal (Hilbert transform, :func:`scipy.signal.hilbert`) is the
-    amplitude :math:`A(t)`, and the derivative of its phase is the damped frequency
+    The modulus of the analytic signal (Hilbert transform, :func:`scipy.signal.hilbert`)
+    is the amplitude :math:`A(t)`, and the derivative of its phase is the damped frequency
     :math:`\omega_d`. Both follow from straight lines through :math:`\ln A` and the phase in each
     window (least squares). With the decay rate :math:`\delta = -d \ln A/dt` the frequency is
     :math:`\omega = (\omega_d^2 + \delta^2)^{1/2}`, and the damping ratio :math:`\delta/\omega`.
     Since the transform is periodic, the record is continued by its mirror image, and the first and
-    last window are left out. A band is a zero-phase filter: its factor on the spectrum is 1 inside
+    last windows are omitted. A band is a zero-phase filter: its factor on the spectrum is 1 inside
     the band, and falls to 0 on both sides over a fifth of the band width, at most a fifth of its
-    lower end. The transient of this filter after the impact is left out as well.
+    lower end. The transient of this filter after the impact is also omitted.
     """
     columns = read_columns(path, ("time", "amplitude"), units={"time": TIMES, "amplitude": None})
     time, _ = columns["time"]

@@ -1,11 +1,11 @@
-"""Measured responses over frequency, and measured resonances over load.
+"""Measured frequency responses, and measured resonances at several loads.
 
 A CSV file of resonances has a header with units and one row per measurement.  The column ``load
 (N)`` is required, with ``amplitude`` in any unit, ``frequency (Hz)``, or both.  A row with load 0
-is the structure without load on its dampers, which :func:`bdamper.fit` uses as the reference.
-Lines that start with ``#`` are comments.
+describes the structure without load on its dampers, which :func:`bdamper.fit` uses as the
+reference.  Lines that start with ``#`` are comments.
 
-Functions over frequency in universal files are data sets of type 58.
+Frequency response functions in universal files are data sets of type 58.
 
 References
 ----------
@@ -111,7 +111,7 @@ FREQUENCY = 18
 @short_repr
 @dataclass(frozen=True)
 class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
-    """Measured response over frequency.
+    """Measured frequency response.
 
     Parameters
     ----------
@@ -224,7 +224,7 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
 
 
 def motion_unit(where: str, unit: str) -> tuple[float, int]:
-    """Return the factor of a unit to SI, and the number of derivatives over time.
+    """Return the factor that converts a unit to SI, and the number of time derivatives.
 
     The number is 0 for displacement, 1 for velocity, 2 for acceleration.
     """
@@ -257,7 +257,7 @@ COLUMNS: dict[str, Mapping[str, float] | None] = {
 @short_repr
 @dataclass(frozen=True)
 class Measured:
-    """Measured resonances over load.
+    """Measured resonances at several loads.
 
     Parameters
     ----------
@@ -277,7 +277,7 @@ class Measured:
 
 @validation.check_arguments
 def load_measured(path: str | PathLike[str]) -> Measured:
-    """Read measured resonances over load from a CSV file (see the docstring of the module).
+    """Read measured resonances at several loads from a CSV file (see the docstring of the module).
 
     Parameters
     ----------
@@ -546,8 +546,8 @@ def read_response(
     columns: Mapping[str, str] | None = None,
     phase_of: Literal["response", "displacement", "none"] = "response",
 ) -> Measurement:
-    """Read a measured response over frequency from a text file, a pandas frame or a mapping of
-    header to values.
+    """Read a measured frequency response from a text file, a pandas frame or a mapping of header to
+    values.
 
     The header names the columns with their units in brackets: ``frequency (Hz)``, and ``amplitude
     (mm)`` with or without ``phase (deg)``, or ``real (m)`` and ``imag (m)``. ``displacement``,
@@ -712,7 +712,7 @@ def _from_size(table: Mapping[str, NDArray], stated: str, unit: str | None) -> t
 
 @reader("a universal file", library=True)
 def read_measurements(path: Path) -> tuple[Measurement, ...]:
-    """Read the functions over frequency (data set 58) of a universal file (UNV, UFF).
+    """Read the frequency response functions (data set 58) of a universal file (UNV, UFF).
 
     The package pyuff (extra ``bdamper[unv]``) is needed.
 
@@ -723,12 +723,12 @@ def read_measurements(path: Path) -> tuple[Measurement, ...]:
     Returns
     -------
     tuple of Measurement
-        One for each function over frequency.
+        One for each frequency response function.
 
     Raises
     ------
     FileNotFoundError, ModelError
-        If the file does not exist, is damaged, or has no function over frequency.
+        If the file does not exist, is damaged, or has no frequency response function.
     """
     file = import_extra("pyuff", "reading a universal file", "unv").UFF(str(path))
     measurements: list[Measurement] = []

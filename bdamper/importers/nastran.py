@@ -5,7 +5,7 @@ rows for each grid point in ascending order of the numbers, but none for the dep
 RBE2, RBE3 and MPC.  Empty rows (rotations of solid elements, fixed components) are dropped.
 
 A dependent grid point without solid elements and rows is omitted.  The dependent grid points of an
-RBE2 whose independent grid point is held (SPC, SPC1) are held themselves.  Any other tie of solid
+RBE2 whose independent grid point is fixed (SPC, SPC1) are fixed themselves.  Any other tie of solid
 elements is an error, because the unknowns of a body are the displacements of its nodes.
 
 References

@@ -84,31 +84,30 @@ class Sector(validation.Checked):
     Parameters
     ----------
     n_blades : int, optional
-        Number of sectors; 1 for a structure that does not repeat.  By default it follows from the
-        faces.
+        Number of sectors; 1 for an acyclic structure. By default, it follows from the sector faces.
     faces : (set, set), optional
-        Faces at which the sector repeats, in either order.  By default they are found in the mesh.
+        Sector faces (cyclic symmetry faces), in either order. By default, they are found in the
+        mesh.
     fixed : set, optional
         Clamped nodes.
     blade_nodes : set, optional
         All nodes of the blade up to the disk, which a model of mistuned bladed disks needs.
     stress : set or mapping of name to set, optional
-        Nodes with stress (extra ``bdamper[fe]``).
+        Nodes at which stresses are computed (extra ``bdamper[fe]``).
     rings : mapping of free body to (set, set), optional
-        Faces, in either order, at which one sector of a friction ring repeats.  None instead of
-        the faces declares that a body whose ends fit its neighbours is a separate piece per
-        sector.
+        Sector faces of a friction ring, in either order. None instead of the faces declares that a
+        body whose ends match its neighbours is a separate piece in each sector.
     split_rings : sequence of str
         Names of rings with one gap.  Their hoop force is zero, so that the contacts carry their
         whole centrifugal load.
     elasticity : (Young's modulus, Poisson's ratio), optional
         Elastic constants in the units of the file, which replace the constants of the file.
     angle_tolerance : float
-        Largest deviation of the angle between the faces from one pitch, divided by this angle; as
-        in CalculiX by default.
+        Largest deviation of the angle between the faces from one pitch, divided by this angle; by
+        default as in CalculiX.
     face_tolerance : float
-        Largest distance of faces with different meshes, divided by the mean edge of their elements;
-        as in CalculiX by default.
+        Largest distance between faces with different meshes, divided by the mean edge length of
+        their elements; by default as in CalculiX.
 
     Raises
     ------
@@ -181,8 +180,8 @@ class Reduction(validation.Checked):
     engine_order : int or sequence of int, optional
         Engine orders, which determine the nodal diameters with ``harmonics``.
     harmonics : int, optional
-        Number of harmonics of the engine orders.  By default the model has the nodal diameters of
-        nine harmonics and of a time integration.
+        Number of harmonics of the engine orders. By default, the model has the nodal diameters of
+        nine harmonics and all that a time integration needs.
     nodal_diameters : sequence of int, optional
         Nodal diameters (0 to N/2, 0 is added), which replace the nodal diameters of the engine
         orders.
@@ -221,7 +220,7 @@ class Checks(validation.Checked):
     Parameters
     ----------
     expected_frequencies : mapping of nodal diameter to frequencies (Hz), optional
-        Results of another program, compared to 1 %.
+        Results of another program, which must agree within 1 %.
     strict : bool
         Whether a failed comparison (also with modes of a file) is an error.
     check_units : bool

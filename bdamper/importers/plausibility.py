@@ -123,8 +123,8 @@ def check_rigid_motion(body: PreparedBody) -> None:
         "positions that do not belong to it (order, units, axes)",
     )
     body.passed(
-        f"{body.name}: rigid-body motion strains it {strain.max():.1g} times as much as a stretch "
-        "of equal size"
+        f"{body.name}: strain by rigid-body motion {strain.max():.1g} times that of an equal "
+        "stretch"
     )
 
 
@@ -188,8 +188,8 @@ def check_table(body: PreparedBody) -> None:
     expected = "rows in the order of the table of nodes and components"
     body.require(share <= 100.0 * BOUNDS.odd_ones, "stiffness matrix", expected, found)
     body.passed(
-        f"{body.name}: rigid-body motion causes forces on {share:.2g} % of the nodes away from "
-        "fixed nodes"
+        f"{body.name}: rigid-body motion causes forces at {share:.2g} % of the nodes away from "
+        "fixed ones"
     )
 
 
@@ -364,7 +364,7 @@ def _check_density(body: PreparedBody) -> None:
 @np.errstate(all="ignore")  # constants that are unknown or impossible
 def check_material(body: PreparedBody, elasticity: Sequence[float] | None) -> None:
     r"""Compare density and Young's modulus of the elements with the matrices, at nodes away from
-    held ones.
+    fixed nodes.
 
     A translation along an axis and a uniform strain along it cause the nodal forces
 
@@ -455,7 +455,7 @@ def _compare_constant(
 def check_lowest(body: PreparedBody, reduced: Body) -> None:
     """Check that the lowest frequency at each nodal diameter is plausible.
 
-    A frequency that is not is recorded as a failed comparison.
+    An implausible frequency is recorded as a failed comparison.
     """
     hint = "possibly units of mass or stiffness that differ by powers of 10"
     for d, basis in reduced.bases.items():

@@ -42,7 +42,7 @@ class CyclicStructure:
     Parameters
     ----------
     faces : SectorFaces
-        Nodes at which the sectors meet.
+        Nodes of the sector faces.
     diameters : tuple of int
         Nodal diameters of the model.
     pictured : tuple of int
@@ -64,7 +64,7 @@ class ImportReport:
     Parameters
     ----------
     strict : bool
-        Whether a failed comparison with another program raises its error.  Otherwise it warns.
+        Whether a failed comparison with another program is an error instead of a warning.
     steps : Steps
         Steps of the work, to show progress.
     checks : list of str

@@ -1,4 +1,4 @@
-"""Stress of an imported blade at sets of nodes: nodes, elements and elastic constants."""
+"""Stress of an imported blade at node sets: nodes, elements and elastic constants."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Analyses of a mistuned bladed disk: peaks over the preload, response curves, and steady-state
+"""Analyses of a mistuned bladed disk: peaks at several preloads, response curves, and steady-state
 amplitudes by time integration.
 
 Response curves are computed by the same continuation as for one sector; the result has the response
@@ -8,7 +8,8 @@ of all blades.
 the disk as a single sector.  Its coordinates are the mistuned modes of blades and disk, and the
 coordinates of all dampers.  It starts at the peak, with free dampers.  The criteria of a steady
 amplitude are the same as for a sector (:mod:`bdamper.time_domain.steady_amplitude`).  Damping is
-modal: the coupling between modes is at most 2.1 % of it for lumped blades with deviations of 5 %.
+modal; the neglected coupling between modes is at most 2.1 % of the damping for lumped blades with
+deviations of 5 %.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ OF_PEAKS = "amplitude", "frequency", "blade", "residual", "springs", "error"
 
 
 def answers(peak: DiskPeak) -> dict[str, Any]:
-    """Return a complete or held peak as the quantities at a point of a sweep.
+    """Return the quantities of a peak, complete or with held dampers, as a point of a sweep.
 
     Raises
     ------
@@ -89,8 +90,7 @@ def optimal_curve(
     executor: Executor | None = None,
     progress: bool | None = None,
 ) -> SweepResult:
-    """Compute the highest amplitude of any blade at each preload, with an independent search at
-    each.
+    """Compute the highest amplitude of any blade at each preload by independent searches.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def optimal_curve(
 
 
 def first_point(system: DiskSystem, omega: float) -> NDArray | None:
-    """Solve at one frequency (rad/s) from the static state, or through weaker and weaker holding
+    """Solve at one frequency (rad/s) from the static state, or with successively weaker holding
     springs.
 
     Return None if both fail.
@@ -477,9 +477,9 @@ class BladedDisk(DiskProblem):
     study : Study
         Study of one sector, with engine order, excitation and response.
     mistuning : Mistuning or array, optional
-        Frequency deviations of the blades clamped at their roots; none by default.
+        Deviations of the natural frequencies of the blades clamped at their roots; none by default.
     dampers : DamperVariation, optional
-        Differences of the dampers; equal by default.
+        Differences between the dampers; identical dampers by default.
 
     Raises
     ------

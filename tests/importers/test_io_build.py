@@ -766,7 +766,7 @@ def test_a_comparison_that_fails_warns_and_keeps_the_model(bodies, built):
 def test_expected_frequencies_that_agree(bodies, built):
     expected = {ND: built.frequencies[ND][:4] * 1.002}
     other = built_with(*bodies, expected_frequencies=expected)
-    assert "frequencies agree with expected_frequencies to 0.2 %" in said(other)
+    assert "frequencies agree with expected_frequencies within 0.2 %" in said(other)
 
 
 def scaled(body, length, mass):

@@ -98,7 +98,7 @@ def test_modes_beside_matrices_are_compared(fe, bodies, built):
     blade, damper = bodies
     given = replace(blade, modes=file_modes(fe, blade.numbers, "pairs"))
     other = build(given, damper, **HELD)
-    agreed = f"nodal diameter {ND}: frequencies agree with pairs.modes to"
+    agreed = f"nodal diameter {ND}: frequencies agree with pairs.modes within"
     assert any(agreed in line for line in other.checks)
     radians = tuple(replace(m, frequency=2 * np.pi * m.frequency) for m in given.modes)
     with pytest.raises(

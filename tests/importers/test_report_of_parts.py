@@ -53,7 +53,7 @@ def test_errors_within_the_limits_and_dampers_without_effect_pass(monkeypatch, s
     report, is_needed = report_of(monkeypatch, shift, whole, part, 0.0)
     assert TEXT in report.checks[1] and not report.missing and not is_needed
     assert report.checks[0] == (
-        "dampers: bonding the faces raises the lowest 2 frequencies of nodal diameter 5 by "
+        "dampers: bonded faces raise the lowest 2 frequencies of nodal diameter 5 by "
         f"{percent(shift)}, 2 %"
     )
 
@@ -63,8 +63,8 @@ def test_vectors_for_partial_contact_are_chosen_where_they_help(monkeypatch):
     assert is_needed and not report.missing
     assert report.checks[1] == (
         "residual modes for partial contact: the shift of mode 1 by bonded faces (8 %) agrees with all "
-        "vectors within 0 %, the shift by bonded parts within 2 % (inner third); within 15 % with the "
-        "vectors of whole faces alone"
+        "vectors within 0 %, for parts within 2 % (inner third); within 15 % with the vectors of whole "
+        "faces alone"
     )
 
 
