@@ -255,31 +255,42 @@ def read_full(path: Path) -> FullMatrices:
         equations, or rotations.
     """
     file = _Binary(path, _FULL)
+    # the include file fdfull of Ansys gives the positions in the header
     head = _Header(file, _HEADER, "header")
     item = head.item
-    check(head[1] == -4, item, "a symbolically assembled matrix (-4)", head[1])
-    check(not head[14], item, "symmetric matrices", "unsymmetric ones")
-    check(not head[11], item, "a consistent mass matrix (LUMPM,OFF)", "a lumped one")
+    assembly = head[1]
+    is_unsymmetric = head[14]
+    has_lumped_mass = head[11]
+    n_constraint_equations = head[21]
+    check(assembly == -4, item, "a symbolically assembled matrix (-4)", assembly)
+    check(not is_unsymmetric, item, "symmetric matrices", "unsymmetric ones")
+    check(not has_lumped_mass, item, "a consistent mass matrix (LUMPM,OFF)", "a lumped one")
     expected = "no constraint equations (CE, CP, CERIG, RBE3) in the matrices"
-    check(not head[21], item, expected, f"{head[21]} of them")
+    check(not n_constraint_equations, item, expected, f"{n_constraint_equations} of them")
     n_eq = head.count(2, "a number of equations")
     n_nodes = head.count(33, "a number of nodes")
     n_eq_of_model = head[62]  # 0 in files of older releases
     expected = f"all {n_eq_of_model} equations of the model ({_COMBINE}FULL)"
     check(n_eq_of_model <= n_eq, item, expected, n_eq)
 
+    # a 64-bit position takes two words of the header
+    at_dofs = head.pointer(36, 37)
+    at_stiffness = head.pointer(19, 20)
+    at_mass = head.pointer(27, 28)
     _, dof_names, node_numbers = file.run(_HEADER, 3, "header, degrees of freedom and nodes")
-    counts, constraint = file.run(head.pointer(36, 37), 2, "degrees of freedom of each node")
+    counts, constraint = file.run(at_dofs, 2, "degrees of freedom of each node")
     dofs = _full_dofs(path, dof_names, node_numbers, counts, n_nodes, n_eq)
     item = f"{path}: table of fixed components"
     check(len(constraint) >= n_eq, item, f"{n_eq} entries", len(constraint))
-    stiffness = _full_matrix(file, head.pointer(19, 20), n_eq, "stiffness")
-    mass = _full_matrix(file, head.pointer(27, 28), n_eq, "mass")
+    stiffness = _full_matrix(file, at_stiffness, n_eq, "stiffness")
+    mass = _full_matrix(file, at_mass, n_eq, "mass")
 
+    # the table has a negative number for each fixed component
     free = np.flatnonzero(constraint[:n_eq] >= 0)
     # components without stiffness are dropped like fixed ones
     free = free[stiffness.diagonal()[free] != 0.0]
     check(len(free) > 0, str(path), "free components", "none")
+    # components 1, 2 and 3 are displacements, higher ones rotations and others
     highest = dofs[free, 1].max()
     item = f"{path}: degrees of freedom"
     check(highest <= 3, item, "UX, UY, UZ only", f"number {highest}")
@@ -295,7 +306,15 @@ def read_full(path: Path) -> FullMatrices:
 def _full_dofs(
     source: Path, dof_names: NDArray, numbers: NDArray, counts: NDArray, n_nodes: int, n_eq: int
 ) -> NDArray:
-    """Return node number and component (n_eq, 2) of each equation."""
+    """Return node number and component (n_eq, 2) of each equation.
+
+    Parameters
+    ----------
+    dof_names : (n_components,) int
+        Components of a node in the order of its equations: 1, 2, 3 for UX, UY, UZ.
+    numbers, counts : (n_nodes or more,) int
+        Number and count of equations of each node.
+    """
     expected = f"{n_nodes} entries, one for each node"
     for what, table in (("node numbers", numbers), ("degrees of freedom of each node", counts)):
         check(len(table) >= n_nodes, f"{source}: table of {what}", expected, len(table))
@@ -308,39 +327,49 @@ def _full_dofs(
         f"{n_eq} in all",
         int(counts.sum()),
     )
-    # the equations of a node follow each other
+    # the equations of a node follow each other: node and place within the node of each equation
+    node_of_equation = np.repeat(numbers, counts)
     first_of_node = np.cumsum(counts) - counts
-    within_node = np.arange(n_eq) - np.repeat(first_of_node, counts)
-    components = dof_names.astype(np.int64)[within_node]
-    return np.column_stack([np.repeat(numbers, counts), components])
+    place_in_node = np.arange(n_eq) - np.repeat(first_of_node, counts)
+    components = dof_names.astype(np.int64)[place_in_node]
+    return np.column_stack([node_of_equation, components])
 
 
 def _full_matrix(file: _Binary, word: int, n_eq: int, name: str) -> sp.csr_matrix:
-    """Read one triangle, stored by rows as a record of columns and a record of values."""
+    """Read one triangle, stored by rows as a record of columns and a record of values.
+
+    ``word`` is the position of the first record in the file.
+    """
     item = f"{file.source}: {name} matrix"
     check(word > 0, item, "a matrix", "none in the file")
     rows, columns, values = [], [], []
     records = file.run(word, 2 * n_eq, f"{name} matrix")
     for row in range(n_eq):
-        column = next(records)
-        value = next(records)
+        # columns are counted from 1
+        columns_of_row = next(records)
+        values_of_row = next(records)
         where = f"{item}, row {row + 1}"
-        right_types = column.dtype.kind == "i" and value.dtype.kind == "f"
+        right_types = columns_of_row.dtype.kind == "i" and values_of_row.dtype.kind == "f"
+        n_columns = len(columns_of_row)
+        n_values = len(values_of_row)
         expected = "records of columns and values of the same length"
-        found = f"{len(column)} and {len(value)}"
-        check(right_types and len(column) == len(value), where, expected, found)
-        lowest = column.min(initial=1)
-        highest = column.max(initial=1)
+        found = f"{n_columns} and {n_values}"
+        check(right_types and n_columns == n_values, where, expected, found)
+        lowest = columns_of_row.min(initial=1)
+        highest = columns_of_row.max(initial=1)
         within = lowest >= 1 and highest <= n_eq
         check(within, where, f"columns 1 to {n_eq}", f"{lowest} to {highest}")
-        rows.append(np.full(len(column), row))
-        columns.append(column.astype(np.int64) - 1)
-        values.append(value.astype(float))
-    i = np.concatenate(rows)
-    j = np.concatenate(columns)
+        rows.append(np.full(n_columns, row))
+        columns.append(columns_of_row.astype(np.int64) - 1)
+        values.append(values_of_row.astype(float))
+    row_of_entry = np.concatenate(rows)
+    column_of_entry = np.concatenate(columns)
     entries = np.concatenate(values)
     check_all(np.isfinite(entries), entries, "finite numbers", item)
-    return triangle_to_full(np.minimum(i, j), np.maximum(i, j), entries, n_eq)
+    # the file may have either triangle; the upper one is wanted
+    upper_row = np.minimum(row_of_entry, column_of_entry)
+    upper_column = np.maximum(row_of_entry, column_of_entry)
+    return triangle_to_full(upper_row, upper_column, entries, n_eq)
 
 
 def read_ansys(full: FilePath, archive: FilePath, results: FilePath | None = None) -> FEBody:
@@ -525,13 +554,17 @@ class _Archive:
         elif key == "CMBLOCK" and len(words) >= 4:
             self._component(words)
         elif key == "ET" and len(words) >= 3 and words[1].isdigit():
-            self.types[int(words[1])] = words[2].upper().removeprefix("SOLID")
+            # ET, number, name
+            number, name = words[1:3]
+            self.types[int(number)] = name.upper().removeprefix("SOLID")
         elif key == "ETBLOCK":
             self._types()
         elif key == "MPDATA" and len(words) >= 7 and words[4].isdigit():
+            # MPDATA, release, count, property, material, first place, value, ...
+            constant, material, _, value = words[3:7]
+            by_material = self.constants.setdefault(constant.upper(), {})
             # keep the first of several values over temperature
-            by_material = self.constants.setdefault(words[3].upper(), {})
-            by_material.setdefault(int(words[4]), float(words[6]))
+            by_material.setdefault(int(material), float(value))
         elif not _ends_block(words):
             self._pass_over(key, words, command)
 
@@ -630,8 +663,10 @@ class _Archive:
                 return
             complete = len(words) >= 12
             self.lines.require(complete, "an element of an EBLOCK in SOLID format", words)
+            # eleven numbers, among them these, and then the nodes
             material, kind, n_nodes = words[0], words[1], words[8]
             nodes = words[11:]
+            # further nodes are on the next lines
             while len(nodes) < n_nodes:
                 nodes += self._integers("the nodes of an element", fields)
             name = self.types.get(kind, "")
@@ -650,10 +685,14 @@ class _Archive:
             self.owners.append((name, material))
 
     def _component(self, words: list[str]) -> None:
-        """Read a component; a component of nodes becomes a set."""
+        """Read a component; a component of nodes becomes a set.
+
+        The command is CMBLOCK, name, kind, number of items.
+        """
         name, kind = words[1].strip(), words[2].strip().upper()
         item = self.lines.item
         with parsing(item, "a number of items in CMBLOCK", words[3]):
+            # digits at the beginning; a comment may follow them
             count = int(re.findall(r"^\d+", words[3].strip())[0])
         n_items = check_count(count, item, "a number of items", smallest=0, largest=50_000_000)
         if not n_items and not self.lines.follows("("):
@@ -666,6 +705,7 @@ class _Archive:
             self.lines.require(bool(more), expected, len(items))
             items += more
 
+        # a negative number ends a range that begins with the previous number: 3, -7 is 3 to 7
         members = [np.zeros(0, np.int64)]
         previous = 0
         for number in items[:n_items]:
@@ -801,8 +841,11 @@ def read_rst(path: Path) -> FEBody:
         UZ.
     """
     file = _Binary(path, _RESULT)
+    # the include file fdresu of Ansys gives the positions in the header
     head = _Header(file, _HEADER, "header")
-    check(head[8] == _MODAL, head.item, f"a modal analysis: number {_MODAL}", head[8])
+    kind_of_analysis = head[8]
+    expected = f"a modal analysis: number {_MODAL}"
+    check(kind_of_analysis == _MODAL, head.item, expected, kind_of_analysis)
     n_nodes = head.count(3, "a number of nodes")
     n_sets = head.count(9, "a number of result sets")
     # 0 in files of releases without distributed solution
@@ -823,28 +866,32 @@ def read_rst(path: Path) -> FEBody:
         raise mismatch(str(path), f"{n_sets} result sets of {n_nodes} nodes", "shorter tables")
     body, axes = _rst_mesh(file, head.pointer(16, 47))
     shapes = [_rst_shape(file, word, numbers, axes, k) for k, word in enumerate(words)]
-    listed = [
-        (d, hertz, 1.0, numbers, shape)
-        for d, hertz, shape in zip(diameter.tolist(), frequency.tolist(), shapes)
-    ]
-    modes = modes_by_diameter(listed, str(path))
+    modal_mass = 1.0
+    result_sets = []
+    for d, hertz, shape in zip(diameter.tolist(), frequency.tolist(), shapes):
+        result_sets.append((d, hertz, modal_mass, numbers, shape))
+    modes = modes_by_diameter(result_sets, str(path))
     notes = (f"{n_sectors} sectors",) if n_sectors > 1 else ()
     return replace(body, modes=modes, notes=notes)
 
 
 def _rst_diameters(file: _Binary, head: _Header, n_sets: int) -> tuple[int, NDArray]:
     """Return the number of sectors and the nodal diameter of each result set."""
-    n_stages = _Header(file, head.pointer(16, 47), "geometry header")[54]
+    geometry = _Header(file, head.pointer(16, 47), "geometry header")
+    n_stages = geometry[54]
     one_stage = f"sectors of one stage ({_ONE_STAGE})"
     check(n_stages <= 1, head.item, one_stage, f"a multistage result with {n_stages} stages")
     n_sectors = head[21]
-    pointer = head.pointer(17, 44)
+    at_diameters = head.pointer(17, 44)
+    has_diameters = at_diameters > 0
     diameter = np.zeros(n_sets, int)
-    if pointer > 0:
-        diameter = np.abs(file.record(pointer, "harmonic indices")[:n_sets].astype(int))
+    if has_diameters:
+        harmonic_indices = file.record(at_diameters, "harmonic indices")[:n_sets]
+        # the sign does not change the nodal diameter
+        diameter = np.abs(harmonic_indices.astype(int))
     if n_sectors > 1:
         missing = f"the nodal diameters of the disk with {n_sectors} sectors are missing"
-        check_sentence(pointer > 0, head.item, missing)
+        check_sentence(has_diameters, head.item, missing)
     else:
         # each stage of a multistage model has its own number of sectors
         several = f"harmonic indices up to {diameter.max(initial=0)} without a number of sectors"
@@ -859,21 +906,26 @@ def _rst_mesh(file: _Binary, word: int) -> tuple[FEBody, dict[int, NDArray]]:
     n_elements = head.count(5, "a number of elements", 0)
     # number, position and angles of each node
     table = np.empty((n_nodes, 7))
-    for k, row in enumerate(file.run(head.pointer(27, 28) or head[9], n_nodes, "nodes")):
+    at_nodes = head.pointer(27, 28) or head[9]  # one word in files of older releases
+    for k, row in enumerate(file.run(at_nodes, n_nodes, "nodes")):
         if len(row) < 7 or row.dtype.kind != "f" or not np.isfinite(row[:7]).all():
             item = f"{file.source}: nodes, record {k + 1}"
             raise mismatch(item, "seven finite numbers", len(row))
         table[k] = row[:7]
     numbers = table[:, 0].astype(np.int64)
+    positions = table[:, 1:4]
+    angles = table[:, 4:7]
     elements = _rst_elements(file, head, n_elements, numbers) if n_elements else []
-    body = mesh_body(str(file.source), "nodes", numbers, table[:, 1:4], elements)
-    axes = {int(row[0]): _node_axes(row[4:7]) for row in table if row[4:7].any()}
+    body = mesh_body(str(file.source), "nodes", numbers, positions, elements)
+    axes = {}
+    for node in np.flatnonzero(angles.any(axis=1)):
+        axes[int(numbers[node])] = _node_axes(angles[node])
     return body, axes
 
 
 def _rst_elements(file: _Binary, head: _Header, n_elements: int, numbers: NDArray) -> list[NDArray]:
     """Return the node numbers of each solid element whose nodes are all among ``numbers``."""
-    start = head.pointer(29, 30) or head[11]
+    start = head.pointer(29, 30) or head[11]  # one word in files of older releases
     words = file.record(start, "index of elements")
     if len(words) >= 2 * n_elements:
         # positions of 64 bits
@@ -897,11 +949,15 @@ def _rst_shape(
     head = _Header(file, word, f"result set {k + 1}")
     item = head.item
     n_nodes = head.count(3, "a number of nodes")
+    # degrees of freedom of a node, whose numbers follow, and further values that are not read
+    n_dofs = head[20]
+    n_further = head[98]
     per_node = check_count(
-        head[20] + head[98], item, "a number of values of each node", smallest=3, largest=64
+        n_dofs + n_further, item, "a number of values of each node", smallest=3, largest=64
     )
-    names = [head[21 + j] for j in range(head[20])] if 0 < head[20] <= 30 else []
-    check(names[:3] == [1, 2, 3], item, "displacements UX, UY, UZ", f"degrees of freedom {names}")
+    dofs = [head[21 + j] for j in range(n_dofs)] if 0 < n_dofs <= 30 else []
+    check(dofs[:3] == [1, 2, 3], item, "displacements UX, UY, UZ", f"degrees of freedom {dofs}")
+    # relative to the record of the result set; one word in files of older releases
     start = word + (head.pointer(105, 106) or head[11])
     values = file.record(start, f"displacements of result set {k + 1}").astype(float)
     if len(values) < n_nodes * per_node or n_nodes != len(numbers):

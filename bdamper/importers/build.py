@@ -102,17 +102,19 @@ def force_fields(fields: Mapping[str, object] | None, body: PreparedBody) -> dic
     """
     named = {} if fields is None else validation.instance("forces", fields, Mapping, "a mapping")
     units = body.placement.units
-    out = {}
+    by_name = {}
     for name, value in named.items():
         item = f"forces '{name}'"
         numbers, forces = _table(item, value)
+        # a force is mass times length over squared seconds; rows of forces are turned into the
+        # axes of the model
         in_si = units.mass * units.length * forces @ body.placement.rotation.T
         field_of_forces = np.zeros((len(body.nodes), 3), complex)
         # a node may be listed several times
         np.add.at(field_of_forces, body.index(numbers, item), in_si)
         validation.check(field_of_forces.any(), item, "forces other than 0", "zeros only")
-        out[name] = field_of_forces
-    return out
+        by_name[name] = field_of_forces
+    return by_name
 
 
 def _table(item: str, value: Any) -> tuple[NDArray, NDArray]:
@@ -120,9 +122,10 @@ def _table(item: str, value: Any) -> tuple[NDArray, NDArray]:
     if isinstance(value, str | os.PathLike):
         # node number, then real and imaginary part along each axis
         table = number_table(Path(value), 7)
+        numbers = table[:, 0]
         real = table[:, 1::2]
         imaginary = table[:, 2::2]
-        return as_integers(table[:, 0], item), real + 1j * imaginary
+        return as_integers(numbers, item), real + 1j * imaginary
     is_pair = isinstance(value, tuple) and len(value) == 2
     validation.check_value(is_pair, item, EXPECTED, value)
     try:
@@ -225,6 +228,7 @@ class BuiltModel(Plottable):
             if body.damping_text:
                 rows.append(Row(body.name, body.damping_text, "modal damping ratio"))
         for text in self.faces:
+            # "name: 9 points, area ...", with further lines on the same interface
             first, *others = text.split("\n")
             name, _, finding = first.partition(": ")
             points, _, rest = finding.partition(" points")
@@ -262,11 +266,9 @@ def _free_body_rows(body: Body) -> list[Row]:
     centre = ", ".join(f"{without_rounding(float(x), size):.6g}" for x in body.centre)
     moments = ", ".join(f"{moment:.6g}" for moment in np.linalg.eigvalsh(body.inertia))
     is_ring = body.kind == "ring"
-    mass = f"mass per sector, at a radius of {body.radius:.6g} m"
-    if not is_ring:
-        mass = mass.replace(" per sector", "")
+    mass_of = "mass per sector" if is_ring else "mass"
     rows = [
-        Row(body.name, f"{body.mass:.6g} kg", mass),
+        Row(body.name, f"{body.mass:.6g} kg", f"{mass_of}, at a radius of {body.radius:.6g} m"),
         Row("", "", f"centre ({centre}) m"),
         Row("", "", f"principal moments of inertia {moments} kg m²"),
     ]
@@ -357,6 +359,7 @@ def build_model(
     for d in expected:
         allowed = f"nodal diameters out of {list(diameters)}"
         check(d in diameters, "expected_frequencies", allowed, d)
+    # the sectors of the blade; free bodies in ``rings`` consist of sectors as well
     ring = CyclicStructure(faces, diameters, excited or diameters, expected)
     check_bodies(bodies, n_blades, checks.check_units, sector.elasticity)
     contacts, bodies = from_first_sector(contacts, bodies, n_blades)
@@ -366,19 +369,21 @@ def build_model(
     if base:
         validation.check(BASE not in places, "base", "no other location 'base'", "one")
         places[BASE] = ("blade", _inertia_forces(bodies["blade"], n_blades))
-    rows = stress_rows(bodies["blade"], sector, laid, ring)
-    n_steps = _number_of_steps(bodies, ring, rings, sector.blade_nodes is not None)
+    stresses = stress_rows(bodies["blade"], sector, laid, ring)
+    n_steps = _number_of_steps(bodies, ring, rings, local=sector.blade_nodes is not None)
     with progress_stages(shows_progress(progress), "import", "step") as show:
         report.steps = Steps(show, n_steps)
-        made, shapes = _reduced(bodies, laid, places, ring, rings, sector, reduction, rows)
+        reduced, shapes = _reduced(bodies, laid, places, ring, rings, sector, reduction, stresses)
     if checks.check_units:
         for name, body in bodies.items():
-            check_lowest(body, made[name])
-    for row in rows:
-        check_surface(bodies["blade"], row.name, row.largest(ring.pictured[0]))
+            check_lowest(body, reduced[name])
+    # stresses are judged in the lowest mode of this nodal diameter
+    first_excited = ring.pictured[0]
+    for stress in stresses:
+        check_surface(bodies["blade"], stress.name, stress.largest(first_excited))
     bases = list(_origins(bodies, ring))
-    bases += [_largest_stress(bodies["blade"], row, ring) for row in rows]
-    return _assembled(bodies, laid, places, made, shapes, rows, ring, report, bases)
+    bases += [_largest_stress(bodies["blade"], stress, ring) for stress in stresses]
+    return _assembled(bodies, laid, places, reduced, shapes, stresses, ring, report, bases)
 
 
 # --------------------------------------------------------------------------------------------------
@@ -407,11 +412,13 @@ def _prepared(
 
 
 def _counts(free: Sequence[str], reduction: Reduction) -> dict[str, int]:
-    """Return the number of modes of each body."""
+    """Return the number of modes of each body; ``free`` are the names of the free bodies."""
     n_modes = reduction.n_damper_modes
-    by_name = n_modes if isinstance(n_modes, Mapping) else dict.fromkeys(free, n_modes)
-    validation.mapping("n_damper_modes", by_name, free, "free bodies")
-    return {"blade": reduction.n_modes, **dict.fromkeys(free, DAMPER_MODES), **by_name}
+    given = n_modes if isinstance(n_modes, Mapping) else dict.fromkeys(free, n_modes)
+    validation.mapping("n_damper_modes", given, free, "free bodies")
+    # a mapping need not contain all free bodies
+    by_default = dict.fromkeys(free, DAMPER_MODES)
+    return {"blade": reduction.n_modes, **by_default, **given}
 
 
 def _checked_contacts(contacts: Sequence[ContactFaces]) -> tuple[ContactFaces, ...]:
@@ -436,7 +443,9 @@ def _diameters(
     chosen = reduction.nodal_diameters
     harmonics = reduction.harmonics
     orders: Sequence[int] = reduction.engine_order or ()  # type: ignore[assignment]
-    excited = tuple(sorted({min(order % n_blades, -order % n_blades) for order in orders}))
+    # an order excites a wave, which has the same nodal diameter, at most N/2, in both directions
+    diameters_of_orders = {min(order % n_blades, -order % n_blades) for order in orders}
+    excited = tuple(sorted(diameters_of_orders))
     # without matrices the model has at most the nodal diameters of the modes of the file
     with_modes: set[int] | None = None
     if blade.stiffness is None and blade.modes:
@@ -453,16 +462,17 @@ def _diameters(
     if chosen is not None:
         checked = validation.integers("nodal_diameters", chosen, most=n_blades // 2)
         return tuple(sorted({0, *checked})), excited, "given"
-    most = harmonics or HARMONICS
+    n_harmonics = harmonics or HARMONICS
     wanted = set[int]()
     for order in orders:
-        n_harmonics = most
-        # period of the excitation in sectors
+        n_of_order = n_harmonics
+        # period of the excitation in sectors; this number of harmonics excites all possible waves,
+        # which time integration needs
         period = n_blades // gcd(n_blades, order)
         if harmonics is None and period <= INTEGRATED:
-            n_harmonics = max(most, period)
-        wanted.update(needed_nodal_diameters(n_blades, order, n_harmonics))
-    reason = f"for {counted(most, 'harmonic')} of engine order {', '.join(map(str, orders))}"
+            n_of_order = max(n_harmonics, period)
+        wanted.update(needed_nodal_diameters(n_blades, order, n_of_order))
+    reason = f"for {counted(n_harmonics, 'harmonic')} of engine order {', '.join(map(str, orders))}"
     if harmonics is None:
         reason += " and time integration"
         if with_modes:
@@ -520,7 +530,7 @@ def _sector_faces(body: PreparedBody, sector: Sector) -> SectorFaces:
     matched, problems = _matched_faces(body, pair)
     if matched is not None:
         return matched
-    # further pitches give further pairs of problems
+    # reasons for both orders of the faces at the first pitch; another pitch adds two more
     one_way, other_way = problems[:2]
     other_found = other_way.split(": ")[-1]
     found = f"{pair.apart}; {one_way}; the other way: {other_found}"
@@ -558,7 +568,8 @@ def _face_pair(body: PreparedBody, faces: tuple[NodeSet, NodeSet], sector: Secto
         f"the faces are {np.rad2deg(angle):.6g} degrees apart; the closest number is {nearest} "
         "sectors"
     )
-    deviation = 1.0 - 2.0 * np.pi / n_blades / angle
+    pitch = 2.0 * np.pi / n_blades
+    deviation = 1.0 - pitch / angle
     fits = n_blades == nearest and abs(deviation) <= sector.angle_tolerance
     expected = f"360/N degrees within {100 * sector.angle_tolerance:g} %"
     body.require(is_given or fits, "sector faces", expected, apart)
@@ -690,10 +701,13 @@ def _possible_ties(body: PreparedBody, pair: _FacePair) -> list[_Tie]:
 
 
 def _angle_between(body: PreparedBody, first: NDArray, second: NDArray) -> float:
-    """Return the angle between the centres of two faces, rad."""
-    # measured from Y, the direction to the blade
-    first_angle = np.arctan2(*body.nodes[first, :2].mean(axis=0))
-    second_angle = np.arctan2(*body.nodes[second, :2].mean(axis=0))
+    """Return the angle between the centres of two faces (node indices) about Z, rad."""
+    first_x, first_y = body.nodes[first, :2].mean(axis=0)
+    second_x, second_y = body.nodes[second, :2].mean(axis=0)
+    # measured from Y, the direction to the blade, towards X
+    first_angle = np.arctan2(first_x, first_y)
+    second_angle = np.arctan2(second_x, second_y)
+    # from -pi to pi
     difference = (second_angle - first_angle + np.pi) % (2.0 * np.pi) - np.pi
     # a disk with thousands of sectors has the smallest angle
     return max(float(abs(difference)), 1e-3)
@@ -759,6 +773,7 @@ def _check_separate(body: PreparedBody, n_blades: int) -> None:
     if found is None:
         return
     numbers = body.raw.numbers
+    # a pair of nodes that a rotation by one sector maps onto each other, as an example
     first = numbers[found.independent[0]]
     last = numbers[found.dependent[0]]
     raise body.error(
@@ -773,8 +788,11 @@ def _check_separate(body: PreparedBody, n_blades: int) -> None:
 def _mean_edge(body: PreparedBody, nodes: NDArray) -> float:
     """Return the mean edge of the outer faces of elements on some nodes, m."""
     lengths = []
+    # triangles and quadrilaterals, with or without mid-side nodes, are separate groups
     for facets in facets_on_nodes(body.boundary, nodes).groups:
-        corners = body.nodes[facets[:, : corner_count(facets.shape[1])]]
+        _, n_nodes = facets.shape
+        # the corners come first, (n_facets, n_corners, 3)
+        corners = body.nodes[facets[:, : corner_count(n_nodes)]]
         edges = corners - np.roll(corners, 1, axis=1)
         lengths.append(np.linalg.norm(edges, axis=2).ravel())
     return float(np.concatenate(lengths).mean())
@@ -794,13 +812,14 @@ def _locations(
     named = validation.instance("locations", locations, Mapping, "a mapping")
     for name, value in named.items():
         item = f"location '{name}'"
-        body = "blade"
+        # a node or position of the blade, or a pair of another body and one of these
+        body, place = "blade", value
         if isinstance(value, tuple) and len(value) == 2 and isinstance(value[0], str):
-            body, value = value
+            body, place = value
         validation.check(body in bodies, item, f"a body out of {sorted(bodies)}", f"'{body}'")
         unique = name not in places
         validation.check(unique, item, "a name that forces do not have", f"'{name}' twice")
-        places[name] = (body, bodies[body].node(value, item))
+        places[name] = (body, bodies[body].node(place, item))
     return places
 
 
@@ -814,15 +833,21 @@ def _inertia_forces(body: PreparedBody, n_blades: int) -> NDArray:
     found = "modes alone" if n_blades == 1 else f"{n_blades} sectors"
     validation.check(whole, "base", "a structure without sectors and with its matrices", found)
     n_nodes = len(body.nodes)
+    # unit translations of all nodes along X, Y and Z as columns, (3 n_nodes, 3)
     translations = np.tile(np.eye(3), (n_nodes, 1))
-    return np.asarray(-(body.structure.mass @ translations)).reshape(n_nodes, 3, 3)
+    forces = -(body.structure.mass @ translations)
+    return np.asarray(forces).reshape(n_nodes, 3, 3)
 
 
 def _location(name: str, body: PreparedBody, place: Place) -> Location:
-    """Return the location of a node, or of a field of forces at their mean position."""
+    """Return the location of a node (its index), of an accelerated base, or of a field of forces.
+
+    The base is at the mean position of the nodes.  The position of a field (n_nodes, 3) is the mean
+    over its forces.
+    """
     if not isinstance(place, np.ndarray):
         return Location(name, body.name, body.nodes[place].copy())
-    # three fields of forces of an accelerated base, or one field
+    # (n_nodes, 3, 3): a field of forces for each direction of the acceleration
     if place.ndim == 3:
         return Location(name, body.name, body.nodes.mean(axis=0), "base")
     sizes = np.linalg.norm(place, axis=1)
@@ -843,7 +868,8 @@ def _number_of_steps(
     """Return the number of steps of the reduction, for progress.
 
     A step is a nodal diameter of the sector or of a ring, a free body with matrices, the clamped
-    blade of a local basis, or its disk at a nodal diameter.
+    blade of a local basis, or its disk at a nodal diameter.  ``local`` tells whether there is a
+    local basis.
     """
     n_steps = 0
     for name, body in bodies.items():
@@ -854,12 +880,15 @@ def _number_of_steps(
     if not bodies["blade"].has_matrices:
         return n_steps
     diameters = set(ring.diameters)
+    # the deformation by rotation, from matrices at two speeds, has nodal diameter 0
     if bodies["blade"].raw.faster:
         diameters.add(0)
     if local:
         n_sectors = ring.faces.n_sectors
         diameters.update(sampled_waves(n_sectors))
-        n_steps += 1 + n_sectors // 2 + 1
+        n_clamped_blades = 1
+        n_disks = n_sectors // 2 + 1
+        n_steps += n_clamped_blades + n_disks
     return n_steps + len(diameters)
 
 
@@ -873,7 +902,14 @@ def _reduced(
     reduction: Reduction,
     rows: Sequence[StressRows],
 ) -> tuple[dict[str, Body], dict[str, dict[int, NDArray]]]:
-    """Reduce all bodies, from matrices or from modes; return their mode shapes for pictures too."""
+    """Reduce all bodies, from matrices or from modes.
+
+    Returns
+    -------
+    reduced : dict of name to Body
+    pictures : dict of name to dict of nodal diameter to array
+        Mode shapes on the nodes of blade and rings, for pictures.
+    """
     reduced: dict[str, Body] = {}
     pictures: dict[str, dict[int, NDArray]] = {}
     n_modes = _counts([name for name in bodies if name != "blade"], reduction)
@@ -938,11 +974,12 @@ def _largest_stress(body: PreparedBody, rows: StressRows, ring: CyclicStructure)
     """Return the node of the largest von Mises stress in the lowest mode of the first excited nodal
     diameter.
     """
-    d = ring.pictured[0]
-    node = rows.largest(d)
-    place = ", ".join(f"{x:.6g}" for x in body.raw.nodes[node])
-    where = f"node {body.raw.numbers[node]} at ({place}) in the file"
-    return f"stress '{rows.name}': largest at {where}, lowest mode of nodal diameter {d}"
+    first_excited = ring.pictured[0]
+    node = rows.largest(first_excited)
+    position = ", ".join(f"{coordinate:.6g}" for coordinate in body.raw.nodes[node])
+    where = f"node {body.raw.numbers[node]} at ({position}) in the file"
+    mode = f"lowest mode of nodal diameter {first_excited}"
+    return f"stress '{rows.name}': largest at {where}, {mode}"
 
 
 def _needs_partial_contact(model: Model, nodal_diameter: int, report: ImportReport) -> bool:
