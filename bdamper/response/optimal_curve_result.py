@@ -372,24 +372,27 @@ class OptimalCurve(
             np.isfinite(best.preload), "preloads_within", "a curve with an optimum", best
         )
         limit = validation.number("amplitude", amplitude, least=best.amplitude, unit="m")
-        computed = dict(zip(self.preload.tolist(), self.amplitude.tolist()))
-        below = sorted((p for p in computed if p < best.preload), reverse=True)
-        above = sorted(p for p in computed if p > best.preload)
+        amplitude_at = dict(zip(self.preload.tolist(), self.amplitude.tolist()))
+        # from the optimum to both ends of the curve
+        below = sorted((p for p in amplitude_at if p < best.preload), reverse=True)
+        above = sorted(p for p in amplitude_at if p > best.preload)
         ends = []
         for outward in (below, above):
             preload = best.preload
-            reached = best.amplitude
+            amplitude_here = best.amplitude
             for next_preload in outward:
-                next_amplitude = computed[next_preload]
-                # also if unknown
+                next_amplitude = amplitude_at[next_preload]
+                # also if it is unknown (NaN): the range then ends at the last known preload
                 if not next_amplitude <= limit:
                     share = 0.0
-                    if next_amplitude > reached:
-                        share = np.log(limit / reached) / np.log(next_amplitude / reached)
+                    # linear in the logarithms of preload and amplitude
+                    if next_amplitude > amplitude_here:
+                        rise = np.log(next_amplitude / amplitude_here)
+                        share = np.log(limit / amplitude_here) / rise
                     preload *= (next_preload / preload) ** share
                     break
                 preload = next_preload
-                reached = next_amplitude
+                amplitude_here = next_amplitude
             ends.append(float(preload))
         low, high = ends
         return low, high
@@ -398,6 +401,7 @@ class OptimalCurve(
     def optimum_in_time(self) -> TimeResponse | None:
         """Time response with the lowest upper bound of the amplitude; None if fewer than two exist."""
         known = [response for response in self.time_response if known_in_time(response)]
+        # the lowest of several
         if len(known) < 2:
             return None
         return min(known, key=lambda response: response.largest)
@@ -431,11 +435,11 @@ class OptimalCurve(
         NaN without time integration, after a failed check, or if the amplitude with one of the
         friction coefficients is unknown.
         """
-        amplitudes = checked_amplitudes(self)
-        if not amplitudes or failed(self):
+        amplitude_by_check = checked_amplitudes(self)
+        if not amplitude_by_check or failed(self):
             return float("nan")
         # NaN if one of them is
-        return float(np.max(list(amplitudes.values())))
+        return float(np.max(list(amplitude_by_check.values())))
 
     @property
     def detached(self) -> tuple[str, ...]:
@@ -494,6 +498,7 @@ class OptimalCurve(
     def _facts(self) -> tuple[Fact, ...]:
         best = self.optimum
         facts = [Fact("optimum", best.text)]
+        # the amplitude is the first harmonic; others may add to the motion
         if exceeds(best.half_range, best.amplitude):
             facts.append(Fact("half of the range", best.half_range, "m"))
         return (*facts, *super()._facts())

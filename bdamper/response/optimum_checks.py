@@ -39,7 +39,21 @@ VECTORS_OF_REFERENCE = 54
 
 
 class Check(NamedTuple):
-    """Colour, subject, result, rule and, if it failed, failure and remedy of one check."""
+    """One check of an optimum.
+
+    Parameters
+    ----------
+    colour : {"green", "amber", "red", "white"}
+        Passed, uncertain, failed, not run.
+    name : str
+        Subject.
+    found : str
+        Result, or the call that runs the check.
+    rule : str
+        Meaning of the colours.
+    failure, remedy : str
+        Texts for a failed check.
+    """
 
     colour: str
     name: str
@@ -119,7 +133,9 @@ def _beyond(curve: OptimalCurve) -> str:
     """Return the remedy for an optimum at an end: a wider range, or a value at the next preload."""
     row = int(np.abs(curve.preload - curve.optimum.preload).argmin())
     known = np.isfinite(curve.amplitude)
-    if not known[max(row - 1, 0) : row + 2].all():
+    # the optimum and the preloads next to it
+    neighbours = slice(max(row - 1, 0), row + 2)
+    if not known[neighbours].all():
         return (
             "find a value at the next preload first, with other contact_points or "
             'contact_stiffness="unit_traction"'
@@ -153,14 +169,15 @@ def _verified(curve: OptimalCurve) -> Check:
 
 def _value_everywhere(curve: OptimalCurve) -> Check:
     """Report preloads above the rattling range without a value."""
+    # the damper rattles up to this preload; 0 if it does not
     edge = curve.lowest_steady_preload
     known = np.isfinite(curve.amplitude)
-    missing = bool(np.any(~known & (curve.preload > edge)))
+    is_missing = ~known & (curve.preload > edge)
     found = f"{known.sum()} of {len(curve)}"
     if edge:
         found += f", no steady response up to {amount(edge, 'N')}"
     return Check(
-        colour="amber" if missing else "green",
+        colour="amber" if np.any(is_missing) else "green",
         name="A value at every preload",
         found=found,
         rule="amber if a curve is incomplete",
@@ -201,15 +218,17 @@ def _more_harmonics(curve: OptimalCurve) -> Check:
     if convergence.ok:
         colour = "green"
     else:
+        # relative to the peak with the harmonics of the study
         changes = [abs(peak.amplitude / first.amplitude - 1.0) for peak in others]
         # without convergence only peaks that do not change at all are green
         colour = graded(max(changes, default=np.inf), good=0.0, fair=FAIR)
     remedy = "rely on the amplitude by time integration"
+    # from the first of these peaks on, the amplitude no longer changes
     settled = convergence.settled
     if len(settled) > 1 and convergence.status == COMPLETE:
-        enough = settled[0].harmonics
-        if enough > first.harmonics:
-            remedy = f"use harmonics={enough}"
+        sufficient = settled[0].harmonics
+        if sufficient > first.harmonics:
+            remedy = f"use harmonics={sufficient}"
     failure = f"more harmonics may be needed, {convergence.verdict}"
     return Check(colour, "More harmonics", convergence.note, rule, failure, remedy)
 
@@ -246,6 +265,7 @@ def _friction_range(curve: OptimalCurve) -> Check:
     limits = None if friction_range is None else friction_range.limits
     if limits is None or not friction_tried(curve):
         return Check("white", name, _not_checked(curve), rule)
+    # factors within the spread at which the amplitude doubles, or at which it is unknown
     near = [limit for limit in limits if limit.near]
     if any(limit.known for limit in near):
         colour = "red"
@@ -268,6 +288,7 @@ def _not_checked(curve: OptimalCurve) -> str:
 def _friction_remedy(curve: OptimalCurve) -> str:
     """Return the remedy if the amplitude doubles with another friction coefficient."""
     friction_range = curve.friction_range
+    # its remedy is a preload (N), NaN or 0 if none is known
     if friction_range is None or not friction_range.remedy > 0.0:
         return "choose a preload for these friction coefficients, bd.robust_optimum"
     factors = f"{1.0 / FRICTION_SPREAD:.2g} and {FRICTION_SPREAD:g} times the friction"
@@ -312,11 +333,13 @@ def _rises_in_time(curve: OptimalCurve) -> list[float]:
 
     NaN means unknown.
     """
-    least = curve.optimum_in_time
+    lowest = curve.optimum_in_time
     rises = []
     for end in curve.range_in_time:
-        known = least is not None and known_in_time(end)
-        rises.append(end.largest / least.largest if known else np.nan)
+        if lowest is None or not known_in_time(end):
+            rises.append(np.nan)
+        else:
+            rises.append(end.largest / lowest.largest)
     return rises
 
 
@@ -365,12 +388,12 @@ def _curves_per_estimate(curve: OptimalCurve) -> float:
     # a curve may be stored without its unknowns
     if not has_residual_modes(curve.settings) or n_unknowns == 0:
         return CURVES_PER_ESTIMATE
-    harmonics = len(curve.settings["harmonics"])
-    # mean, and cosine and sine of each harmonic
-    coordinates = n_unknowns / (2 * harmonics + 1)
-    coordinates_of_reference = coordinates + VECTORS_OF_REFERENCE
-    n_of_reference = (2 * max(harmonics, 3) + 1) * coordinates_of_reference
-    return float((n_of_reference / n_unknowns) ** 2)
+    n_harmonics = len(curve.settings["harmonics"])
+    # each coordinate has a mean, and a cosine and a sine of each harmonic
+    n_coordinates = n_unknowns / (2 * n_harmonics + 1)
+    n_coordinates_of_reference = n_coordinates + VECTORS_OF_REFERENCE
+    n_unknowns_of_reference = (2 * max(n_harmonics, 3) + 1) * n_coordinates_of_reference
+    return float((n_unknowns_of_reference / n_unknowns) ** 2)
 
 
 def checked_amplitudes(curve: OptimalCurve) -> dict[str, float]:
@@ -388,9 +411,11 @@ def checked_amplitudes(curve: OptimalCurve) -> dict[str, float]:
         _, highest = convergence.range
         amplitudes["with more harmonics"] = highest
     if friction_tried(curve):
-        for peak in curve.other_friction[1:]:
-            size = peak.amplitude if peak.ok else np.nan
-            amplitudes[f"with {peak.factor:g} times the friction"] = size
+        # the first one has the coefficients of the study
+        _, *changed = curve.other_friction
+        for peak in changed:
+            amplitude = peak.amplitude if peak.ok else np.nan
+            amplitudes[f"with {peak.factor:g} times the friction"] = amplitude
     return amplitudes
 
 

@@ -12,7 +12,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.harmonic_balance.subject import excitation_text, friction_coefficients
+from bdamper.harmonic_balance.subject import (
+    excitation_text,
+    friction_coefficients,
+    has_more_points,
+)
 from bdamper.model.loads import BASE
 from bdamper.response.branches import NO_SOLUTION
 from bdamper.response.motion_range import exceeds
@@ -70,16 +74,17 @@ def _verdict(curve: OptimalCurve) -> str:
     subject = []
     if settings.get("engine_order"):
         subject.append(f"engine order {settings['engine_order']}")
-    excitation = excitation_text(curve.settings)
+    excitation = excitation_text(settings)
     if excitation:
         subject.append(excitation)
-    coefficients = friction_coefficients(curve.settings)
+    coefficients = friction_coefficients(settings)
     if coefficients.size:
         subject.append(f"friction coefficient {_listed(coefficients)}")
-    alone = "" if curve.recommended_response is not None else ", by harmonic balance alone"
-    about = f": {', '.join(subject)}" if subject else ""
-    alone += _uncertain(curve)
-    return f"Lowest amplitude at {amount(curve.recommended_preload, 'N')}{alone}{about}"
+    answer = f"Lowest amplitude at {amount(curve.recommended_preload, 'N')}"
+    if curve.recommended_response is None:
+        answer += ", by harmonic balance alone"
+    answer += _uncertain(curve)
+    return f"{answer}: {', '.join(subject)}" if subject else answer
 
 
 def _uncertain(curve: OptimalCurve) -> str:
@@ -98,7 +103,9 @@ def _first_incomplete(curve: OptimalCurve) -> str:
 
 def _preload_rows(curve: OptimalCurve) -> list[Row]:
     """Return the recommended preload with the range around it, and further remarks on it."""
-    best, optimum = curve.recommended_preload, curve.optimum
+    # the recommendation follows time integration, the optimum harmonic balance
+    recommended = curve.recommended_preload
+    optimum = curve.optimum
     low, high = curve.near_best
     near_best = f"amplitude within {percent(NEAR_BEST - 1.0)} of the lowest"
     within = f"{span(low, high, 'N')}: {near_best}, by harmonic balance"
@@ -111,15 +118,19 @@ def _preload_rows(curve: OptimalCurve) -> list[Row]:
         remarks.append(f"loads per newton: {shares}")
     if optimum.uncertainty > GOOD and optimum.known_to:
         remarks.append(optimum.known_to)
-    if not np.isclose(best, optimum.preload):
+    if not np.isclose(recommended, optimum.preload):
         remarks.append(
             f"lowest by time integration; by harmonic balance {amount(optimum.preload, 'N')}"
         )
-    remarks += [text for text in (_not_integrated(curve), _of_damper(curve, best)) if text]
+    for remark in (_not_integrated(curve), _of_damper(curve, recommended)):
+        if remark:
+            remarks.append(remark)
     if curve.range_in_time:
         remarks.append(range_in_time_text(curve))
     first, *others = remarks
-    return [Row("Preload", amount(best, "N"), first), *(Row("", "", text) for text in others)]
+    rows = [Row("Preload", amount(recommended, "N"), first)]
+    rows += [Row("", "", text) for text in others]
+    return rows
 
 
 def _steeper(curve: OptimalCurve) -> str:
@@ -127,11 +138,11 @@ def _steeper(curve: OptimalCurve) -> str:
 
     A lower bound can make a side the steeper one.  It cannot make it the flatter one.
     """
-    below, below_certain = _rise(curve, curve.preload < curve.optimum.preload)
-    above, above_certain = _rise(curve, curve.preload > curve.optimum.preload)
-    if above_certain and below >= CLEARLY * above > 0.0:
+    slope_below, below_certain = _rise(curve, curve.preload < curve.optimum.preload)
+    slope_above, above_certain = _rise(curve, curve.preload > curve.optimum.preload)
+    if above_certain and slope_below >= CLEARLY * slope_above > 0.0:
         return "rises faster below"
-    if below_certain and above >= CLEARLY * below > 0.0:
+    if below_certain and slope_above >= CLEARLY * slope_below > 0.0:
         return "rises faster above"
     return ""
 
@@ -140,13 +151,15 @@ def _rise(curve: OptimalCurve, side: NDArray) -> tuple[float, bool]:
     """Return the largest slope from the optimum on one side, and whether it is certain.
 
     The slope is d ln(amplitude)/d ln(preload).  Amplitudes up to NEAR_BEST times the optimum are
-    disregarded.  Amplitudes of incomplete peaks are lower bounds.
+    disregarded.  Amplitudes of incomplete peaks are lower bounds.  ``side`` (n,) bool tells which
+    preloads are on this side.
     """
     known = np.isfinite(curve.amplitude)
     amplitude = np.where(known, curve.amplitude, curve.lower_bound)
-    rise = np.log(amplitude / curve.optimum.amplitude)
-    counted = side & np.isfinite(rise) & (rise > np.log(NEAR_BEST))
-    slope = np.abs(rise[counted] / np.log(curve.preload[counted] / curve.optimum.preload))
+    log_rise = np.log(amplitude / curve.optimum.amplitude)
+    counts = side & np.isfinite(log_rise) & (log_rise > np.log(NEAR_BEST))
+    log_distance = np.log(curve.preload[counts] / curve.optimum.preload)
+    slope = np.abs(log_rise[counts] / log_distance)
     return float(slope.max(initial=0.0)), bool(known[side].all())
 
 
@@ -154,22 +167,27 @@ def _not_integrated(curve: OptimalCurve) -> str:
     """Return the side of the recommended preload without time integration, or ""."""
     if curve.optimum_in_time is None:
         return ""
-    best = curve.recommended_preload
+    recommended = curve.recommended_preload
+    # ascending
     integrated = [response.preload for response in curve.time_response if known_in_time(response)]
-    if best not in (integrated[0], integrated[-1]):
-        return ""
-    side = "lower" if best == integrated[0] else "higher"
-    return f"{side} preloads were not integrated"
+    if recommended == integrated[0]:
+        return "lower preloads were not integrated"
+    if recommended == integrated[-1]:
+        return "higher preloads were not integrated"
+    return ""
 
 
 def _of_damper(curve: OptimalCurve, preload: float) -> str:
     """Compare a preload with the centrifugal load of the damper at the resonance."""
     order = curve.settings.get("engine_order", 0)
-    # with an excitation of one newton the preload is a ratio
+    # with an excitation of one newton the preload is a ratio; loads per preload concern several
+    # bodies
     if _is_one_newton(curve) or curve.settings.get("load_per_preload"):
         return ""
+    # the radius is unknown (NaN) without rotation
     if not order or not curve.mass_radius > 0.0:
         return ""
+    # speed (rad/s) of the study, or the one at which the engine order meets the resonance
     speed = curve.settings.get("speed") or 2.0 * np.pi * curve.optimum.frequency / order
     load = curve.mass_radius * speed**2
     rotor_speed = amount(30.0 * speed / np.pi, "rpm")
@@ -187,8 +205,11 @@ def _is_one_newton(curve: OptimalCurve) -> bool:
 
 def _amplitude_rows(curve: OptimalCurve, any_failed: bool) -> list[Row]:
     """Return the design amplitude, unless a check has failed, and the amplitude by each method."""
-    optimum, response = curve.optimum, curve.recommended_response
-    in_time = response if response is not None and known_in_time(response) else None
+    optimum = curve.optimum
+    # time response at the recommended preload; None if its amplitude is unknown
+    in_time = curve.recommended_response
+    if in_time is not None and not known_in_time(in_time):
+        in_time = None
     rows = []
     if in_time is not None and not any_failed:
         rows.append(_design_row(curve))
@@ -224,16 +245,16 @@ def _amplitude_rows(curve: OptimalCurve, any_failed: bool) -> list[Row]:
 
 
 def _design_row(curve: OptimalCurve) -> Row:
+    """Return the design amplitude with the check that determines it."""
+    name = "Design amplitude"
+    # by the description of each check
     amplitudes = checked_amplitudes(curve)
-    unknown = [name for name, size in amplitudes.items() if np.isnan(size)]
+    unknown = [check for check, amplitude in amplitudes.items() if np.isnan(amplitude)]
     if unknown:
-        return Row(
-            "Design amplitude", "unknown", f"the peak {' and '.join(unknown)} is not complete"
-        )
-    highest = max(amplitudes, key=lambda name: amplitudes[name])
-    return Row(
-        "Design amplitude", amount(curve.design_amplitude, "m"), f"largest of all checks, {highest}"
-    )
+        return Row(name, "unknown", f"the peak {' and '.join(unknown)} is not complete")
+    highest = max(amplitudes, key=lambda check: amplitudes[check])
+    remark = f"largest of all checks, {highest}"
+    return Row(name, amount(curve.design_amplitude, "m"), remark)
 
 
 def _range(curve: OptimalCurve) -> str:
@@ -278,6 +299,7 @@ def _doubts(curve: OptimalCurve) -> str:
 
 def _locked(curve: OptimalCurve) -> str:
     """Return the bodies that friction alone can hold, so that their forces depend on the history."""
+    # a dictionary keeps each note once and in order
     notes: dict[str, None] = {}
     for response_curve in curve.curves:
         notes |= dict.fromkeys(response_curve.self_locking)
@@ -291,10 +313,7 @@ def _not_covered(curve: OptimalCurve) -> str:
     if response is None or not known_in_time(response):
         effects += ["time integration", "more blade modes"]
     effects += ["mistuning", "wear"]
-    # with given stiffness each contact point is a joint, and there are no more of them
-    stiffness = curve.settings.get("contact_stiffness", "")
-    joints = stiffness == "model" or "values" in stiffness
-    if not joints or curve.settings.get("contact_points") is not None:
+    if has_more_points(curve.settings):
         effects.append("more contact points")
     coefficients = friction_coefficients(curve.settings)
     if coefficients.size:
