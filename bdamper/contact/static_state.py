@@ -760,7 +760,6 @@ class _LoadPath:
         self.lost = False
         self.step = longest
         self.least = SHORTEST
-        self.unit = _force_unit(system, (state.load, load), _slider_memory(system, state))
 
         # bonded points and compiled laws have no changes of state on a straight line
         free = np.logical_not(system.bonded)
@@ -806,6 +805,15 @@ class _LoadPath:
     def _load_after(self, step: float) -> float:
         return self.load - (self.left - step) * self.change
 
+    def _unit_until(self, load: float, before: NDArray) -> float:
+        """Return the largest modal force (N) from the latest state up to a load (N).
+
+        The unit of a short first step is as small as its load.  With the unit of the complete
+        change a body that slides, not in equilibrium, would be accepted there, and each longer step
+        from it would fail.
+        """
+        return _force_unit(self.system, (self.state.load, load), before)
+
     def _solve(self, load: float, step: float, before: NDArray) -> _Equilibrium:
         """Solve for the states at a load, from different initial states until one converges.
 
@@ -824,7 +832,7 @@ class _LoadPath:
             _, extrapolated = _forces(self.system, self.x + step * self.slope, before)
             initial.insert(0, extrapolated)
 
-        load_step = _LoadStep(self.system, load, before, self.unit)
+        load_step = _LoadStep(self.system, load, before, self._unit_until(load, before))
         different = {states.tobytes(): states for states in initial}
         iterations = 0
         for states in different.values():
@@ -856,7 +864,8 @@ class _LoadPath:
         tried = (step, self.longest) if from_rest else (step,)
         for step in tried:
             load = self._load_after(step)
-            end, reached = _creep(self.system, load, self.state, self.unit)
+            unit = self._unit_until(load, _slider_memory(self.system, self.state))
+            end, reached = _creep(self.system, load, self.state, unit)
             if end.ok:
                 break
         if not end.ok:

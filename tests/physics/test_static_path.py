@@ -6,11 +6,13 @@ one, then goes on along a straight line to the next change of state.
 
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import bdamper as bd
+import bdamper.contact.static_state as static_module
 from bdamper.contact.static_state import StaticSystem, static_state
 from bdamper.mistuning import BladedDisk, DamperVariation
 from tests.each import each
@@ -263,3 +265,37 @@ def test_a_face_on_soft_normal_springs_has_a_state(seed, n_points, friction, kn)
     np.testing.assert_allclose(slip[sticks], 0.0, atol=1e-9 * np.abs(motion).max())
     assert sticks.any() and not sticks.all()
     assert np.all(slip[~sticks] * T[~sticks] > 0.0)
+
+
+def test_an_edge_that_slides_is_in_equilibrium_from_the_first_step_on(monkeypatch):
+    """A wedge with edge contact, whose damper slides until a further point sticks.
+
+    With residuals relative to the final load, 2 of 24 directions of closed points stuck after the
+    first short step, with an imbalance of 5e-9 of its load. No long step followed, and Newton
+    iterations began 477 times.
+    """
+    arrays = np.load(Path(__file__).parents[1] / "golden" / "partial_contact.npz")
+    system = StaticSystem(**arrays, constant_force=np.zeros(len(arrays["force"])))
+    begun = []
+    solve = static_module._LoadStep.solve
+    monkeypatch.setattr(
+        static_module._LoadStep,
+        "solve",
+        lambda step, status: begun.append(status) or solve(step, status),
+    )
+    load = 915.83
+    state = static_state(system, load)
+    assert state.ok, state.reason
+    assert len(begun) < 100
+
+    G = system.G.reshape(-1, system.G.shape[2])
+    imbalance = system.stiffness * state.q + G.T @ state.force.ravel() - load * system.force
+    assert np.abs(imbalance).max() < 1e-10 * load * np.abs(system.force).max()
+    motion = (G @ state.q).reshape(-1, 3) + load * system.shift
+    normal = np.maximum(system.n0 + system.kn * motion[:, 2], 0.0)
+    np.testing.assert_allclose(state.force[:, 2], normal, atol=1e-9 * load)
+    limit = system.mu[:, None] * normal[:, None]
+    assert np.all(np.abs(state.force[:, :2]) <= limit + 1e-9 * load)
+    # the preload presses both faces of the wedge with the same force
+    left, right = state.force[:24, 2].sum(), state.force[24:48, 2].sum()
+    assert left == pytest.approx(right, rel=0.01)
