@@ -249,8 +249,8 @@ class Study(Comparable):
         ----------
         preload : float, N
         history : sequence of float, optional
-            Load factors, up and down, through which the load passes from zero.  Default:
-            ``load_history`` of the study.
+            Load factors, increasing or decreasing, that are applied in sequence, starting from zero
+            load. Default: ``load_history`` of the study.
 
         Returns
         -------
@@ -271,7 +271,7 @@ class Study(Comparable):
         *,
         absolute: bool = False,
     ) -> NDArray:
-        """Compute the response of a peak or a curve at any location, from its solutions.
+        """Compute the response at any location from the solutions of a peak or a curve.
 
         Parameters
         ----------
@@ -405,7 +405,7 @@ class Study(Comparable):
 
     @partial(validation.check_arguments, name="free")
     def free(self, frequency: tuple[float, float]) -> ResponseCurve:
-        """Compute the response without contact, the limit of zero preload.
+        """Compute the linear response without contact, the limit of zero preload.
 
         Parameters
         ----------
@@ -420,16 +420,17 @@ class Study(Comparable):
     @partial(validation.check_arguments, name="stuck")
     @needs_contacts
     def stuck(self, frequency: tuple[float, float], preload: float | None = None) -> ResponseCurve:
-        """Compute the response with all closed points stuck, the limit of high preload.
+        """Compute the linear response with all closed points stuck, the limit of high preload.
 
         Parameters
         ----------
         frequency : (low, high), Hz
         preload : float, N, optional
-            Preload that closes the points; without gaps its size has no effect.  Default:
-            centrifugal load of the damper at the rotor speed of the study; 1 N if it has none.
-            Open points stay open here.  If vibration closes them, a resonance may lie above this
-            limit.  An interface that touches without a normal load counts as stuck, with a warning.
+            Preload that closes the contact points; its magnitude has no effect if there are no
+            gaps.  Default: centrifugal load of the damper at the rotor speed of the study; 1 N if
+            it has none.  Open points remain open in this limit. If vibration closes them, a
+            resonance may lie above it.  An interface that touches without a normal load counts as
+            stuck, with a warning.
 
         Returns
         -------
@@ -447,7 +448,7 @@ class Study(Comparable):
         progress: bool | None = None,
         stability: bool = False,
     ) -> ResponseCurve:
-        """Compute the response curve over a frequency interval at one preload, with all branches that are reached.
+        """Compute the response curve in a frequency interval at one preload, with all branches that can be reached.
 
         Parameters
         ----------
@@ -460,14 +461,14 @@ class Study(Comparable):
         progress : bool, optional
             Show progress: a bar or, without a terminal, lines of text after ten seconds; on by default.
         stability : bool
-            Determine the stability of each point (:meth:`with_stability`), even if the study's
-            ``stability`` is off.
+            Whether to determine the stability of each point (:meth:`with_stability`), even if
+            ``stability`` of the study is off.
 
         Returns
         -------
         ResponseCurve
-            ``status`` is "complete" if the branches span the interval.  Otherwise ``reason``
-            contains the explanation, and the curve contains the points found.
+            ``status`` is "complete" if the branches span the interval. Otherwise, ``reason`` gives
+            the cause, and the curve contains the points that were found.
         """
         problem = self.problem
         validation.flag("stability", stability)
@@ -500,7 +501,7 @@ class Study(Comparable):
             changes by no more than 5 %.  Points that remain undecided, or were not reached before
             Ctrl-C, keep the stability label from the harmonic balance (``curve.labels``).
         progress : bool, optional
-            Show the number of integrated points during the computation; on by default.
+            Show how many points have been integrated; on by default.
 
         Returns
         -------
@@ -522,12 +523,13 @@ class Study(Comparable):
         seconds: float = in_time.SECONDS,
         progress: bool | None = None,
     ) -> MotionInTime:
-        """Integrate in time from a point of a response curve, and decide whether the motion agrees with it.
+        """Integrate in time from a point of a response curve, and decide whether the motion stays there.
 
-        All sectors are included, each with its contacts and disturbances of every nodal diameter;
-        the modes of the curve are used.  The integration ends with the decision, usually after 96
-        to 200 periods.  With ``frequency`` it starts from the closest solution and lasts a given
-        number of periods, without a decision; use this where no stable solution exists.
+        All sectors with their contacts are included, and the initial motion is disturbed in every
+        nodal diameter; the modes of the curve are used. The integration ends when a decision is
+        reached, usually after 96 to 200 periods. If ``frequency`` is given, it starts from the
+        closest solution and runs for a given number of periods without a decision; use this if
+        there is no stable solution.
 
         Parameters
         ----------
@@ -538,24 +540,24 @@ class Study(Comparable):
         frequency : float, Hz, optional
             Frequency of the excitation, instead of a point.
         periods : int, optional
-            Largest number of periods until a decision, 1,000 by default; with ``frequency`` their
-            number, 200 by default.
+            Maximum number of periods until a decision, 1,000 by default; with ``frequency``, the
+            number of periods, 200 by default.
         tolerance : float
-            Largest relative difference of the amplitude for the decision.
+            Relative difference of the amplitude up to which the motion agrees with the solution.
         steps_per_period : int, optional
-            1,024 by default, 256 with ``frequency``; four times this number if the energy
-            does not balance.
+            Number of time steps, by default 1,024, or 256 with ``frequency``. If the energy does
+            not balance, four times this number is used.
         seconds : float, s
-            Largest processor time of the integration and its equations.
+            Maximum processor time of the integration, including its equations.
         progress : bool, optional
             Show progress: a bar or, without a terminal, lines of text after ten seconds; on by default.
 
         Returns
         -------
         MotionInTime
-            With ``frequency`` it has no verdict, and is incomplete if the mean or the stored energy
-            still changes at the end.  After Ctrl-C it contains the periods computed so far.  If the
-            processor time is used up, it contains them too and is incomplete.
+            With ``frequency`` it has no verdict, and it is incomplete if the mean or the stored
+            energy still changes at the end. After Ctrl-C it contains the periods computed so far.
+            If the processor time is used up, it also contains them and is incomplete.
 
         Raises
         ------
@@ -593,12 +595,12 @@ class Study(Comparable):
         seconds: float = sweeps.SWEEP_SECONDS,
         progress: bool | None = None,
     ) -> TimeSweep:
-        """Integrate in time while the frequency of the excitation changes slowly over an interval.
+        """Integrate in time while the excitation frequency changes slowly through an interval.
 
-        All sectors are included, each with its contacts; there is no truncated Fourier series and
-        no assumption of a travelling wave.  The integration includes all nodal diameters of the
-        model.  It starts from a solution at the first frequency: the lowest that is not between
-        folds.  The motion settles there before the sweep begins.
+        All sectors with their contacts are included, without a truncated Fourier series and without
+        the assumption of a travelling wave. The integration includes all nodal diameters of the
+        model. It starts from a solution at the first frequency, the lowest one that is not between
+        folds. The motion settles there before the sweep begins.
 
         Parameters
         ----------
@@ -612,15 +614,15 @@ class Study(Comparable):
         steps_per_period : int, optional
             256 by default.
         seconds : float, s
-            Largest processor time of the integration and its equations.
+            Maximum processor time of the integration, including its equations.
         progress : bool, optional
-            Show the progress in the periods of the excitation; on by default.
+            Show the progress in excitation periods; on by default.
 
         Returns
         -------
         TimeSweep
             After Ctrl-C it contains the periods computed so far.  If the processor time is used up,
-            it contains them too and is incomplete.
+            it also contains them and is incomplete.
 
         Raises
         ------
@@ -654,7 +656,7 @@ class Study(Comparable):
         seconds: float = in_time.SECONDS,
         progress: bool | None = None,
     ) -> TimeResponse:
-        """Compute the highest steady amplitude near a resonance by time integration, with its error.
+        """Compute the highest steady-state amplitude near a resonance by time integration, with its error.
 
         All amplitudes belong to the blade with the largest amplitude
         (:mod:`bdamper.time_domain.time_response`).
@@ -662,23 +664,24 @@ class Study(Comparable):
         Parameters
         ----------
         result : ResponseCurve or Peak
-            Response curve of this study, from one flank of the resonance to the other.  For a peak
-            the response curve is computed in its interval.
+            Response curve of this study, from one flank of the resonance to the other.  For a peak,
+            the response curve in its interval is computed first.
         steps_per_period : int, optional
-            256 by default.  The search takes twice this number where contacts chatter, and
-            integrates the highest motion again with steps of a quarter of the length.  If the
-            energy does not balance to 2 %, it begins again with four times this number.
+            Number of time steps, 256 by default. The search uses twice this number if contacts
+            chatter, and integrates the highest motion again with steps of a quarter of the length.
+            If the energy does not balance to 2 %, the search is repeated with four times this
+            number.
         blades : int, optional
-            Number of blades of the ring; by default the smallest after which the excitation
-            repeats.  More blades allow more vibration patterns.
+            Number of blades that are integrated, as a ring; by default the smallest number after
+            which the excitation repeats. More blades allow more vibration patterns.
         starts : int
-            Number of initial states at the highest point.  Further states have other
-            disturbances, with random phases, and friction forces that are zero or at the limit in
-            either direction.
+            Number of initial states at the highest point. The additional states differ in their
+            disturbances, which have random phases, and in their friction forces, which are zero or
+            at the friction limit in either direction.
         seconds : float, s
-            Largest processor time of the integrations and their equations.  If this time is used
-            up, the result contains the motions that have settled, and its reason names the missing
-            part.
+            Maximum processor time of the integrations, including their equations. If this time is
+            used up, the result contains the motions that have settled, and its reason names the
+            part that is missing.
         progress : bool, optional
             Show progress: a bar or, without a terminal, lines of text after ten seconds; on by default.
 
@@ -687,8 +690,8 @@ class Study(Comparable):
         TimeResponse
             "not found" if no motion stays or settles in time, the integration fails, or its energy
             does not balance; "incomplete" if the error exceeds 5 %, the mean drifts, the processor
-            time is used up, or the curve ends before the motion jumps.  After Ctrl-C it describes
-            the highest steady motion so far.
+            time is used up, or the curve ends before the motion jumps. After Ctrl-C, it describes
+            the highest steady motion found so far.
 
         Raises
         ------
@@ -725,9 +728,9 @@ class Study(Comparable):
         preload : float, N
             Radial load on the damper.
         frequency : (low, high), Hz, optional
-            Search interval; by default it surrounds the free and the stuck resonance of ``mode``.
+            Search interval; by default, it contains the free and the stuck resonance of ``mode``.
         mode : int
-            Mode of the bodies with their constraints, 1 for the lowest.
+            Mode of the constrained bodies, 1 for the lowest.
         options : PeakOptions, optional
             Tolerances of the peak.
         progress : bool, optional
@@ -736,8 +739,9 @@ class Study(Comparable):
         Returns
         -------
         Peak
-            The highest point, or a peak with a status and NaN if none was found.  It is
-            "incomplete" if a peak that was followed from a lower preload is higher.
+            Highest point of the response. If none was found, the amplitude is NaN and ``status``
+            gives the reason. The status is "incomplete" if a peak followed from a lower preload is
+            higher.
         """
         problem = self.problem
         progress = shows_progress(progress)
@@ -766,31 +770,34 @@ class Study(Comparable):
         quantity: str = "amplitude",
         material: Material | None = None,
     ) -> OptimalCurve:
-        """Compute the resonance amplitude over the preload, and check the optimum by time integration.
+        """Compute the resonance amplitude as a function of the preload, and check the optimum by time integration.
 
         Parameters
         ----------
         preload : (low, high) or sequence of more than two values, N
-            Preloads, or the ends of a range that is divided into ``n`` preloads with equal ratios.
+            Preloads, or the ends of a range that is divided into ``n`` preloads in geometric
+            progression.
         n : int
-            Number of preloads between two values.
+            Number of preloads if a range is given.
         frequency, mode, options
             See :meth:`peak`.
         executor : concurrent.futures.Executor, optional
-            Executor of the curves; threads by default.
+            Executor that computes the response curves; threads by default.
         check : {"time", "neighbours", "range", False}
             "time": compute the peak at the optimum with up to 16 harmonics (``curve.convergence``)
             and the amplitude by time integration there and at 1.35 times its preload
-            (``curve.time_response``).  At the better of both preloads compute the peaks with 0.7
-            and 1.3 times the friction (``curve.other_friction``).  Then find the factors on the
-            friction coefficients at which the amplitude doubles (``curve.friction_range``, 6 to 13
-            peaks).  With "neighbours" the time integration also includes the preload of the optimum
-            divided by 1.35.  With "range" it includes both ends of ``curve.near_best``: the
-            preloads with at most 1.2 times the lowest amplitude by harmonic balance.
+            (``curve.time_response``).  At the better of the two preloads, compute the peaks with
+            0.7 and 1.3 times the friction coefficients (``curve.other_friction``).  Then find the
+            factors on the friction coefficients at which the amplitude doubles
+            (``curve.friction_range``, 6 to 13 peaks).  With "neighbours" the time integration also
+            includes the preload of the optimum divided by 1.35.  With "range" it includes both ends
+            of ``curve.near_best``, the range in which the harmonic-balance amplitude is at most 1.2
+            times the lowest one.
         progress : bool, optional
             Show the current step and the remaining time; on by default.
         resume : path, optional
-            File for all finished curves; interrupted work continues from it.
+            File in which all finished curves are stored; an interrupted computation continues from
+            it.
         quantity : {"amplitude", "margin"}
             "margin": also compute the fatigue margin for ``material`` (``curve.margins``).
         material : Material, optional
@@ -799,8 +806,8 @@ class Study(Comparable):
         Returns
         -------
         OptimalCurve
-            Curve with the harmonics of the study.  After Ctrl-C it contains the results computed
-            until then.
+            Curve with the harmonics of the study.  After Ctrl-C it contains the results computed so
+            far.
         """
         problem = self.problem
         # all arguments are checked before the first curve is computed
@@ -863,8 +870,8 @@ class Study(Comparable):
         ------
         SettingError
             If the peak is not converged or is at a corner, or if contact forces are sampled: events
-            between samples make the amplitude a rippled function of frequency, whose maxima move
-            from ripple to ripple.
+            between samples cause ripples in the amplitude, and the maximum jumps from ripple to
+            ripple.
         """
         return sensitivity.peak_sensitivities(self.problem, peak, parameters)
 
@@ -873,7 +880,7 @@ class Study(Comparable):
     def curve_sensitivities(
         self, curve: ResponseCurve, parameters: Sequence[str] = sensitivity.PARAMETERS
     ) -> dict[str, CurveSensitivity]:
-        """Compute the derivatives of a response curve with respect to preload and settings, also at folds.
+        """Compute the derivatives of a response curve, including its folds, with respect to preload and settings.
 
         Parameters
         ----------
@@ -910,9 +917,9 @@ class Study(Comparable):
         curve : OptimalCurve
             Optimal curve of this study.
         preload : sequence of float, N, optional
-            By default the optimum and a preload 1.35 times as large.
+            By default, the preload of the optimum and 1.35 times this preload.
         progress : bool, optional
-            Show the progress in each preload; on by default.
+            Show the progress at each preload; on by default.
 
         Returns
         -------
@@ -943,7 +950,7 @@ class Study(Comparable):
         options: ContinuationOptions | None = None,
         progress: bool | None = None,
     ) -> NonlinearMode:
-        """Compute frequency and damping of a mode over the amplitude of free vibration.
+        """Compute frequency and damping of a mode as functions of the amplitude of free vibration.
 
         The motion is periodic: the force ``2 omega zeta M q'`` balances all losses, and zeta is the
         modal damping ratio [1]_. The excitation has no effect.
@@ -957,8 +964,8 @@ class Study(Comparable):
         amplitude : (low, high), m
             Range of the amplitude of the first harmonic of the response.
         more_harmonics : int
-            Number by which the highest harmonic rises in a second computation, whose differences
-            the result contains: ``damping_error`` and ``frequency_error``.
+            Number of harmonics that are added in a second computation for comparison. The result
+            contains the differences as ``damping_error`` and ``frequency_error``.
         options, progress
             See :meth:`frequency_response`.
 
@@ -1007,11 +1014,11 @@ class Study(Comparable):
         preload : float, (low, high) or sequence of more than two values, N
         aerodynamic_damping : float or complex, or a mapping of nodal diameters to these
             Aerodynamic damping ratio, negative for a destabilising flow, at the nodal diameter of
-            the engine order or at the given ones. For a complex number the imaginary part is the
-            damping ratio and the real part the relative frequency shift. The force is proportional
-            to mass; its real part does not act on rigid motions.
+            the engine order or at the given nodal diameters. For a complex number the imaginary
+            part is the damping ratio and the real part the relative frequency shift. The force is
+            proportional to the mass; its real part does not act on rigid-body motions.
         mode, amplitude, options
-            See :meth:`nonlinear_mode`; limit cycles are searched in this range of amplitudes.
+            See :meth:`nonlinear_mode`; limit cycles are searched for in this range of amplitudes.
         n : int
             Number of preloads between two limits.
         progress : bool, optional
@@ -1055,13 +1062,13 @@ class Study(Comparable):
         result : Peak, ResponseCurve or OptimalCurve
             Result of this study.
         index : int, optional
-            Index of a point of a curve. By default the highest point of a response curve and the
-            lowest of an optimal curve.
+            Index of a point of a curve. By default, the highest point of a response curve or the
+            optimum of an optimal curve.
         sets : str or sequence of str, optional
             Stress sets of the model; all by default.
         speed : float, rad/s, optional
             Rotor speed. By default the speed of the study, or the speed at which the engine order
-            excites at the frequency of the solution; 0 for a structure that does not rotate.
+            excites at the frequency of the solution; 0 for a non-rotating structure.
 
         Returns
         -------
@@ -1082,7 +1089,7 @@ class Study(Comparable):
         direction: Direction,
         elastic: Sequence[float] | None = None,
     ) -> NDArray:
-        """Return normal stress or strain at a gauge for every point of a result.
+        """Return the normal stress or strain at a gauge for every point of a result.
 
         Parameters
         ----------
@@ -1100,8 +1107,8 @@ class Study(Comparable):
         Returns
         -------
         (n, n_harmonics + 1) complex, Pa or 1
-            Mean with centrifugal part, and complex amplitude of each harmonic. n is 1 for a peak;
-            rows without a solution are NaN.
+            Mean, including the centrifugal part, and complex amplitude of each harmonic. n is 1 for
+            a peak; rows of points without a solution are NaN.
 
         Raises
         ------
@@ -1145,8 +1152,8 @@ class Study(Comparable):
             Failure line in the Haigh diagram. "findley" ignores it, because it includes the mean
             stress.
         on : {"amplitude", "both"}
-            Quantity that the factor multiplies: the vibration at constant mean stress, or vibration
-            and mean.
+            Quantity to which the factor applies: the vibration at constant mean stress, or both
+            vibration and mean stress.
         sets, speed
             See :meth:`stress`.
         temperature : float, (n,) float, or mapping of name to float, °C, optional
@@ -1188,7 +1195,7 @@ class Study(Comparable):
         speed: float | None = None,
         temperature: float | Sequence[float] | Mapping[str, float] | None = None,
     ) -> MarginCurve:
-        """Compute margins along an optimal curve, and refine the preload with the largest margin.
+        """Compute fatigue margins along an optimal curve, and refine the preload with the largest margin.
 
         Parameters
         ----------
@@ -1202,8 +1209,8 @@ class Study(Comparable):
         Returns
         -------
         MarginCurve
-            ``best_value`` is the preload, ``best_status`` its accuracy. After Ctrl-C it is the best
-            preload of the curve.
+            ``best_value`` is the preload, and ``best_status`` describes its accuracy. After Ctrl-C,
+            it is the best preload of the curve.
 
         Raises
         ------
@@ -1234,11 +1241,11 @@ class Study(Comparable):
         tolerance: float = 0.01,
         progress: bool | None = None,
     ) -> EffectSignificance:
-        """Compute the change of the highest peak without each effect, and select the significant effects.
+        """Compute how the highest peak changes without each effect, and select the significant effects.
 
-        The cost is several curves: the reference, one for each effect that changes the peak much,
-        and one or more without all omitted effects. It pays off before many computations of similar
-        problems.
+        This takes several response curves: the reference, one for each effect that changes the peak
+        considerably, and one or more without all omitted effects. It is worthwhile before many
+        computations of similar problems.
 
         Parameters
         ----------
@@ -1246,9 +1253,9 @@ class Study(Comparable):
         frequency : (low, high), Hz
             Search interval of the highest peak.
         against : Effects, optional
-            Reference; by default all effects that the model allows
-            (``fullest`` in ``bdamper/analyses/effect_significance.py``). The friction law of the
-            study does not change.
+            Reference; by default, all effects that the model allows (``fullest`` in
+            ``bdamper/analyses/effect_significance.py``). The friction law of the study does not
+            change.
         tolerance : float
             Allowed relative change of amplitude or frequency by all omitted effects together.
         progress : bool, optional
@@ -1286,8 +1293,8 @@ class Study(Comparable):
         result : ResponseCurve, Peak or OptimalCurve
             Result of this study.
         index : int, optional
-            Index of a converged point of a curve. By default the highest point of a response curve
-            and the lowest of an optimal curve.
+            Index of a converged point of a curve. By default, the highest point of a response curve
+            or the optimum of an optimal curve.
         n_theta : int
             Number of steps in the cycle.
 
@@ -1310,8 +1317,9 @@ class Study(Comparable):
         Parameters
         ----------
         result : ResponseCurve, Peak or OptimalCurve
-            Result of this study. An optimal curve gives these quantities over the amplitude at
-            resonance: without gaps they depend on the ratio of preload and excitation only.
+            Result of this study. An optimal curve gives these quantities as functions of the
+            resonance amplitude: without gaps, they depend only on the ratio of preload to
+            excitation.
 
         Returns
         -------
@@ -1344,10 +1352,10 @@ class Study(Comparable):
         rpm : float, revolutions per minute
             Instead of ``omega``.
         friction : mapping of number to number, or callable, optional
-            Friction coefficient of all friction faces over speed (rad/s), or over ``temperature``
-            if given.
+            Friction coefficient of all friction faces as a function of speed (rad/s), or of
+            ``temperature`` if it is given.
         temperature : mapping of number to number, or callable, optional
-            Temperature of the contacts over speed, in the unit that ``friction`` uses.
+            Temperature of the contacts as a function of speed, in the unit that ``friction`` uses.
         excitation : callable or mapping, optional
             Amplitude of the excitation (N): ``excitation(omega, engine_order)``, or for each engine
             order a number or a mapping of speed to newtons.
@@ -1356,8 +1364,8 @@ class Study(Comparable):
         -------
         Study
             ``preload`` of such a study is the centrifugal load of the damper at this speed.  An
-            analysis at another preload still has this speed, and the displacement of the faces by
-            rotation with it.
+            analysis at a different preload still uses this speed, and with it the displacement of
+            the faces due to rotation.
 
         Raises
         ------
@@ -1384,24 +1392,24 @@ class Study(Comparable):
         temperature: rotor_speed.Table | None = None,
         excitation: rotor_speed.Excitations | None = None,
     ) -> Campbell:
-        """Compute free and stuck frequencies over rotor speed at all nodal diameters of the model with data over speed.
+        """Compute free and stuck frequencies at several rotor speeds, at all nodal diameters with speed-dependent data.
 
         Parameters
         ----------
         speeds : (low, high) or sequence of more than two values, rad/s
             Two limits give thirteen speeds.
         engine_orders : sequence of int
-            Orders for lines and crossings.
+            Engine orders for which lines and crossings are computed.
         rpm : (low, high) or sequence of more than two values, revolutions per minute
             Alternative to ``speeds``.
         modes : int
             Number of modes of each nodal diameter.
         damped : SweepResult or sequence of SweepResult, optional
-            Damped crossings from :meth:`resonance_crossings`, to be drawn.
+            Damped crossings from :meth:`resonance_crossings`, which the plot shows.
         progress : bool, optional
             Show progress: a bar or, without a terminal, lines of text after ten seconds; on by default.
         friction, temperature, excitation
-            Conditions over speed, see :meth:`at_speed`.
+            Conditions that depend on speed, see :meth:`at_speed`.
 
         Returns
         -------
@@ -1441,7 +1449,7 @@ class Study(Comparable):
         temperature: rotor_speed.Table | None = None,
         excitation: rotor_speed.Excitations | None = None,
     ) -> Crossings:
-        """Compute crossings of a mode with engine orders for several damper masses.
+        """Compute the resonance crossings of a mode with engine orders for several damper masses.
 
         Parameters
         ----------
@@ -1459,7 +1467,7 @@ class Study(Comparable):
             If given, the margin against fatigue of each crossing is computed; the model needs
             stress sets.
         friction, temperature, excitation
-            Conditions over speed, see :meth:`at_speed`.
+            Conditions that depend on speed, see :meth:`at_speed`.
 
         Returns
         -------
@@ -1497,23 +1505,23 @@ class Study(Comparable):
         temperature: rotor_speed.Table | None = None,
         excitation: rotor_speed.Excitations | None = None,
     ) -> ResponseCurve:
-        """Compute the response along the line of the study's engine order through its crossing with a mode.
+        """Compute the response along the engine order line of the study through its crossing with a mode.
 
         Parameters
         ----------
         speeds : (low, high), rad/s, optional
-            Range that contains the crossing. By default the speeds of the free and the stuck
-            resonance on the line with a margin, within 50 to 2000 rad/s and the range of tables
-            over speed.
+            Range that contains the crossing. By default, it extends from the free to the stuck
+            resonance on the line, with a margin, within 50 to 2000 rad/s and the range covered by
+            tables of speed.
         rpm : (low, high), revolutions per minute
             Alternative to ``speeds``.
         mode : int
         options : ContinuationOptions
-            Coarse by default; the highest point is refined.
+            Settings of the continuation; coarse by default. The highest point is refined.
         progress : bool, optional
             Show progress: a bar or, without a terminal, lines of text after ten seconds; on by default.
         friction, temperature, excitation
-            Conditions over speed, see :meth:`at_speed`.
+            Conditions that depend on speed, see :meth:`at_speed`.
 
         Returns
         -------
@@ -1524,8 +1532,8 @@ class Study(Comparable):
         Raises
         ------
         SettingError
-            If a setting does not fit, or the interpolation error over speed is too large; use a
-            shorter range.
+            If a setting does not fit, or the error of the interpolation between speeds is too
+            large; use a shorter range.
         BdamperError
             If there is no crossing in the range.
         """
@@ -1567,10 +1575,10 @@ class Study(Comparable):
         peak : Peak
             Converged peak of this study (:meth:`peak`).
         harmonics : sequence of int
-            Increasing numbers of the highest harmonic. All lower harmonics are included, or only
-            odd harmonics if even harmonics vanish.
+            Highest harmonic of each computation, in increasing order. All lower harmonics are
+            included, or only the odd ones if even harmonics vanish.
         tolerance : float
-            Relative change of the amplitude up to which the sequence counts as converged.
+            Relative change of the amplitude below which the sequence counts as converged.
         progress : bool, optional
             Show progress: a bar or, without a terminal, lines of text after ten seconds; on by default.
 
@@ -1598,11 +1606,11 @@ class Study(Comparable):
         Parameters
         ----------
         result : ResponseCurve or Peak
-            For a response curve the highest peak is examined.
+            For a response curve, the errors of its highest peak are estimated.
         sources : sequence of str
             Subset of ``SOURCES`` in ``bdamper/analyses/error_estimates.py``, and "time", a time
-            integration near the peak.  All of ``SOURCES`` take seconds on the shipped models, and
-            40 to 320 s on imported sectors with 12 points on each face.
+            integration near the peak.  All of ``SOURCES`` together take a few seconds for the
+            shipped models, and 40 to 320 s for imported sectors with 12 points on each face.
 
         Returns
         -------
@@ -1625,10 +1633,11 @@ class Study(Comparable):
         maximum: float = refinement.MAXIMUM,
         progress: bool | None = None,
     ) -> Refinement:
-        """Enrich the study until the estimated error of a peak is within a tolerance.
+        """Refine the study until the estimated error of a peak is within a tolerance.
 
         Each step reduces the largest of the errors that :meth:`estimate_errors` finds. The estimate
-        has already computed the peak of the next study, so that no peak is searched again.
+        has already computed the peak of the next study, so that no peak has to be searched for
+        again.
 
         Parameters
         ----------
@@ -1637,18 +1646,18 @@ class Study(Comparable):
         tolerance : float
             Relative tolerance of amplitude and frequency.
         maximum : float
-            Time (s) that all steps may take.
+            Maximum time (s) of all steps together.
         progress : bool, optional
             Show a progress bar; by default in a terminal and a notebook.
 
         Returns
         -------
         Refinement
-            ``study`` and ``peak`` of the last step, and ``steps`` with the cost of each. The
-            status is "incomplete" if the model has no more detail, a more detailed study has no
-            peak, harmonic balance cannot determine the amplitude, or the next step would exceed
-            ``maximum``. ``needed`` then says what would reach the tolerance. After Ctrl-C it
-            contains the steps so far.
+            ``study`` and ``peak`` of the last step, and ``steps`` with the cost of each. The status
+            is "incomplete" if the model has no more detail, a more detailed study has no peak,
+            harmonic balance cannot determine the amplitude, or the next step would exceed
+            ``maximum``. ``needed`` then gives the settings or the model that would reach the
+            tolerance. After Ctrl-C, it contains the steps so far.
 
         Raises
         ------
@@ -1660,7 +1669,7 @@ class Study(Comparable):
         )
 
     def save(self, path: FilePath, *, include_model: bool = True) -> None:
-        """Write the study to an HDF5 file, which :func:`bdamper.load_study` reads: model, settings and versions.
+        """Write model, settings and versions to an HDF5 file, which :func:`bdamper.load_study` reads.
 
         Parameters
         ----------
@@ -1668,7 +1677,7 @@ class Study(Comparable):
             File to write.
         include_model : bool
             If False, the file contains the hash of the model only, and :func:`bdamper.load_study`
-            needs the model.
+            requires the model as an argument.
         """
         check_model_once(self.model)
         settings = self.problem.record()
@@ -1698,11 +1707,11 @@ def load_study(path: FilePath, model: Model | None = None) -> Study:
     Parameters
     ----------
     path : path-like
-        File of :meth:`Study.save`, or of a result, which contains the settings of its study and the
-        hash of its model.
+        File written by :meth:`Study.save`, or the file of a result, which contains the settings of
+        its study and the hash of its model.
     model : Model, optional
-        Required if the file contains only the hash.  A model of another rotor speed is converted to
-        the speed of the study.
+        Required if the file contains only the hash.  A model at a different rotor speed is
+        converted to the speed of the study.
 
     Returns
     -------

@@ -111,7 +111,7 @@ class DiskMatrices:
     tuned : Problem
         Study of one sector that spans the same space.
     local : LocalBasis
-        Local basis with the root shapes in reverse order, the most important one last.
+        Local basis, with the root shapes in reverse order, so that the most important one is last.
     order : (n,) int
         Indices of its coordinates in the basis of the model.
     n_blades, n_damper : int
@@ -130,7 +130,8 @@ class DiskMatrices:
     sector : (n_points,) int
         Offset of the sector of the point's blade: 0 or 1.
     n_kept : int
-        Number of the last blade coordinates whose coupling to neighbours the elimination includes.
+        Number of coordinates at the end of the blade coordinates whose coupling to neighbours the
+        elimination includes.
     """
 
     tuned: Problem
@@ -348,10 +349,9 @@ def tuned_problem(study: Problem) -> Problem:
 
     If the contact stiffness is computed by a method, the attachment modes contain the flexibility
     of the contacts.  The contact stiffness then represents the flexibility that the local basis
-    leaves out, by unit tractions.  Given values are used unchanged.  This flexibility is computed
-    for nominal blades.  Division by ``(1 + eps)**2`` would be exact; it changes the stuck
-    frequencies of disks of five to eight blades with deviations of 5 % by at most 0.05 %
-    (family 1: 0.01 %).
+    omits, by unit tractions.  Given values are used unchanged.  This flexibility is computed for
+    nominal blades.  Division by ``(1 + eps)**2`` would be exact; it changes the stuck frequencies
+    of disks of five to eight blades with deviations of 5 % by at most 0.05 % (family 1: 0.01 %).
     """
     required = {"fundamental_modes_only": False, "separation": True, "variable_normal_load": True}
     for name, value in required.items():
@@ -477,7 +477,8 @@ singular.  The springs change Newton steps by this relative amount, but not the 
 
 @dataclass(frozen=True)
 class InWidths(InFrequency):
-    """Units with the frequency unit limited to some widths of the narrowest resonance.
+    """Units of a point, with the unit of frequency limited to a few widths of the narrowest
+    resonance.
 
     Parameters
     ----------

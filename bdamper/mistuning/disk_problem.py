@@ -1,8 +1,8 @@
 """Static state and equations of a mistuned bladed disk, before any analysis of its vibration.
 
 If dampers differ, the static contact analysis covers all sectors.  Constant loads and interference
-are applied first, then the preload.  Each load step starts from the sliders of the last one and
-ends at the first change of a contact state (:func:`bdamper.contact.static_state.linear_range`).
+are applied first, then the preload.  Each load step starts from the sliders of the previous step
+and ends at the first change of a contact state (:func:`bdamper.contact.static_state.linear_range`).
 Its equations are the harmonic balance equations without harmonics.
 
 Newton iteration starts the first step from the state of equal dampers.  From zero it does not
@@ -215,7 +215,7 @@ def disk_points(structure: DiskMatrices, dampers: DamperVariation) -> PointArray
         on_damper[:] = structure.rows[..., structure.n :].any(axis=(1, 2))
 
     def at_points(of_damper: NDArray, elsewhere: float) -> NDArray:
-        """Spread damper values (n_blades,) over the contact points (n_blades, n_points)."""
+        """Assign the value of each damper (n_blades,) to its contact points (n_blades, n_points)."""
         return np.where(on_damper, of_damper[:, None], elsewhere)
 
     # missing dampers have no stiffness and no friction
@@ -491,7 +491,7 @@ class DiskProblem(Summarised):
     def tuned_change(self, preload: float) -> float:
         """Return the relative change of the tuned peak by more harmonics (:data:`MORE_HARMONICS`).
 
-        It is NaN if one of both peaks is unknown.
+        It is NaN if either peak is unknown.
         """
         if preload not in self._tuned_changes:
             self._tuned_changes[preload] = self._computed_change(preload)

@@ -1,9 +1,9 @@
 """Mistuning of the blades and variation of the dampers of a bladed disk.
 
 The *frequency deviation* ``eps`` of a blade refers to its natural frequencies clamped at the root,
-without the disk.  These are ``(1 + eps)`` times the nominal ones, so the stiffness is
-``(1 + eps)**2`` times the nominal one.  (The first-order ``1 + 2 eps`` misses the frequency by
-0.12 % at 5 %.)  Blade ``n`` of an array is sector ``n``, counted toward +X.
+without the disk.  These are ``(1 + eps)`` times the nominal ones, so the stiffness is ``(1 +
+eps)**2`` times the nominal one.  (With the first-order ``1 + 2 eps``, the frequency would be wrong
+by 0.12 % at 5 %.)  Blade ``n`` of an array is sector ``n``, counted toward +X.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _DAMPERS = 2
 class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="blade"):
     """Frequency deviations of the blades of a bladed disk.
 
-    ``plot`` draws them as bars over the blades (:func:`bdamper.plot.plot_mistuning`).
+    ``plot`` draws them as one bar for each blade (:func:`bdamper.plot.plot_mistuning`).
 
     Parameters
     ----------
@@ -143,14 +143,14 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
     ) -> Self:
         """Draw the deviation of every blade independently.
 
-        A seed gives the same pattern at every standard deviation.
+        The same seed gives the same pattern, scaled to the standard deviation.
 
         Parameters
         ----------
         n_blades : int
         standard_deviation : float
-            Standard deviation of the distribution. Mean and standard deviation of one drawn pattern
-            scatter about zero and this value; :meth:`without_mean` removes the mean.
+            Standard deviation of the distribution. The mean and standard deviation of a single
+            pattern scatter about zero and this value; :meth:`without_mean` removes the mean.
         distribution : {"normal", "uniform"} or Mistuning
             A measured pattern is resampled with repetition, whole blades at a time.  Its mean is
             removed and its standard deviation over all modes is scaled to ``standard_deviation``.
@@ -278,20 +278,20 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
 @short_repr
 @dataclass(frozen=True)
 class DamperVariation(Summarised, Storable, kind="bdamper-damper-variation"):
-    """Differences of the dampers of a bladed disk from the nominal damper.
+    """Deviations of the dampers of a bladed disk from the nominal damper.
 
     Damper ``n`` lies between blades ``n`` and ``n + 1``.
 
     Parameters
     ----------
     mass : (n_blades,) float
-        Factors of the damper's mass at the same shape, above 0.  They scale its inertia and its
-        centrifugal load.
+        Factors on the mass of each damper at the same shape, above 0.  They scale its inertia and
+        its centrifugal load.
     friction_coefficient, contact_stiffness : (n_blades,) float
-        Factors for all contact points of a damper; the friction factor is at least 0, the stiffness
-        factor above 0.
+        Factors for all contact points of each damper; the friction factor must be at least 0, and
+        the stiffness factor above 0.
     gap : (n_blades,) float, m
-        Increase of the initial gaps of all contact points of a damper, at least 0.
+        Increase of the initial gaps of all contact points of each damper, at least 0.
     missing : (n_blades,) bool
         True for missing dampers.
 

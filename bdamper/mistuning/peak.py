@@ -16,8 +16,8 @@ does not limit has no amplitude, as in one sector (:mod:`bdamper.response.resolu
 
 A harmonic-balance peak need not be a steady state.  The curve of a lumped disk of six blades (300
 N, ``tests/mistuning/test_in_time.py``) continues from its first maximum of 2.2 mm through some
-ninety folds to others of 5.4 to 12 mm.  In time integration the first persists; the other tested
-ones decay within a hundred periods (``BladedDisk.time_response``).
+ninety folds to others of 5.4 to 12 mm.  In time integration, the first one persists, and all others
+that were tested decay within a hundred periods (``BladedDisk.time_response``).
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ from bdamper.util.storage import FilePath, Recorded, Storable
 class DiskPeak(Result, Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
     """Highest amplitude of any blade of a mistuned bladed disk at one preload.
 
-    ``plot`` draws bars over the blades (:func:`bdamper.plot.plot_wheel_peak`).
+    ``plot`` draws a bar for each blade (:func:`bdamper.plot.plot_wheel_peak`).
 
     Parameters
     ----------
@@ -84,8 +84,8 @@ class DiskPeak(Result, Plottable, Recorded, Storable, kind="bdamper-wheel-peak")
         Frequencies of the coarse sweep with a solution.
     status, reason : str
         "complete"; "held" if the peak was found only with holding springs on the dampers or on the
-        reduced disk; "incomplete" for a lower bound, if the sweep has a gap or no blade is as high
-        as on the tuned disk; "not found".
+        reduced disk; "incomplete" for a lower bound, if the sweep has a gap or no blade reaches the
+        amplitude of the tuned disk; "not found".
     residual : float
     unknowns : (n_blades, n_coefficients, n_sector) float
     springs : float
@@ -158,8 +158,9 @@ class DiskPeak(Result, Plottable, Recorded, Storable, kind="bdamper-wheel-peak")
         return np.asarray(np.abs(np.fft.fft(self.response[:, 1])) / len(self.response))
 
     def plot_wheel(self, model: Model, path: FilePath | None = None, **options: Any) -> Any:
-        """Draw the disk from the front, blades coloured by their amplitude
-        (:func:`bdamper.plot.plot_wheel`)."""
+        """Draw the disk from the front, with blades coloured by their amplitude
+        (:func:`bdamper.plot.plot_wheel`).
+        """
         return draw(self, "figure", "plot_wheel", path, model, **options)
 
     def _statement(self) -> Statement:
@@ -210,10 +211,10 @@ class DiskPeakOptions(validation.Checked):
     spacing : float
         Spacing of the sweep, relative to the half-power width of the tuned peak.
     climbs : int
-        Number of local searches, one for each peak.  With 8 searches from 30 points the cost is
-        15 % lower than with 12 from 60.  In 723 cases on 65 blades, 8 searches miss a peak by more
-        than 1 % in 124 cases and find more in 73 (docs/evidence/measured.md, "Peaks of mistuned
-        disks").
+        Number of local searches, one for each peak.  With 8 searches from 30 points, the cost is 15
+        % lower than with 12 searches from 60 points.  In 723 cases on 65 blades, 8 searches miss a
+        peak by more than 1 % in 124 cases and find more in 73 (docs/evidence/measured.md, "Peaks of
+        mistuned disks").
     least, most : int
         Limits of the number of points of the sweep.
     """
@@ -344,12 +345,12 @@ def peak(
     DiskPeak
         ``status`` is one of the following, and ``reason`` explains it.
 
-        * "complete": found with free dampers, and the sweep has no gap of two or more adjacent
-          frequencies.
-        * "held": found only with holding springs on the dampers (``springs``), or only on the
-          reduced disk.
-        * "incomplete": a lower bound.  The sweep has a gap, or no blade is as high as on the tuned
-          disk; or the resonance is unbounded, or sharper than double precision resolves.
+        * "complete": the peak was found with free dampers, and the sweep has no gap of two or more
+          adjacent frequencies.
+        * "held": the peak was found only with holding springs on the dampers (``springs``), or only
+          on the reduced disk.
+        * "incomplete": a lower bound.  The sweep has a gap, or no blade reaches the amplitude of
+          the tuned disk; or the resonance is unbounded, or sharper than double precision resolves.
         * "not found": no local search converges; the amplitude is NaN.
 
         Peaks outside the band are ignored.

@@ -95,7 +95,7 @@ class Climbed:
         Solution at the peak.
     blade : int
     springs, heights : tuple of float, - and m
-        Springs with a solution, and the amplitudes with them.
+        Springs with which a solution was found, and the amplitudes with them.
     last : bool
         True if no peak was found with weaker springs.
     """
@@ -259,7 +259,8 @@ class Search:
     def climb(
         self, y: NDArray, blade: int, springs: float, tangent: NDArray | None = None
     ) -> Climbed | None:
-        """Find the peak near a point; if another blade is higher there, continue with its peak.
+        """Find the peak near a point; if another blade has a larger amplitude there, continue with
+        its peak.
 
         The first point has the frequency of ``y``, or lies in the plane normal to ``tangent``.
         Return None if no peak is found.

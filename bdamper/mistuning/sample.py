@@ -1,5 +1,5 @@
-"""Samples of mistuned bladed disks: the largest blade amplitude of each, in a file that can be
-resumed, with an audit of the search.
+"""Samples of mistuned bladed disks: the largest blade amplitude of each disk, in a file from which
+a run can be resumed, with an audit of the search.
 
 The deviations and the dampers of disk ``k`` are drawn with the seed ``(seed, k)``.  One unit
 pattern is scaled to every standard deviation.  A disk is therefore the same at every preload and
@@ -7,10 +7,11 @@ standard deviation, and in a study with more harmonics.  More disks can be added
 same results file.
 
 **Audit.** A coarse sweep with local searches (:mod:`bdamper.mistuning.peak_search`) can miss the
-highest peak.  Therefore a random part of the disks, drawn before any result is known, is searched
-again with half the spacing and three times the number of local searches.  After the sample, the
-same fraction of the highest disks of each cell is also searched again, because results are quoted
-from the tail.  Both searches release their dampers, and the released peaks are compared.
+highest peak.  Therefore a random fraction of the disks, drawn before any result is known, is
+searched again with half the spacing and three times the number of local searches.  After the
+sample, the same fraction of the disks with the largest amplitudes of each cell is also searched
+again, because results are quoted from the tail.  Both searches release their dampers, and the
+released peaks are compared.
 """
 
 from __future__ import annotations
@@ -118,8 +119,9 @@ class Audit(Summarised, Tabular, row="search"):
 
     @property
     def covered(self) -> NDArray:
-        """Whether the error estimate of the search, or the tolerance, covers the higher peak, (n,)
-        bool."""
+        """Whether the higher peak is within the error estimate of the search or within the
+        tolerance, (n,) bool.
+        """
         return np.asarray(
             self.thorough <= (1.0 + np.maximum(self.error, self.tolerance)) * self.search
         )
@@ -131,9 +133,10 @@ class Audit(Summarised, Tabular, row="search"):
 
     @property
     def share(self) -> Interval:
-        """Fraction of disks with any missed peak, with its binomial interval of 95 %.
+        """Fraction of the disks with a missed peak, with its binomial 95 % interval.
 
-        Only decided disks count: a peak was missed, or both searches have all their peaks.
+        Only decided disks count: disks with a missed peak, and disks for which both searches found
+        all peaks.
         """
         return share(*self._disk_counts)
 
@@ -245,14 +248,14 @@ class MistunedSample(
     """Largest blade amplitudes of many mistuned bladed disks.
 
     Arrays of shape (n_disks, n_deviations, n_preloads) are NaN without a result.  ``plot`` draws
-    percentiles over the standard deviation or the preload (:func:`bdamper.plot.plot_sample`),
+    percentiles against the standard deviation or the preload (:func:`bdamper.plot.plot_sample`),
     ``plot_tail`` the distribution with its tail.
 
     Parameters
     ----------
     n_blades : int
     disks : (n_disks,) int
-        Numbers of the disks, from which they were drawn.
+        Numbers of the disks, which determine their random draws.
     standard_deviation : (n_deviations,) float
     preload : (n_preloads,) float, N
     amplitude, frequency, blade : float, m and Hz
@@ -391,8 +394,8 @@ class MistunedSample(
         return int(index[0])
 
     def best_preload(self, q: float = 95.0, standard_deviation: float | None = None) -> BestPreload:
-        """Find the preload of the sample with the smallest ``q`` % percentile of the largest blade
-        amplitude.
+        """Find the preload of the sample at which the ``q``-th percentile of the largest blade
+        amplitude is smallest.
 
         Raises
         ------
@@ -448,10 +451,8 @@ class MistunedSample(
         )
 
     def audit(self, tail: bool = False, tolerance: float = 0.01) -> Audit:
-        """Compare with the thorough search of some disks.
-
-        These are disks chosen at random or, with ``tail``, those with the largest amplitudes of each
-        cell.
+        """Compare with the thorough search of some disks: disks chosen at random or, with ``tail``,
+        the disks with the largest amplitudes of each cell.
         """
         if tail:
             kind = "disks with the largest amplitudes"
@@ -653,7 +654,9 @@ class _Sample:
 
 
 def thorough(options: DiskPeakOptions) -> DiskPeakOptions:
-    """Return the search of the audit: half the spacing, three times as many local searches."""
+    """Return the options of the audit: half the spacing and three times the number of local
+    searches.
+    """
     return replace(
         options,
         spacing=0.5 * options.spacing,
@@ -688,8 +691,8 @@ def mistuned_sample(
     resume: str | Path | None = None,
     progress: bool | None = None,
 ) -> MistunedSample:
-    """Compute the largest blade amplitude of many mistuned bladed disks over the standard deviation
-    and the preload.
+    """Compute the largest blade amplitude of many mistuned bladed disks for each standard deviation
+    and preload.
 
     Parameters
     ----------
@@ -706,7 +709,7 @@ def mistuned_sample(
     dampers : mapping, optional
         Arguments of :meth:`bdamper.mistuning.DamperVariation.random`: relative standard deviations
         of "mass", "friction_coefficient" and "contact_stiffness", mean of "gap" (m), and numbers of
-        "missing" dampers.  Equal dampers by default.
+        "missing" dampers.  Identical dampers by default.
     options : DiskPeakOptions
         Options of the search for each peak.
     audit : float

@@ -113,8 +113,8 @@ class WeibullTail(Summarised):
     .. math:: F(x) = \exp\left(-\left(\frac{b - x}{s}\right)^k\right), \quad x \le b .
 
     It is the limit distribution of the highest of many bounded blade amplitudes (reviewed by
-    Castanier and Pierre, J. Propulsion and Power 22, 2006).  Values below the threshold enter by
-    their number alone, so the body of the distribution does not distort the tail.
+    Castanier and Pierre, J. Propulsion and Power 22, 2006).  Only the number of values below the
+    threshold enters, so that the body of the distribution does not distort the tail.
 
     Parameters
     ----------
@@ -124,9 +124,9 @@ class WeibullTail(Summarised):
     threshold : float
         Lowest value in the fit.
     n, n_tail : int
-        Number of all values, and of values from the threshold on.
+        Number of all values, and number of values at or above the threshold.
     distance : float
-        Largest distance from the empirical distribution, from the threshold on.
+        Largest distance from the empirical distribution at or above the threshold.
     """
 
     shape: float
@@ -182,7 +182,7 @@ def weibull_tail(values: NDArray, tail: float = 0.5) -> WeibullTail:
     Parameters
     ----------
     values : (n,) float
-        NaN for unknown values, which are left out.
+        NaN for unknown values, which are omitted.
     tail : float
         Fraction of the values in the tail.
 

@@ -182,7 +182,7 @@ def unite_contact_points(model: Model, n_points: int) -> Model:
     ----------
     model : Model
     n_points : int
-        Largest number of contact points of a friction face; smaller faces do not change.
+        Maximum number of contact points of a friction face; faces with fewer points do not change.
 
     Returns
     -------
@@ -298,7 +298,7 @@ def face_gap(
     Returns
     -------
     (n_points,) float, m
-        Gap with the minimum 0: the surfaces touch at one point at least.
+        Gap with the minimum 0, so that the surfaces touch at one point at least.
 
     Raises
     ------

@@ -10,8 +10,8 @@ with elastic and, for free bodies, six rigid-body modes :math:`\Phi`.  Harmonic 
 position.  The relative motion of the two sides of an interface along the contact axes is their
 difference (14).  At harmonic :math:`l` of engine order :math:`EO` each sector follows its neighbour
 with the phase :math:`l\varphi`, :math:`\varphi = 2\pi EO/N` (17, 18).  A side in sector :math:`s`
-thus moves as in the reference sector times :math:`e^{i l \varphi s}`, along axes that turn with the
-sector:
+thus moves as in the reference sector times :math:`e^{i l \varphi s}`, along axes that rotate with
+the sector:
 
 .. math:: (u_1, u_2, v)_l = G_l q_l, \qquad G_l = D (P_b \Phi_b - P_a \Phi_a), \qquad
     D = \mathrm{diag}(1, 1, -1).
@@ -65,7 +65,7 @@ STATIC = "static shape"
 
 @dataclass(frozen=True)
 class Coordinate:
-    """Modal coordinate: mode ``index`` of ``body``, with the name ``name``."""
+    """Modal coordinate ``name``, the mode ``index`` of ``body``."""
 
     body: str
     index: int
@@ -133,7 +133,7 @@ def body_axes(body: Body) -> NDArray:
 def principal_axes(body: Body) -> tuple[NDArray, NDArray]:
     """Return principal moments (3,), kg m2, and axes as rows (3, 3) of a free body.
 
-    They follow the order and the senses of the closest body axes.
+    They have the order and the directions of the closest body axes.
     """
     assert body.inertia is not None
     axes = body_axes(body)

@@ -83,27 +83,29 @@ Location = Annotated[str, partial(validation.instance, kind=str, words="the name
 @validation.check_arguments
 @dataclass(frozen=True)
 class Excitation:
-    """Travelling-wave force of engine-order type on every blade.
+    """Travelling-wave (engine order) excitation of every blade.
 
-    The sum ``one + other`` applies both.
+    The sum ``one + other`` applies both excitations.
 
     Parameters
     ----------
     location : str
         Location of the model, name of a field of nodal forces (``forces`` of
         :func:`bdamper.importers.build_model`), "mode 1", "mode 2", ... for a modal force on one
-        mode of the constrained body, or "base" for an acceleration of the held nodes (``base`` of
+        mode of the constrained body, or "base" for an acceleration of the fixed nodes (``base`` of
         :func:`bdamper.importers.build_model` and of :func:`bdamper.lumped`).
     direction : {"tangential", "radial", "axial"} or three floats
-        Direction of a force at a location, or of the base; without effect on fields and modes.
+        Direction of a force at a location, or of the base acceleration; it has no effect on force
+        fields and modal forces.
     amplitude : float, N
-        Factor for a field; N kg^-1/2 for a modal force; m/s2 for the base.
+        Amplitude of the force. It is a factor for a force field, in N kg^-1/2 for a modal force,
+        and in m/s2 for the base.
     phase : float, rad
         Phase of the force on the reference blade, ``amplitude cos(omega t + phase)``, from -2 pi to
         2 pi.
     engine_order : int, optional
-        Multiple of the engine order of the study, equal to it by default.  With ``h`` times this
-        order the force acts on harmonic ``h``.
+        Engine order of the force, a multiple of the engine order of the study; by default the same.
+        A force with ``h`` times the engine order of the study acts on harmonic ``h``.
     beside : tuple of Excitation
         Other forces of a sum; ``amplitude`` does not scale them.
     """

@@ -1,4 +1,5 @@
-r"""Modes of one body, also over rotor speed, and the local basis of mistuned bladed disks.
+r"""Modes of one body, also as functions of rotor speed, and the local basis of mistuned bladed
+disks.
 
 ``bdamper.model.structure`` describes the conventions.
 
@@ -67,7 +68,7 @@ class SpeedBasis(Record):
     stiffness0 : (n_modes, n_modes) complex or float, rad2/s2
         Hermitian modal stiffness at standstill.
     stiffness2 : (n_modes, n_modes) complex or float
-        Hermitian; geometric stiffness minus mass of spin softening, per squared speed.
+        Hermitian; geometric stiffness minus spin softening, per squared speed.
     residual0, residual2 : (3 n_points, 3 n_points) complex or float, m/N and m s2/N, optional
         Hermitian; residual flexibility at standstill and its change per squared speed.  Without
         them the basis has no flexibility at other speeds.
@@ -314,7 +315,7 @@ class ModalBasis(Record):
         omega_ref: float = 0.0,
         **others: Any,
     ) -> ModalBasis:
-        """Add data over speed to the basis, and derive the data at standstill.
+        """Add the speed dependence to the basis, and derive the data at standstill.
 
         The basis is valid at the speed ``omega_ref``.  For the parameters see
         :class:`~bdamper.model.modal_basis.SpeedBasis`.

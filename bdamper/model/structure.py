@@ -5,8 +5,8 @@ elastic modes), a ring (one sector of a free body that runs around the axis), lu
 all their modes) or the ground (rigid).  Its motion is a modal superposition with one modal basis
 for each nodal diameter ``d``.  Free bodies and acyclic structures (``n_blades = 1``) have ``d = 0``
 only.  A ring has rigid-body modes at ``d = 0`` (along and about the axis) and ``d = 1`` (across the
-axis, and tilting).  A split ring also has a radial one at ``d = 0``, because its gap leaves no hoop
-force.
+axis, and tilting).  A split ring also has a radial rigid-body mode at ``d = 0``, because its gap
+leaves no hoop force.
 
 An *interface* is a set of contact points between ``body_a`` and ``body_b``.  The side of a body at
 an interface is a *port*, the pair ``(interface name, side)`` with side ``"a"`` or ``"b"``.  A body
@@ -72,8 +72,8 @@ class StressSet(Record):
     modes : mapping of nodal diameter to (n, 6, n_modes) complex or float, Pa m^-1 kg^-1/2
         Stress of each mode of the body, components in the order of :data:`COMPONENTS`.
     contact : mapping of nodal diameter to (n, 6, 3 n_points) complex or float, Pa/N
-        Stress of unit forces along t1, t2, n on the body at all its contact points, in the order of
-        ``Body.ports``, without the contribution of the modes.  Empty for a body without contact.
+        Stress under unit forces along t1, t2, n on the body at all its contact points, in the order
+        of ``Body.ports``, without the contribution of the modes.  Empty for a body without contact.
     static : (n, 6) float, Pa s2, optional
         Stress under the centrifugal load without dampers, per squared speed of rotation in rad/s.
     spread : (n,) float, optional
@@ -291,7 +291,7 @@ class Location(Record):
     kind : {"forces", "base"}, optional
         "forces" is a field of nodal forces.  The rows of its real and imaginary part replace the
         motion along X and Y, zeros the motion along Z.  The position is the mean of the nodes,
-        weighted by the size of their forces.  "base" is the rigid translation of all held nodes.
+        weighted by the size of their forces.  "base" is the rigid translation of all fixed nodes.
         Its rows are the modal inertia forces under unit accelerations along X, Y and Z, in the
         motion relative to these nodes.
     """
@@ -479,10 +479,10 @@ class Model(Plottable, Record):
         """Return the structure with the modes and the flexibility at a rotor speed (rad/s).
 
         Modes keep their order, phase and damping ratio, assigned by overlap with the modes of this
-        model.  The stress of modes changes with them.  Without data over speed, bases do not change
-        (see :meth:`neglected_over_speed`); surface meshes, contact stiffness and static solutions
-        never change.  The local basis of a mistuned bladed disk is valid at one speed and is
-        removed.  ``at_speed`` of the returned model is possible.
+        model.  The stress of modes changes with them.  Bases without speed-dependent data do not
+        change (see :meth:`neglected_over_speed`); surface meshes, contact stiffness and static
+        solutions never change.  The local basis of a mistuned bladed disk is valid at one speed and
+        is removed.  ``at_speed`` of the returned model is possible.
 
         Raises
         ------

@@ -150,8 +150,9 @@ def _face_axes(ax: Axes, x: NDArray, y: NDArray, dx: float, dy: float) -> None:
 def tiles(share: NDArray, x: NDArray, y: NDArray, dx: float, dy: float) -> tuple[NDArray, ...]:
     """Return the edges (left, right, low, high) and the states of the tiles of a status map.
 
-    Each point has a rectangle, divided by its shares (n, 3) of stick, slip and separation into
-    three tiles.  All results are arrays (3 n,).  The y coordinate is the horizontal one.
+    The rectangle of each point is divided into three tiles according to its fractions (n, 3) of
+    stick, slip and separation.  All results are arrays (3 n,).  The y coordinate is the horizontal
+    one.
     """
     # (n, 4), from 0 to 1
     cumulative = np.pad(np.cumsum(share, axis=1), ((0, 0), (1, 0)))
@@ -168,7 +169,8 @@ def tiles(share: NDArray, x: NDArray, y: NDArray, dx: float, dy: float) -> tuple
 def plot_status_map(
     status: ContactStatus, model: Model, interface: str, ax: Axes = NEW, *, direction: int = 0
 ) -> None:
-    """Plot a map of a contact face, each point divided by its shares of stick, slip and separation.
+    """Plot a map of a contact face, in which each point is divided into its fractions of stick,
+    slip and separation.
 
     Parameters
     ----------
@@ -220,13 +222,14 @@ def plot_contacts(
     *,
     direction: int = 0,
 ) -> NDArray:
-    """Plot the state of every contact face: a map of shares of the cycle, and the states over time.
+    """Plot the states of every contact face: a map of their fractions of the cycle, and their time
+    histories.
 
     Parameters
     ----------
     result : Peak, ResponseCurve, OptimalCurve, NonlinearMode or PreloadState
     study : Study, optional
-        Study of the result; only a static state needs none.
+        Study of the result; it can be omitted only for a static state.
     point : int, optional
         Index of the solution of a curve or mode.  By default the peak of a response curve or the
         highest amplitude of a mode; an optimal curve has the peak at its optimum.
@@ -352,7 +355,7 @@ def plot_faces(
     label: str,
     titles: Sequence[str] = ("",),
 ) -> NDArray:
-    """Plot values on faces as coloured patches, a colour bar for each title.
+    """Plot values on faces as coloured patches, with a colour bar for each title.
 
     Each face has a column.  Without several titles the faces are in two columns.
     """
@@ -407,7 +410,7 @@ def _draw_patches(ax: Axes, points: NDArray, frame: NDArray, values: NDArray) ->
 
 @picture(Peak, size=(COLUMN, 1.3), legend=None)
 def plot_peak(peak: Peak, ax: Axes = NEW) -> None:
-    """Plot the shares of stick, slip and separation over the cycle of a peak."""
+    """Plot the fractions of stick, slip and separation over the cycle of a peak."""
     shares = 100.0 * peak.shares
     ax.barh(["contacts"] * 3, shares, left=np.cumsum(shares) - shares, color=STATUS_COLOURS, **EDGE)
     ax.set(xlabel="Share of the cycle (%)", xlim=(0.0, 100.0), title=peak._headline())
@@ -492,14 +495,14 @@ def plot_loops(
     *,
     direction: str = "t1",
 ) -> None:
-    """Plot hysteresis loops of force over displacement.
+    """Plot hysteresis loops of force against displacement.
 
     Parameters
     ----------
     result : Hysteresis
     where : int, str or sequence of these
         Indices of contact points, names of faces, or "whole".  "whole" is the loop of all contacts:
-        the force at the response location that does the same work, over the response.
+        the force at the response location that does the same work, against the response.
     direction : {"t1", "t2", "n"}
         Direction of points and faces.
     """
@@ -560,7 +563,7 @@ def plot_history(result: Hysteresis, where: int, ax: NDArray = NEW) -> None:
 
 @register_plot(Hysteresis, "energy")
 def plot_energy(result: Hysteresis) -> NDArray:
-    """Plot the energy dissipated per cycle and area on the faces with dissipation."""
+    """Plot the energy dissipated per cycle and unit area on the faces that dissipate energy."""
     density = np.maximum(result.energy, 0.0) / result.area
     least = 1e-9 * float(density.max(initial=0.0))
     faces = []

@@ -136,7 +136,7 @@ def _only_highest(curve: ResponseCurve) -> bool:
 def plot_curves(
     curves: Sequence[ResponseCurve], ax: Axes = NEW, *, labels: Sequence[str] | None = None
 ) -> None:
-    """Plot the amplitude of several curves over frequency, or of run-ups over speed.
+    """Plot the amplitude of several curves against frequency, or of run-ups against speed.
 
     Parameters
     ----------
@@ -288,7 +288,7 @@ def _around(ends: NDArray) -> NDArray:
 def plot_measurement(
     measurement: Measurement, ax: Axes = NEW, scale: float | None = None, **style: Any
 ) -> None:
-    """Plot a measured response in metres, usually over computed curves.
+    """Plot a measured response in metres, usually on top of computed curves.
 
     Parameters
     ----------
@@ -325,7 +325,7 @@ def plot_measurement(
 def plot_optimal(
     result: OptimalCurve, ax: Axes | None = None, *, quantity: str = "amplitude", title: str = ""
 ) -> Axes | NDArray:
-    """Plot resonance amplitude and frequency shift over the preload (Figs 8 and 9 of the paper).
+    """Plot resonance amplitude and frequency shift against the preload (Figs 8 and 9 of the paper).
 
     Parameters
     ----------
@@ -412,7 +412,7 @@ def with_optimum(
 ) -> tuple[NDArray, NDArray, NDArray]:
     """Return preloads and values, and whether each continues the branch of the previous point.
 
-    Files of version 0.10 and older do not have the optimum in their table; it is inserted.
+    Files of version 0.10 and earlier do not have the optimum in their table; it is inserted.
     """
     optimum = result.optimum
     if quantity == "shift":
@@ -633,7 +633,8 @@ def plot_frequency_sweep(
 
 @picture(OptimalCurve, "map")
 def plot_response_map(result: OptimalCurve, ax: Axes = NEW) -> None:
-    """Plot a map of the highest response over frequency and preload, with the optimal curve.
+    """Plot a map of the highest response as a function of frequency and preload, with the optimal
+    curve.
 
     Hatched regions have several solutions: the response curve passes a frequency more than once.
 
@@ -714,13 +715,13 @@ def plot_together(
     Parameters
     ----------
     results : mapping of name to result
-        Response curves over frequency, optimal curves over preload, dissipation over amplitude, or
-        loops of all contacts over the response.
+        Response curves against frequency, optimal curves against preload, dissipation against
+        amplitude, or loops of all contacts against the response.
     quantity : str, optional
         "amplitude" or "shift" (of frequency) of optimal curves, "damping_ratio" or "stiffness" of
         dissipation.
     measured : sequence of Measurement
-        Measurements to plot over response curves.
+        Measurements to plot on top of response curves.
     """
     expected = "a mapping of one or more names to results"
     validation.check_value(isinstance(results, Mapping) and results, "results", expected, results)

@@ -21,7 +21,7 @@ class Explorer:
     Parameters
     ----------
     address : str
-        URL for a browser on this machine.
+        URL for a browser on this computer.
     pages : list of Page
         Pages of the open windows.
     """

@@ -229,7 +229,8 @@ class Answers:
     def curve(self, question: Question, harmonics: int | None) -> Answer:
         """Compute the response curve, and with all harmonics (None) its limits and the motion.
 
-        The provisional curve has the interval of the unchanged settings, so that the axes stay.
+        The provisional curve has the interval of the unchanged settings, so that the axes do not
+        change.
         """
         if harmonics:
             return self._provisional_curve(question, harmonics)

@@ -1,4 +1,5 @@
-"""Plots over rotor speed (Campbell, interference, crossings) and of fatigue (stress, margins).
+"""Plots of rotor speed effects (Campbell, interference, crossings) and of fatigue (stress,
+margins).
 
 Speeds are in revolutions per minute.
 """
@@ -50,11 +51,12 @@ SPEED = "Rotor speed (rpm)"
 
 @picture(Campbell, size=(COLUMN, 3.2))
 def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
-    """Plot a Campbell diagram: frequencies over speed, engine order lines, and crossings.
+    """Plot a Campbell diagram: natural frequencies against rotor speed, engine order lines, and
+    crossings.
 
-    Free modes are solid, stuck ones dash-dotted; the free ones have their numbers.  Crossings with
-    damping are filled and have their amplitude, crossings with free modes are open circles and have
-    their speed, with stuck modes crosses.
+    Free modes are solid lines with their numbers, stuck modes dash-dotted lines. Filled circles
+    with the amplitude are damped crossings, open circles with the speed are crossings of free
+    modes, and crosses are crossings of stuck modes.
     """
     orders = [int(order) for order in campbell.engine_order]
     excited = sorted({campbell.met_by(order) for order in orders})
@@ -146,7 +148,8 @@ def _draw_damped_crossings(ax: Axes, campbell: Campbell, orders: Sequence[int]) 
 
 @picture(Campbell, "plot_safe")
 def plot_safe(campbell: Campbell, speed: float | None = None, ax: Axes = NEW) -> None:
-    """Plot an interference (SAFE) diagram: modes over nodal diameter and the excitation line.
+    """Plot an interference (SAFE) diagram: natural frequencies against nodal diameter, and the
+    excitation line.
 
     An engine order EO has the frequency ``EO Omega/(2 pi)`` at the nodal diameter that it excites:
     a line folded back at half the number of blades.  Resonances are modes on this line.
@@ -201,7 +204,8 @@ def plot_safe(campbell: Campbell, speed: float | None = None, ax: Axes = NEW) ->
 
 @picture(Crossings)
 def plot_crossings(found: Crossings, ax: Axes = NEW, *, quantity: str = "amplitude") -> None:
-    """Plot amplitude or margin at crossings over speed, with a look for each damper mass.
+    """Plot the amplitude or margin at crossings against speed, with its own style for each damper
+    mass.
 
     Parameters
     ----------
@@ -283,9 +287,10 @@ def plot_stress(cycle: StressCycle, point: int | None = None, ax: Axes = NEW) ->
 
 @picture(Margins)
 def plot_haigh(margins: Margins, ax: Axes = NEW) -> None:
-    """Plot a Haigh diagram: stress amplitude over mean stress, with the lines of the material.
+    """Plot a Haigh diagram: stress amplitude against mean stress, with the failure lines of the
+    material.
 
-    The line that defines the margin is thick, the others are broken.  Points excluded from the
+    The line that defines the margin is thick, and the others are dashed. Points excluded from the
     margin are hollow.
     """
     material = margins.material
@@ -340,14 +345,14 @@ def plot_haigh(margins: Margins, ax: Axes = NEW) -> None:
 
 @picture(MarginCurve)
 def plot_margin(curve: MarginCurve, ax: Axes = NEW, *, label: str = "margin") -> None:
-    """Plot the margin over frequency, preload or speed, with the amplitude on a second axis.
+    """Plot the margin against frequency, preload or speed, with the amplitude on a second axis.
 
     Parameters
     ----------
     curve : MarginCurve
     ax : matplotlib axes, optional
-        Several curves in the same axes differ by lightness, line and marker; only the first has its
-        amplitude.
+        Several curves in the same axes differ in lightness, line style and marker; the amplitude is
+        drawn only for the first curve.
     label : str
         Name of the curve in the legend.
     """

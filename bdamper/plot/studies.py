@@ -114,7 +114,7 @@ def plot_sweep(result: SweepResult, quantity: str | None = None, ax: Axes = NEW)
 def plot_optimal_curve_uncertainty(
     result: OptimalCurveUncertainty, ax: Axes = NEW, *, quantity: str = "amplitude"
 ) -> None:
-    """Plot percentile bands of optimal curves over the preload.
+    """Plot percentile bands of optimal curves against the preload.
 
     Crosses at the lower edge mark preloads at which too many draws lack a peak.
 
@@ -148,7 +148,7 @@ def plot_effect_significance(advice: EffectSignificance, ax: Axes = NEW) -> None
 
     Changes of amplitude and frequency are in per cent, on a scale that is linear within the
     tolerance and logarithmic beyond.  The tolerance is a grey band.  Names of effects that may be
-    left out together are grey.  Thin lines show the uncertainty of estimates; an unknown change has
+    omitted together are grey.  Thin lines show the uncertainty of estimates; an unknown change has
     no bar.
     """
     effects = advice.effects[::-1]  # from the bottom of the axes
@@ -213,7 +213,8 @@ def _draw_changes(
 
 @picture(Sensitivities, size=(COLUMN, 3.0))
 def plot_sensitivities(found: Sensitivities, ax: Axes = NEW) -> None:
-    """Plot the changes of a peak for one per cent of each parameter as bars, sorted by size.
+    """Plot the change of a peak for a change of one per cent in each parameter as bars, sorted by
+    size.
 
     Each bar is labelled with its signed value; a change that is NaN has no bar.
     """
@@ -248,7 +249,7 @@ def plot_sensitivities(found: Sensitivities, ax: Axes = NEW) -> None:
 
 @picture(Convergence)
 def plot_convergence(convergence: Convergence, ax: Axes = NEW) -> None:
-    """Plot the amplitude of a peak over the number of harmonics.
+    """Plot the amplitude of a peak against the number of harmonics.
 
     The filled point is the result, the grey band the range of the settled peaks.  Ticks at the
     upper edge mark harmonics near a mode of the structure with stuck contacts.
@@ -293,7 +294,7 @@ def plot_convergence(convergence: Convergence, ax: Axes = NEW) -> None:
 
 @picture(AccuracyCost, size=(COLUMN, 3.4))
 def plot_accuracy(result: AccuracyCost, ax: Axes = NEW, *, of: str = "peak") -> None:
-    """Plot the error over processor time for different settings.
+    """Plot the error against the processor time for different settings.
 
     The error of a run is its difference from the reference (the most detailed settings) plus the
     estimated error of the reference.  Runs that differ from the reference in one setting are
@@ -399,7 +400,7 @@ def _saving(result: AccuracyCost) -> str:
 
 @picture(Refinement, size=(COLUMN, 3.0))
 def plot_refinement(result: Refinement, ax: Axes = NEW) -> None:
-    """Plot the estimated error of a refinement over time.
+    """Plot the estimated error of a refinement against time.
 
     A label names the setting that is more detailed than before.  An open square shows the settings
     or the model that would reach the tolerance, at their estimated time.
@@ -502,7 +503,7 @@ def _set_label_and_scale(axis: Any, table: Tabular, name: str, values: NDArray) 
 def plot_fit(result: Fitted, ax: NDArray = NEW) -> None:
     """Plot measured and computed amplitudes, and below them the residuals in units of the noise.
 
-    If the model is right, 95 % of the residuals lie in the grey band from -2 to 2.
+    If the model is correct, 95 % of the residuals lie in the grey band from -2 to 2.
 
     Parameters
     ----------
@@ -527,7 +528,7 @@ def plot_fit(result: Fitted, ax: NDArray = NEW) -> None:
 
 @picture(Fitted, "information", size=(COLUMN, 2.0))
 def plot_information(result: Fitted, ax: Axes = NEW) -> None:
-    """Plot the share of each test in the information about each parameter.
+    """Plot the contribution of each test to the information about each parameter.
 
     Parameters
     ----------
@@ -554,7 +555,7 @@ def plot_information(result: Fitted, ax: Axes = NEW) -> None:
 
 @picture(FittedLoop)
 def plot_loop(result: FittedLoop, ax: Axes = NEW) -> None:
-    """Plot a measured loop of force over displacement with the fitted loop of the sliders.
+    """Plot a measured loop of force against displacement with the fitted loop of the sliders.
 
     Parameters
     ----------
@@ -578,7 +579,7 @@ def plot_loop(result: FittedLoop, ax: Axes = NEW) -> None:
 
 @picture(NonlinearMode, size=(COLUMN, 3.4), rows=2)
 def plot_nonlinear_mode(mode: NonlinearMode, ax: NDArray = NEW, **style: Any) -> None:
-    """Plot frequency and damping ratio of a nonlinear mode over the response amplitude.
+    """Plot frequency and damping ratio of a nonlinear mode against the response amplitude.
 
     Circles are folds of the amplitude.  Lines are dashed if the motion no longer resembles the mode.
 
@@ -617,7 +618,8 @@ def plot_nonlinear_mode(mode: NonlinearMode, ax: NDArray = NEW, **style: Any) ->
 
 @picture(Flutter)
 def plot_flutter(flutter: Flutter, ax: Axes = NEW) -> None:
-    """Plot limit cycles over the preload: filled if stable, open if unstable.
+    """Plot limit cycles against the preload, with filled markers if stable and open markers if
+    unstable.
 
     A grey strip below the amplitudes shows the state at rest: a dot if it is stable, a cross if it
     is unstable.

@@ -71,7 +71,7 @@ def plot_mistuning(mistuning: Mistuning, ax: Axes = NEW) -> None:
 
 @picture()
 def plot_wheel_map(curve: ResponseCurve, ax: Axes = NEW) -> None:
-    """Plot a map of the amplitude of every blade over frequency.
+    """Plot a map of the amplitude of every blade against frequency.
 
     If there are several solutions at a frequency, the one with the largest blade amplitude is
     shown.  A circle marks the highest point.
@@ -294,13 +294,14 @@ def plot_sample(
     standard_deviation: float | None = None,
     percentiles: Sequence[float] = PERCENTILES,
 ) -> None:
-    """Plot percentiles of the largest blade amplitude over mistuning or preload.
+    """Plot percentiles of the largest blade amplitude against mistuning or preload.
 
-    Over the standard deviation each preload has a colour.
+    Against the standard deviation, each preload has its own colour.
 
     Bands are 95 % confidence intervals with the errors of the peaks, for the last percentile if
     there are several colours.  Their edges have the line style of the percentile.  They end where
-    the sample does not bound them.  Over the preload, stars mark the smallest value of each line.
+    the sample does not bound them.  Against the preload, stars mark the smallest value of each
+    line.
 
     Parameters
     ----------
@@ -310,7 +311,7 @@ def plot_sample(
     quantity : {"amplification", "amplitude"}
         Amplification factor, or resonance amplitude together with the tuned amplitude.
     standard_deviation : float, optional
-        For a plot over the preload.  By default the last value of the sample.
+        For a plot against the preload; by default, the last value of the sample.
     percentiles : sequence of float
         Up to six.
     """

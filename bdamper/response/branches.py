@@ -10,7 +10,7 @@ solution; all omissions are reported.
 
 1. Newton iteration from the static state (:mod:`bdamper.contact.static_state`) plus the linear
    response in stick,
-2. Newton iteration with line search, and least norm for a rank-deficient Jacobian,
+2. Newton iteration with line search, and a minimum-norm step for a rank-deficient Jacobian,
 3. continuation in the level of the excitation from the static state, around folds,
 4. fading supports: free bodies (all, if none is free) rest on springs and dampers that fade out as
    the excitation grows.
@@ -86,7 +86,7 @@ class LeftOut(NamedTuple):
     low, high : float, Hz
         Bounds of the part; equal if a path ended at a point.
     why : str
-        Reason of the omission.
+        Reason for the omission.
     """
 
     low: float
@@ -100,7 +100,9 @@ class LeftOut(NamedTuple):
 
     @property
     def amplitude(self) -> float:
-        """Amplitude (m) of the resonance in a part that is unbounded or cannot be resolved."""
+        """Amplitude (m) of the resonance in an omitted part: infinite if unbounded, NaN if it
+        cannot be resolved.
+        """
         return float("inf") if self.why.startswith(UNBOUNDED) else float("nan")
 
     @property

@@ -117,7 +117,9 @@ class Follower:
     # ---- steps ----
 
     def try_step(self, here: Correction, step: float) -> tuple[Correction, str]:
-        """Return the result of one predictor and corrector, and why it is rejected, or ""."""
+        """Return the result of one predictor and corrector step, and the reason why it is rejected,
+        or "".
+        """
         y = here.y
         tangent = here.tangent
         scale = here.scale
@@ -168,7 +170,7 @@ class Follower:
         reach : float
             Length of the step along the tangent at ``here``.
         refused : str
-            Reason of the last rejection; empty after an accepted step.
+            Reason for the last rejection; empty after an accepted step.
         """
         refused = "step too short"
         while step >= self.options.min_step and not self.system.spent:

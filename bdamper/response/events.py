@@ -60,21 +60,21 @@ class ContinuationOptions:
     max_turn : float, rad
         Largest angle between successive tangents of an accepted step.
     max_points : int
-        Largest number of points of one path.
+        Maximum number of points of one path.
     patience : int
         Number of points without progress in frequency after which the path is abandoned as a tangle
         of folds.
     budget : int or None
-        Largest number of evaluations of the equations for a curve; None sets it from the size of
-        the problem (``bdamper.response.branches.evaluation_budget``).
+        Maximum number of evaluations of the equations for a curve; if None, it follows from the
+        size of the problem (``bdamper.response.branches.evaluation_budget``).
     max_iterations : int
-        Largest number of Newton iterations in a step.
+        Maximum number of Newton iterations in a step.
     locate : bool
         Whether to refine folds and maxima.
     locate_tolerance : float
         Tolerance of the positions of folds and maxima, relative to the step.
     corner_step : float
-        Largest failed step within which a corner is searched; longer steps are shortened first.
+        Largest failed step within which a corner is searched for; longer steps are shortened first.
     """
 
     tolerance: Annotated[float, validation.Limits(above=0.0, below=1e-2)] = 1e-9

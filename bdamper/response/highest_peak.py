@@ -2,10 +2,10 @@
 
 Peaks, optimal curves, margins and curves along an engine order line use this point.  It is the
 largest maximum of the response over all branches that count: a smooth maximum, a corner, a fold, or
-a point at which the mean position drifts.  An end of the interval is no maximum, because it may be
-the flank of the next resonance. It counts only if there is no maximum; if an end is higher than the
-largest maximum, a note reports it.  Closed branches do not count.  If a branch connects both ends
-of the interval, branches that enter and leave at the same end do not count
+a point at which the mean position drifts.  An end of the interval is not a maximum, because it may
+lie on the flank of the next resonance. It counts only if there is no maximum; if an end is higher
+than the largest maximum, a note reports it.  Closed branches do not count.  If a branch connects
+both ends of the interval, branches that enter and leave at the same end do not count
 (``ResponseCurve.apart``); ``ResponseCurve.detached`` and ``ResponseCurve.separate`` list their
 highest points.  All other branches count, including incomplete ones.
 
@@ -118,7 +118,7 @@ class Highest:
 def highest_of_curve(
     system: Equations, curve: ResponseCurve, *, options: PeakOptions | None = None
 ) -> Highest:
-    """Return the highest point of a curve, as defined at the head of this module.
+    """Return the highest point of a curve, as defined in the docstring of this module.
 
     Parameters
     ----------
@@ -360,7 +360,7 @@ def given_up(curve: ResponseCurve) -> str:
 
 @dataclass(frozen=True)
 class AtPreload:
-    """Response over frequency at one preload, and its highest point.
+    """Frequency response at one preload, and its highest point.
 
     Parameters
     ----------
@@ -386,8 +386,9 @@ class AtPreload:
 
     @property
     def known(self) -> bool:
-        """Whether the highest point is a maximum of a complete curve, and nothing higher is known
-        or was given up."""
+        """Whether the highest point is a maximum of a complete curve, and no higher point is known
+        or could lie on a branch that was stopped.
+        """
         if self.top is None or not self.curve.complete or given_up(self.curve):
             return False
         return self.top.kind != "end" and not self.top.note
@@ -464,7 +465,7 @@ def found_at(
     budget: int | None = None,
     progress: bool = False,
 ) -> AtPreload:
-    """Follow the curve at a preload coarsely and return its highest point.
+    """Follow the curve at a preload with coarse steps, and return its highest point.
 
     The curve is followed again with default settings if it is incomplete, if a path ended in a
     tangle of folds, or if the highest point was not refined, unless a given budget is used up.  Of
@@ -588,11 +589,11 @@ def highest_peak(
     -------
     Peak
         ``corner`` is set unless it is a smooth maximum.  The status is "incomplete" if the curve is
-        incomplete, has no maximum in the interval, gave up a branch among many folds, or is higher
-        at an end or on a separate branch.  The amplitude is then NaN, and ``lower_bound`` contains
-        the highest computed maximum, or the end.  The amplitude of an unbounded resonance is
-        infinite.  The status is "not found" with the reason, and there are no unknowns, if no
-        response was found in the interval.
+        incomplete, has no maximum in the interval, has a branch that was stopped among many folds,
+        or is higher at an end or on a separate branch.  The amplitude is then NaN, and
+        ``lower_bound`` contains the highest computed maximum, or the end.  The amplitude of an
+        unbounded resonance is infinite.  The status is "not found" with the reason, and there are
+        no unknowns, if no response was found in the interval.
     """
     frequency = peak_interval(problem.at(preload), frequency, mode)
     check_options(options)

@@ -2,7 +2,8 @@
 
 At a superharmonic resonance, for example at a third of the natural frequency, higher harmonics
 increase the displacement by half of the first harmonic.  Amplitudes of results belong to the first
-harmonic, so a result names half of the range if its ratio to the amplitude exceeds :data:`NAMED`.
+harmonic, so a result also gives half of the range if its ratio to the amplitude exceeds
+:data:`NAMED`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""Optimal curve and frequency-shift curve: the highest response over the preload, free to stuck.
+"""Optimal curve and frequency-shift curve: the highest response as a function of the preload, from
+free to stuck.
 
 The optimum is chosen in these steps:
 
@@ -171,7 +172,8 @@ def optimal_curve(
     resume: str | Path | None = None,
     executor: Executor | None = None,
 ) -> OptimalCurve:
-    """Compute resonance amplitude and frequency over the preload, and the optimum preload.
+    """Compute resonance amplitude and frequency as functions of the preload, and the optimal
+    preload.
 
     Parameters
     ----------
@@ -263,7 +265,7 @@ def optimal_curve(
 def curve_interval(
     problem: Problem, preloads: NDArray, frequency: tuple[float, float] | None, mode: int = 1
 ) -> tuple[float, float]:
-    """Return the given interval (Hz), or that of the resonances of a mode.
+    """Return the given interval (Hz), or the interval around the resonances of a mode.
 
     Without an interval the highest preload with a static state determines the resonances.
 

@@ -1,4 +1,6 @@
-"""Result of an optimal curve: resonance over the preload, linear limits, optimum and curves."""
+"""Result of an optimal curve: resonance as a function of preload, linear limits, optimum and
+curves.
+"""
 
 from __future__ import annotations
 
@@ -59,7 +61,7 @@ KINDS = {
 
 @dataclass(frozen=True)
 class OptimumPoint(WithStatus):
-    """Preload of minimum resonance amplitude.
+    """Preload with the lowest resonance amplitude.
 
     Parameters
     ----------
@@ -132,13 +134,13 @@ class OptimalCurve(
     kind="bdamper-optimal",
     row="preload",
 ):
-    """Resonance over preload.
+    """Resonance as a function of the preload.
 
     The table has all preloads that were requested or computed, in ascending order.  The optimum is
     one of them.
 
-    ``plot`` draws amplitude and frequency shift over the preload, as in Figs 8 and 9 of the paper
-    (:func:`bdamper.plot.plot_optimal`).
+    ``plot`` draws amplitude and frequency shift against the preload, as in Figs 8 and 9 of the
+    paper (:func:`bdamper.plot.plot_optimal`).
 
     Parameters
     ----------
@@ -163,8 +165,8 @@ class OptimalCurve(
     settings : mapping
     model_hash : str
     lower_bound : (n,) float, m
-        Highest response found at a preload without a value; NaN with a value, or if nothing was
-        found.
+        Highest response found at a preload without a value; NaN at preloads with a value, or if
+        nothing was found.
     goes_on : (n,) bool
         Whether the highest points at this preload and the previous one are on one smooth branch,
         judged by their tangents.
@@ -189,7 +191,7 @@ class OptimalCurve(
         :meth:`bdamper.Study.with_time_response`.
     other_friction : tuple of FrictionPeak
         Peaks at the recommended preload with lower and higher friction coefficients, by harmonic
-        balance; the first one has those of the study.
+        balance; the first one has the friction coefficients of the study.
     friction_range : FrictionRange or None
         Factors on the friction coefficients at which the amplitude at the recommended preload
         doubles.
@@ -202,8 +204,8 @@ class OptimalCurve(
     margins_interrupted : bool
         Whether Ctrl-C ended the computation of the margins before any was known.
     model_doubts : tuple of str, optional
-        Properties of the model due to which amplitudes may be wrong by several times; None in files
-        of earlier versions.
+        Properties of the model due to which amplitudes may be wrong by a factor of several; None in
+        files of earlier versions.
     """
 
     preload: Newtons
@@ -326,12 +328,13 @@ class OptimalCurve(
 
     @property
     def ratio(self) -> float:
-        """Amplitude of the stuck limit over the amplitude of the optimum."""
+        """Ratio of the amplitude of the stuck limit to the amplitude at the optimum."""
         return self.stuck.amplitude / self.optimum.amplitude
 
     @property
     def near_best(self) -> tuple[float, float]:
-        """Range of preloads (N) in which the amplitude is at most 1.2 times that of the optimum.
+        """Range of preloads (N) in which the amplitude is at most 1.2 times the amplitude at the
+        optimum.
 
         The amplitudes are from harmonic balance.
         """
@@ -408,7 +411,8 @@ class OptimalCurve(
 
     @property
     def recommended_preload(self) -> float:
-        """Preload (N) with the lowest upper bound by time integration, otherwise of the optimum.
+        """Preload (N) with the lowest upper bound by time integration, otherwise the preload of the
+        optimum.
 
         It is NaN if there is neither.
         """
@@ -477,7 +481,7 @@ class OptimalCurve(
         disk : DiskPeak or MistunedSample, optional
             Result of a mistuned bladed disk.
         project, author, date, model_file : str
-            Texts at the beginning; the date is today by default.
+            Texts for the beginning of the report; by default, the date is today.
 
         Returns
         -------

@@ -1,7 +1,7 @@
 """Checks of the optimum of an optimal curve.
 
-Each check rates one doubt about the optimum: green if it passes, amber if it is uncertain, red if
-it fails, and white if it was not run.  A failed check has a remedy.
+Each check rates one possible weakness of the optimum: green if it passes, amber if it is uncertain,
+red if it fails, and white if it was not run.  A failed check has a remedy.
 :mod:`bdamper.response.optimum_statement` prints them.
 """
 

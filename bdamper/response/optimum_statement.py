@@ -1,4 +1,4 @@
-"""Printed statement of an optimal curve, for print, notebooks, report and explorer.
+"""Statement on an optimal curve, for print, notebooks, report and explorer.
 
 The statement gives the preload, the design amplitude with the values of each method, and the
 effects that are not covered. If a check has failed, it begins with the failure and gives a remedy,

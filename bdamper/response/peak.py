@@ -93,9 +93,9 @@ class PeakOptions(validation.Checked):
     max_step : float
         Largest step along the curve, relative to the vibration.
     max_iterations : int
-        Largest number of Newton iterations in one corrector.
+        Maximum number of Newton iterations in one corrector.
     max_trials : int
-        Largest number of correctors for one peak.
+        Maximum number of correctors for one peak.
     """
 
     tolerance: BelowTen = 1e-10
@@ -108,7 +108,8 @@ class PeakOptions(validation.Checked):
 @short_repr
 @dataclass(frozen=True)
 class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
-    """Maximum of the amplitude along a response curve, or the point at which the search ended.
+    """Maximum of the amplitude along a response curve, or the last point of a search without a
+    maximum.
 
     :func:`bdamper.plot.plot_peak` draws it.
 
@@ -234,23 +235,25 @@ def lower_bound_row(amplitude: float, frequency: float) -> Row:
 
 
 def first_harmonic_text(half_range: float, amplitude: float) -> str:
-    """Return the addition to an amplitude (m) that half of the peak-to-peak motion (m) exceeds."""
+    """Return the remark on an amplitude (m) that is exceeded by half of the peak-to-peak motion
+    (m).
+    """
     return " in the first harmonic" if exceeds(half_range, amplitude) else ""
 
 
 def half_range_rows(half_range: float, amplitude: float) -> list[Row]:
-    """Return the row of half of the peak-to-peak motion (m) if it exceeds the amplitude (m)."""
+    """Return the row with half of the peak-to-peak motion (m) if it exceeds the amplitude (m)."""
     return [half_range_row(half_range)] if exceeds(half_range, amplitude) else []
 
 
 def half_range_row(half_range: float) -> Row:
-    """Return the row of half of the peak-to-peak motion (m)."""
+    """Return the row with half of the peak-to-peak motion (m)."""
     value = amount(half_range, "m")
     return Row("Half peak to peak", value, "all harmonics; the amplitude is of the first")
 
 
 def contact_rows(shares: NDArray) -> list[Row]:
-    """Return the row of the fractions of the cycle in stick, slip and separation, if known."""
+    """Return the row with the fractions of the cycle in stick, slip and separation, if known."""
     if not np.isfinite(shares).all():
         return []
     # a share that rounds to zero has no sign
@@ -260,7 +263,7 @@ def contact_rows(shares: NDArray) -> list[Row]:
 
 
 def unchecked(name: str) -> list[Row]:
-    """Return the checks that a peak or curve of the harmonic balance does not contain."""
+    """Return the checks that are not part of a peak or curve by harmonic balance."""
     return [
         Row(IN_TIME, "not run", f"study.time_response({name})"),
         Row("More harmonics", "not run", f"study.harmonic_convergence({name})"),
@@ -623,7 +626,7 @@ def peak_of_sign(
     Returns
     -------
     Peak or str
-        Peak, or the reason of failure.
+        Peak, or the reason for the failure.
     iterations : int
     """
     row, scale = phase_row(system, guess)

@@ -53,7 +53,7 @@ def unresolved_resonance(
 
 
 def why_unresolved(system: Equations, y: NDArray, damping_ratio: float) -> str:
-    """Return why the amplitude of a resonance is unbounded or cannot be resolved, or "".
+    """Return the reason why the amplitude of a resonance is unbounded or cannot be resolved, or "".
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def why_unresolved(system: Equations, y: NDArray, damping_ratio: float) -> str:
 
 
 def frequency_rounding(system: Equations, y: NDArray) -> float:
-    """Return the change of the relative residual by the rounding of the frequency, at one point.
+    """Return the change of the relative residual due to rounding of the frequency at one point.
 
     With the quality factor Q of a resonance it is about 2 Q times the machine epsilon.  Stiff
     contacts do not change it.

@@ -1,4 +1,4 @@
-"""Response curve: all branches over a frequency interval at one preload, and its interpretation.
+"""Response curve: all branches in a frequency interval at one preload, and its interpretation.
 
 :func:`frequency_response` covers the interval (``bdamper.response.branches``): from its lower end;
 from the upper end if the first path does not reach it; beyond both ends up to the free and stuck
@@ -6,13 +6,13 @@ resonances, where a branch may turn and return; and in the remaining gaps, withi
 evaluations.
 
 **Mean position of the damper.**  The mean position of a free body may drift along a curve at
-constant vibration, may be undetermined (then it has least norm), or may have no equilibrium;
-:func:`notes` and :func:`why_no_solution` report it.
+constant vibration, may be undetermined (the solution then has minimum norm), or may have no
+equilibrium; :func:`notes` and :func:`why_no_solution` report it.
 
 **Rattling.**  Under a low preload the damper separates for most of the cycle and lands at different
 instants in each period. Harmonic balance then finds many periodic solutions, connected by folds,
 and time integration from the highest finds no steady amplitude.  :func:`rattles` detects curves
-with many folds and mostly open contacts.  It is an indication, not a proof, and appears at low
+with many folds and mostly open contacts.  It is an indication, not a proof, and occurs at low
 preloads only (docs/evidence/measured.md, *Where a damper rattles*).  It detects 11 of 84 curves; on
 none of these, time integration becomes steady within 250 periods.  It misses 18 others on which
 time integration does not become steady either.
@@ -21,11 +21,11 @@ time integration does not become steady either.
 With a mean position so far off that no contact point closes in a cycle, the free response satisfies
 all equations exactly (:func:`free_of_contact`).
 
-**Slow sweep of frequency.**  :func:`sweep_of` starts at one end of the interval on the lowest
-stable solution and follows stable points.  Where the branch turns or loses stability the response
-jumps to a stable solution at that frequency: the nearest lower one, or the nearest higher one if
-there is none.  The motion during a jump is not computed, so among several stable solutions the
-response may end on another one.
+**Slow frequency sweep.**  :func:`sweep_of` starts at one end of the interval on the lowest stable
+solution and follows stable points.  Where the branch turns or loses stability the response jumps to
+a stable solution at that frequency: the nearest lower one, or the nearest higher one if there is
+none.  The motion during a jump is not computed, so among several stable solutions the response may
+end on another one.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def notes(
     coordinates: Sequence[Coordinate],
     points: Sequence[Correction],
 ) -> tuple[str, ...]:
-    """Describe where the mean position drifts, and where only least norm determines it."""
+    """Describe where the mean position drifts, and where only the minimum norm determines it."""
     texts = []
     for first, last in _drift_ranges(points):
         before = points[max(first - 1, 0)].y
@@ -347,7 +347,7 @@ def frequency_response(
     options: ContinuationOptions | None = None,
     progress: bool = False,
 ) -> ResponseCurve:
-    """Compute the response curve over a frequency interval at one preload, with all branches.
+    """Compute the response curve in a frequency interval at one preload, with all branches.
 
     Parameters
     ----------
@@ -647,7 +647,7 @@ class Jump(NamedTuple):
 
 @dataclass(frozen=True)
 class SlowSweep:
-    """Response in a slow sweep of frequency (:func:`sweep_of`).
+    """Response in a slow frequency sweep (:func:`sweep_of`).
 
     Parameters
     ----------
@@ -730,7 +730,7 @@ class _Sweep:
 
 
 def sweep_of(curve: ResponseCurve, direction: str) -> SlowSweep:
-    """Compute the response of a slow sweep of frequency from a response curve.
+    """Compute the response in a slow frequency sweep from a response curve.
 
     Unstable points are ``curve.unstable`` if examined, otherwise branches between folds that run
     backward.  All other points count as stable.

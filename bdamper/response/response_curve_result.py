@@ -77,7 +77,7 @@ class ResponseCurve(
 ):
     """Response curve; every point is a converged solution.
 
-    ``plot`` draws amplitude over frequency, with backward branches dashed
+    ``plot`` draws the amplitude against frequency, with backward branches dashed
     (:func:`bdamper.plot.plot_curve`).
 
     Parameters
@@ -97,7 +97,7 @@ class ResponseCurve(
     backward : (n,) bool
         Whether the frequency decreases along the curve, as in the unstable part between two folds.
     rank_deficiency : (n,) int
-        Number of undetermined mean positions, which have least norm.
+        Number of undetermined mean positions, for which the solution has minimum norm.
     branch : (n,) int
         Number of the branch, from 0; points of one branch are in order.
     point_kind : tuple of str
@@ -126,7 +126,7 @@ class ResponseCurve(
         Mean amplitude by time integration of the motion that starts at a point, relative to the
         point; NaN if unknown (:mod:`bdamper.time_domain.floquet`).
     closed : tuple of int
-        Closed branches.  No sweep of frequency leads to them, and they do not count for ``peak``.
+        Closed branches.  No frequency sweep leads to them, and they do not count for ``peak``.
     speed : (n,) float, rad/s, or None
         Rotor speed of a run-up.
     blades : (n, n_blades, n_harmonics + 1) complex, m, or None
@@ -296,7 +296,9 @@ class ResponseCurve(
         return np.isin(self.branch, (*self.closed, *self.branch[self.separate]))
 
     def higher(self, amplitude: float) -> str:
-        """Describe the separate branches that are higher than an amplitude (m); "" without any."""
+        """Describe the separate branches that are higher than an amplitude (m); "" if there are
+        none.
+        """
         texts = []
         for i in self.separate:
             if not self.amplitude[i] > amplitude:
@@ -341,7 +343,7 @@ class ResponseCurve(
 
     @property
     def peak(self) -> Peak:
-        """Point of largest response, even if it is no maximum (``peak_at_end``).
+        """Point of largest response, even if it is not a maximum (``peak_at_end``).
 
         Closed and separate branches do not count.
 
@@ -403,7 +405,9 @@ class ResponseCurve(
 
     @property
     def peak_at_end(self) -> bool:
-        """Whether the largest response is at an end of the curve or at a gap: no maximum."""
+        """Whether the largest response lies at an end of the curve or at a gap, so that it is not a
+        maximum.
+        """
         i = self.peak_index
         if self.kind in ("response", "run-up") and self.point_kind[i] in ("maximum", "fold"):
             return False

@@ -1,11 +1,12 @@
 """Minimum and root of an expensive, piecewise smooth function of one variable.
 
-The optimum is the minimum of ln(peak amplitude) over ln(preload), given with its slope.  This
-function is smooth on a branch of peaks and jumps if another peak becomes the highest.  Values and
-slopes are known at some samples.  Between two neighbouring samples (:func:`lower_bound`):
+The optimum is the minimum of ln(peak amplitude) as a function of ln(preload); its slope is also
+known.  This function is smooth on a branch of peaks and jumps if another peak becomes the highest.
+Values and slopes are known at some samples.  Between two neighbouring samples
+(:func:`lower_bound`):
 
-- if the tangents match one smooth branch, the Hermite cubic through both ends has a minimum or
-  none;
+- if the tangents match a single smooth branch, the Hermite cubic through both ends gives the
+  minimum, if there is one;
 - otherwise one branch may continue along its tangent and end, or two branches cross where their
   tangents meet.
 
@@ -14,7 +15,7 @@ smallest known value.  A bracketing search (Brent) between the neighbours of the
 misses minima elsewhere and does not use slopes.
 
 :func:`find_root` finds the root in an interval over which the sign changes.  The next trial is the
-zero of the inverse interpolation polynomial through at most the last four points.  If their values
+zero of the inverse interpolation polynomial through the last points, four at most.  If their values
 are not monotonic, or the zero lies outside the bracket, the trial is the secant through the ends of
 the bracket.  The value at an end that remains twice is then reduced, so that both ends of the
 bracket move [1]_.  If a trial is not below half the value that it replaces, the next trial is the

@@ -108,14 +108,14 @@ class PeakSensitivity:
 class Sensitivities(Result, Plottable, dict[str, PeakSensitivity]):
     """Derivatives of a peak by parameter.
 
-    ``plot`` draws the change of the peak for 1 % of each parameter
+    ``plot`` draws the change of the peak for a change of 1 % in each parameter
     (:func:`bdamper.plot.plot_sensitivities`).
 
     Parameters
     ----------
     found : mapping of name to PeakSensitivity
     amplitude, frequency : float, m, Hz
-        The peak.
+        Amplitude and frequency of the peak.
     """
 
     def __init__(
@@ -126,7 +126,8 @@ class Sensitivities(Result, Plottable, dict[str, PeakSensitivity]):
         self.frequency = frequency
 
     def changes(self) -> dict[str, tuple[float, float]]:
-        """Return the relative change of amplitude and frequency for one per cent of each parameter.
+        """Return the relative change of amplitude and frequency for a change of one per cent in
+        each parameter.
 
         NaN if unknown.
         """
@@ -239,7 +240,8 @@ def across(
     families: Mapping[str, tuple[Family, float]],
     factors: NDArray | float = 1.0,
 ) -> dict[str, CurveSensitivity]:
-    """Compute the derivatives of points of a response curve, with one bordered matrix each.
+    """Compute the derivatives of points of a response curve, with one bordered matrix for each
+    point.
 
     Parameters
     ----------
@@ -734,7 +736,7 @@ def band(
     -------
     deviation : (n,) float
         Standard deviation normal to the curve, in ln(amplitude) and in ln(frequency) over the width
-        at half the highest amplitude.  NaN where only the mean drifts along the curve.
+        at half the highest amplitude.  NaN at points at which only the mean drifts along the curve.
     frequency, amplitude : (n, 2) float, Hz and m
         Edges of the band at plus and minus two standard deviations.
     """
@@ -797,7 +799,7 @@ def families(
 
 
 def setting_value(problem: Problem, name: str) -> float:
-    """Return the present value of a numeric setting, 1 for a factor."""
+    """Return the current value of a numeric setting; it is 1 for a factor."""
     head, _, part = name.partition(".")
     if head in FACTORS:
         return 1.0

@@ -56,12 +56,14 @@ BEATS = 0.1
 
 
 def energy_shares(energy: tuple[float, ...]) -> tuple[float, NDArray]:
-    """Return the energy (J) supplied in a period, and the shares that take it.
+    """Return the energy (J) supplied in a period, and the fractions of it that are dissipated or
+    stored.
 
-    Shares: damping, contacts, rise of kinetic and strain energy, and error of the time steps.
+    The fractions are damping, contacts, increase of kinetic and strain energy, and error of the
+    time steps.
 
-    The work of the excitation is the supply, with everything that gives energy instead of taking
-    it: far from a resonance the work alone may be close to zero.
+    The supplied energy is the work of the excitation plus all contributions that release energy,
+    because the work alone may be close to zero far from a resonance.
     """
     work, *damping_contacts_rise = energy
     numerical = work - sum(damping_contacts_rise)
@@ -73,7 +75,7 @@ def energy_shares(energy: tuple[float, ...]) -> tuple[float, NDArray]:
 
 
 def energy_change(energy: tuple[float, ...]) -> str:
-    """Return a text if kinetic and strain energy change by a fifth of the supply, or ""."""
+    """Return a text if kinetic and strain energy change by a fifth of the supplied energy, or ""."""
     _, (_, _, rise, _) = energy_shares(energy)
     if abs(rise) <= 0.2:
         return ""
@@ -97,7 +99,9 @@ class AllBlades(Result):
 
     @property
     def blades_differ(self) -> bool:
-        """Whether identical blades vibrate differently, the same ones high in both halves."""
+        """Whether identical blades vibrate with different amplitudes, the same blades with large
+        amplitudes in both halves.
+        """
         n_periods, n_waves = len(self.blades), len(self.waves)
         if n_waves < 2 or n_periods < 2:
             return False
@@ -112,7 +116,9 @@ class AllBlades(Result):
 
     @property
     def numerical_loss(self) -> float:
-        """Error of the energy balance of a period relative to the supply; NaN if not integrated."""
+        """Error of the energy balance of a period, relative to the supplied energy; NaN without
+        time integration.
+        """
         if not self.energy:
             return float("nan")
         _, (_, _, _, numerical) = energy_shares(self.energy)
@@ -155,14 +161,15 @@ class AllBlades(Result):
 @short_repr
 @dataclass(frozen=True)
 class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-response"):
-    """Highest steady amplitude near a resonance by time integration, with its error range.
+    """Highest steady-state amplitude near a resonance by time integration, with its error range.
 
     ``plot`` draws the amplitudes of all blades (:func:`bdamper.plot.plot_blades`).
 
     Parameters
     ----------
     mean : float, m
-        Amplitude of the first harmonic of the blade with the largest amplitude, mean over periods.
+        Amplitude of the first harmonic of the blade with the largest amplitude, averaged over
+        periods.
     lowest, highest : float, m
         Range of the mean: all ``answers`` and higher ``starts``, widened by the remaining change of
         a settled motion or the standard deviation of its periods.  It contains ``highest_period``.
@@ -172,10 +179,10 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
     highest_period : float, m
         Highest amplitude of a single period in all ``answers``.
     jump_frequency : float, Hz
-        Frequency closest to the highest motion at which the motion changes to another amplitude;
-        NaN if there is none.
+        Frequency at which the motion jumps to another amplitude, the one closest to the highest
+        motion; NaN if there is none.
     structure : str
-        Modes in the response curve and in time.
+        Modes in the response curve and in the time integration.
     periods : int
         Total number of periods.
     diameters : tuple of int
@@ -187,7 +194,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         them and a higher one of the ``starts``, differ by more than 5 %.
     cost : Cost
     blade : int
-        Highest blade.
+        Blade with the largest amplitude.
     blades : (n_periods, n_blades) float, m
         Amplitudes of all blades in the last periods.
     waves : (n_blades, 2) float
@@ -199,14 +206,14 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
     starts : dict of str to float, m
         Mean amplitude reached from different initial states.
     energy : tuple of four float, J
-        In a period, all blades: work of the excitation, loss in damping, loss in contacts, and rise
-        of kinetic and strain energy.
+        Energies of all blades in a period: work of the excitation, energy dissipated by damping,
+        energy dissipated by the contacts, and increase of kinetic and strain energy.
     growth : float
-        Growth rate per period of the motion in waves other than the excited one; negative if the
+        Growth rate per period of the motion in waves other than the excited one; negative if this
         motion decays, NaN if it is too small.
     half_range : float, m
-        Half of the peak-to-peak response of the blade with the largest amplitude: mean over
-        periods, with the harmonics of the study.
+        Half of the peak-to-peak response of the blade with the largest amplitude, with the
+        harmonics of the study, averaged over periods.
     settings : mapping
     model_hash : str
     """
@@ -252,7 +259,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
 
     @property
     def elsewhere(self) -> int:
-        """Number of other initial states that lead to another motion."""
+        """Number of the other initial states that lead to a different motion."""
         return sum(abs(amplitude / self.mean - 1.0) > ALIKE for amplitude in self.starts.values())
 
     @property
@@ -262,14 +269,16 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
 
     @property
     def factor(self) -> float:
-        """Factor on stress: largest amplitude by time integration over harmonic-balance amplitude."""
+        """Factor on the stress: ratio of the largest amplitude by time integration to the
+        harmonic-balance amplitude.
+        """
         return self.largest / self.balance
 
     @property
     def text(self) -> str:
         """Mean and range, "55 µm (53 to 58)".
 
-        Only the range if answers differ; the status if nothing was found.
+        If the answers differ, it is the range only; if nothing was found, it is the status.
         """
         if np.isnan(self.mean):
             return self.status_text
@@ -278,7 +287,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         return f"{amount(self.mean, 'm')} ({_range_without_unit(self)})"
 
     def mark(self, ax: object, path: FilePath | None = None) -> object:
-        """Draw mean and range as a point with a bar over response curves.
+        """Draw mean and range as a point with a bar on top of response curves.
 
         The picture is drawn by :func:`bdamper.plot.mark_time_response`.
         """
@@ -360,9 +369,9 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
 class MotionInTime(
     AllBlades, Plottable, Tabular, Recorded, Storable, kind="bdamper-motion-in-time", row="period"
 ):
-    """One motion in time from a harmonic-balance solution, period by period.
+    """Motion computed by time integration from a harmonic-balance solution, period by period.
 
-    ``plot`` draws the amplitude over the periods (:func:`bdamper.plot.plot_periods`).
+    ``plot`` draws the amplitude of each period (:func:`bdamper.plot.plot_periods`).
 
     Parameters
     ----------
@@ -380,7 +389,7 @@ class MotionInTime(
         "agrees", "does not agree" or "undecided": whether the motion stays at its initial solution,
         if examined.
     reason : str
-        Reason of the verdict; without a verdict, reason for the status.
+        Reason for the verdict; without a verdict, reason for the status.
     distance : float
         Relative distance of the vibration in the last period from the initial solution.
     repeats_after : int or None
@@ -429,7 +438,7 @@ class MotionInTime(
 
     @property
     def amplitude(self) -> Amplitude:
-        """First harmonic of the largest blade amplitude, m, (n_periods,)."""
+        """First-harmonic amplitude (n_periods,) of the blade with the largest amplitude, m."""
         return np.abs(self.harmonics[:, 1])
 
     def columns(self) -> dict[str, Column]:
@@ -565,7 +574,9 @@ class FrictionPeak(WithStatus, Record):
         return "unknown"
 
     def compared_with(self, own: FrictionPeak) -> str:
-        """Compare with twice the amplitude of ``own``: "high", "low" (up to it) or "unknown"."""
+        """Compare with twice the amplitude of ``own``: "high" if larger, "low" if not, or
+        "unknown".
+        """
         limit = MUCH * own.amplitude
         if self.amplitude > limit or self.lower_bound > limit:
             return "high"
@@ -580,10 +591,10 @@ class FrictionLimit(NamedTuple):
     Parameters
     ----------
     inside : float
-        Farthest factor up to which no computed amplitude is twice that of the study.
+        Factor farthest from 1 up to which no computed amplitude reaches twice the amplitude of the
+        study.
     outside : float
-        Next computed factor, with twice the amplitude or more; NaN if the amplitude does not
-        double.
+        Next computed factor, at which the amplitude is at least doubled; NaN if it does not double.
     known : bool
         False if the amplitude at ``outside`` is unknown.
     """
@@ -614,9 +625,9 @@ class FrictionRange(Record):
         All computed peaks by ascending factor.
     remedy : float, N
         Nearest preload at which the amplitude does not double between 1/1.5 and 1.5 times the
-        friction; NaN if there is no need for it, or if none was found.
+        friction; NaN if it is not needed, or if none was found.
     seconds : float
-        Elapsed time of all peaks, also of the search for ``remedy``.
+        Elapsed time of all peaks, including the search for ``remedy``.
     """
 
     peaks: tuple[FrictionPeak, ...] = ()
@@ -651,7 +662,9 @@ class FrictionRange(Record):
 
     @property
     def doubles(self) -> tuple[float, float]:
-        """Factors below and above 1 with twice the amplitude or more; NaN if there is none."""
+        """Factors below and above 1 at which the amplitude is at least doubled; NaN if there is
+        none.
+        """
         if self.limits is None:
             return np.nan, np.nan
         below, above = self.limits
@@ -704,7 +717,7 @@ class Meeting(NamedTuple):
     frequency : float, Hz
         Natural frequency of the mode.
     distance : float
-        Frequency of the harmonic over the natural frequency, minus one.
+        Ratio of the frequency of the harmonic to the natural frequency, minus one.
     """
 
     harmonic: int
@@ -734,9 +747,9 @@ def _heights(peaks: Sequence[HarmonicPeak]) -> str:
 @short_repr
 @dataclass(frozen=True)
 class Convergence(Result, Plottable, Tabular):
-    """One peak with increasing number of harmonics.
+    """Peak computed with an increasing number of harmonics.
 
-    ``plot`` draws the amplitude over the number of harmonics
+    ``plot`` draws the amplitude against the number of harmonics
     (:func:`bdamper.plot.plot_convergence`).
 
     Parameters
@@ -749,7 +762,7 @@ class Convergence(Result, Plottable, Tabular):
     internal_resonances : tuple of Meeting
         Internal resonances up to the highest possible harmonic.
     highest_harmonic : str
-        Reason why the harmonics end before the highest requested one, or "".
+        Reason why the sequence ends before the highest requested harmonic, or "".
     status : str
         "complete", "interrupted" or "incomplete".
     reason : str
@@ -793,7 +806,9 @@ class Convergence(Result, Plottable, Tabular):
 
     @property
     def ok(self) -> bool:
-        """Whether the peak agrees with all peaks with more harmonics, at least two."""
+        """Whether the peak agrees with all peaks computed with more harmonics, of which there must
+        be at least two.
+        """
         if self.status != COMPLETE or len(self.peaks) <= 2:
             return False
         return self._all_agree
@@ -923,8 +938,8 @@ class SourceError:
     amplitude, frequency : float
         Relative change of the peak with a more accurate setting; NaN without an estimate.
     uncertainty : float
-        Relative change that the estimate may have missed; 0 if the peak was computed with another
-        setting.
+        Relative change that the estimate may have missed; 0 if the peak was recomputed with the
+        more accurate setting.
     against : str
         The more accurate setting and the method, or the reason why there is no estimate.
     """
@@ -945,7 +960,7 @@ class SourceError:
 
     @property
     def size(self) -> float:
-        """Larger of both relative changes; NaN if unknown."""
+        """Larger of the two relative changes; NaN if unknown."""
         if not self.known:
             return float("nan")
         return float(np.fmax(abs(self.amplitude), abs(self.frequency)))
@@ -995,7 +1010,7 @@ class ErrorEstimates(Result):
 
     @property
     def total(self) -> float:
-        """Sum of all known errors: a bound if they do not interact."""
+        """Sum of all known errors, which is a bound if they do not interact."""
         return float(np.nansum([source.size for source in self.sources]))
 
     @property
@@ -1005,7 +1020,7 @@ class ErrorEstimates(Result):
 
     @property
     def undecided(self) -> bool:
-        """Whether the peaks with more harmonics do not approach each other, or one is missing.
+        """Whether the peaks do not converge with more harmonics, or one of them is missing.
 
         More harmonics then give no limit, and only time integration can determine the amplitude.
         """

@@ -17,7 +17,7 @@ During slip and separation the slider is no state variable.  At the beginning of
 
 The product over a period is the monodromy matrix.  If all multipliers are within the unit circle,
 every small disturbance decays.  A slider that is not set within the period has a multiplier of
-exactly 1 and is left out, also if it rests at its friction limit: a disturbance moves it once, into
+exactly 1 and is omitted, even if it rests at its friction limit: a disturbance moves it once, into
 a neighbouring solution with another residual traction.
 
 With one real basis for all harmonics (no cyclic symmetry) the multipliers cover all disturbances.
@@ -33,9 +33,9 @@ diameters are not examined.
 **Time integration.** All this applies to the motion with the harmonics of the solution.  Only time
 integration shows whether the actual motion is stable.  With ``with_stability(in_time=True)`` the
 motion starts at the solution with a disturbance of every nodal diameter, and
-``bdamper.time_domain.transient.judged`` decides whether it keeps its amplitude.  An undamped damper
-chatters at many points next to separated peaks, without any period; the criterion is the resulting
-amplitude, averaged over many periods.
+``bdamper.time_domain.transient.judged`` decides whether its amplitude is maintained.  An undamped
+damper chatters at many points next to separated peaks, without any period; the criterion is the
+resulting amplitude, averaged over many periods.
 """
 
 from __future__ import annotations
@@ -388,7 +388,7 @@ def monodromy(system: Equations[SectorData], u: NDArray, omega: float) -> NDArra
 
 
 def multipliers(system: Equations[SectorData], u: NDArray, omega: float) -> NDArray:
-    """Return the Floquet multipliers in descending order of the modulus; see :func:`monodromy`."""
+    """Return the Floquet multipliers in descending order of modulus; see :func:`monodromy`."""
     values = np.linalg.eigvals(monodromy(system, u, omega))
     descending = np.argsort(-np.abs(values))
     return np.asarray(values[descending])
@@ -449,7 +449,7 @@ def _negative_determinant(system: Equations[SectorData], u: NDArray, omega: floa
 
 
 def judged_in_time(sectors: AllSectors, curve: ResponseCurve, progress: bool) -> ResponseCurve:
-    """Determine the stability of a curve by time integration, and return the curve with it.
+    """Determine the stability of a curve by time integration, and return the curve with the result.
 
     Points that time integration leaves undecided, and all points after Ctrl-C, retain their
     stability from harmonic balance.

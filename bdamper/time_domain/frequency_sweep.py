@@ -1,4 +1,4 @@
-"""Slow sweep of the excitation frequency in time.
+"""Slow sweep of the excitation frequency by time integration.
 
 The frequency changes linearly with time from one end of an interval to the other, as on a test rig.
 Among several stable solutions the sweep follows its branch until it ends, and then jumps; it leaves
@@ -69,9 +69,9 @@ class TimeSweep(
     kind="bdamper-time-sweep",
     row="turn",
 ):
-    """Response in a slow sweep of frequency in time, period by period.
+    """Response in a slow frequency sweep by time integration, period by period.
 
-    ``plot`` draws amplitude over frequency, also over response curves
+    ``plot`` draws the amplitude against frequency, optionally on top of response curves
     (:func:`bdamper.plot.plot_frequency_sweep`).
 
     Parameters

@@ -87,7 +87,9 @@ coupled laws.
 
 
 class IntegrationFailed(BdamperError):
-    """A time step has no contact forces, even in parts of it, or the energy does not balance."""
+    """The contact forces of a time step were not found, even after dividing the step, or the energy
+    does not balance.
+    """
 
 
 class EnergyGained(IntegrationFailed):
@@ -103,12 +105,13 @@ TIME_SPENT = 8
 
 
 class TimeLimit:
-    """Processor time (s) of the integrations of one result and of their equations, on all threads.
+    """Limit of the processor time (s) of the integrations of one result and of their equations, on
+    all threads.
 
     Parameters
     ----------
     seconds : float, s
-        Largest sum.
+        Maximum total time.
     """
 
     def __init__(self, seconds: float) -> None:
@@ -117,7 +120,7 @@ class TimeLimit:
         self._counting = Lock()
 
     def left(self) -> float:
-        """Return the seconds that are left.
+        """Return the remaining seconds.
 
         Raises
         ------
@@ -666,7 +669,7 @@ class AllSectors:
     def vibration_energy(self, motion: Motion, omega: float) -> float:
         """Return the energy (J) of the vibration at ``omega`` (rad/s).
 
-        It lacks the strain energy of the loads at rest.  In a harmonic motion velocities and
+        It excludes the strain energy of the loads at rest.  In a harmonic motion velocities and
         accelerations give the same energy at every instant.
         """
         acceleration = np.zeros_like(motion.v) if motion.a is None else motion.a
@@ -735,10 +738,7 @@ class AllSectors:
         return np.sqrt(np.maximum(away, 0.0))
 
     def tractions(self, motion: Motion) -> dict[str, NDArray]:
-        """Return sliders (n_sectors, n_points, 2) of the motion under different tractions.
-
-        They have no traction, or reach the friction limit in one direction or the other.
-        """
+        """Return sliders (n_sectors, n_points, 2) of the motion under different tractions."""
         at_limit = []
         for far in (1e6, -1e6):
             w = motion.w.copy()
@@ -779,7 +779,7 @@ class AllSectors:
     def seeded(self, motion: Motion, share: float, seed: int) -> Motion:
         """Return the motion with a disturbance of each nodal diameter.
 
-        Without disturbances only rounding breaks the symmetry.
+        Without disturbances, only rounding errors would break the symmetry.
 
         Parameters
         ----------
@@ -878,8 +878,8 @@ def _residual(basis: HarmonicBasis) -> NDArray:
 def transfer(source: AllSectors, motion: Motion, target: AllSectors) -> Motion:
     """Return a motion in the coordinates of another structure with the same contact points.
 
-    Modes that the source does not have are at rest, and also the residual modes, which differ
-    between structures.
+    Modes that the source does not have are at rest, and so are the residual modes, because they
+    differ between structures.
     """
     source_block = dict(zip(source.families, source.blocks))  # by nodal diameter
     # indices of the modes of the target, and of the same modes of the source
@@ -924,7 +924,7 @@ def every_diameter(problem: Problem) -> Problem:
     contact_forces = _sampling(problem, max(present | missing))
 
     def with_harmonics(harmonics: set[int]) -> Problem | None:
-        """Return the problem with these harmonics, or None if the model lacks their modes."""
+        """Return the problem with these harmonics, or None if the model lacks the modes."""
         try:
             # about methods that replace residual modes
             with quiet():
@@ -958,7 +958,7 @@ def all_sectors(
 ) -> AllSectors:
     """Return the equations of motion of all sectors at a preload (N).
 
-    They have every nodal diameter of the model.
+    They include every nodal diameter of the model.
 
     Parameters
     ----------

@@ -47,8 +47,8 @@ unknown.
 
 
 class BalanceCurve:
-    """Amplitudes (m) of a response curve over frequency, without closed branches and separate
-    branches above its peak.
+    """Amplitudes (m) of a response curve as a function of frequency, without closed branches and
+    without separate branches above its peak.
     """
 
     def __init__(self, curve: ResponseCurve) -> None:
@@ -84,17 +84,14 @@ class BalanceCurve:
 
     @property
     def half_width(self) -> float:
-        """Half-width of the resonance at half power, Hz: the smaller one of both sides."""
+        """Half-width of the resonance at half power, Hz: the smaller of the two sides."""
         # a width is NaN if the branch ends on its side
         signed_widths = [width for width, _ in self.sides.values()]
         return float(np.nanmin(np.abs(signed_widths)))
 
     @property
     def flank(self) -> float:
-        """Frequency (Hz) with only one solution, more than half a half-width away from the peak.
-
-        It is the one closest to the peak, and NaN if there is none.
-        """
+        """Frequency (Hz) with only one solution, more than half a half-width away from the peak."""
         flanks = [flank for _, flank in self.sides.values() if np.isfinite(flank)]
         return min(flanks, key=lambda f: abs(f - self.tip), default=float("nan"))
 
@@ -191,16 +188,16 @@ class SteadySearch:
     points : list of SteadyPoint
         Steady motions.
     parted : list of SteadyPoint
-        Steady motions in which the amplitudes of the blades do not diverge further.
+        Steady motions in which the amplitudes of the blades no longer diverge.
     fell : list of float, Hz
         Frequencies at which a motion did not stay near the expected amplitude.
     below : float, m
-        Highest amplitude of the sweep from the flank if the sweep from the tip is higher, otherwise
-        NaN.
+        Highest amplitude of the sweep from the flank if the sweep from the peak is higher,
+        otherwise NaN.
     periods : int
         Total number of periods.
     failure : str
-        Reason if no motion stays.
+        Reason why no motion stays.
     on_frequency : callable
         Called with every frequency (Hz) of a motion.
     """
@@ -475,13 +472,15 @@ class SteadySearch:
         return point
 
     def at_end(self, point: SteadyPoint) -> bool:
-        """Return whether a point is at an end of the curve, and the motion stays up to there."""
+        """Return whether a point is at an end of the curve and the motion persists up to this end."""
         to_end = min(abs(end - point.frequency) for end in self.ends)
         no_fall = bool(np.isnan(self.fall))
         return no_fall and to_end < 0.25 * self.balance.half_width
 
     def follow(self, point: SteadyPoint, frequency: float) -> SteadyPoint:
-        """Change the frequency of a steady motion slowly, and settle there."""
+        """Change the frequency of a steady motion slowly, and integrate there until the motion
+        settles.
+        """
         moving = Transient(self.sectors, point.transient.omega, point.transient.motion, self.steps)
         periods = max(CRITERIA.stride, round(abs(frequency - point.frequency) / self.pace))
         moving.sweep(TWO_PI * frequency, periods)
@@ -489,8 +488,8 @@ class SteadySearch:
         return self.settle(frequency, moving.motion, point.mean)
 
     def look_around(self, best: SteadyPoint, way: float) -> None:
-        """Settle around a steady motion until the highest one is known, beginning on the side
-        ``way`` (1 or -1).
+        """Find steady motions on both sides of a steady motion until the highest is known,
+        beginning on the side ``way`` (1 or -1).
         """
         for _ in range(CRITERIA.most_points):
             frequency = self._next(best, way)

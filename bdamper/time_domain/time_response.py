@@ -1,9 +1,10 @@
-"""Time integration at one preload: the highest steady amplitude with its error, and single motions.
+"""Time integration at one preload: the highest steady-state amplitude with its error, and single
+motions.
 
-**Structure.**  A response curve may retain few modes, because its cost grows with them; in time
-they cost little.  The integration therefore has all stored modes of the constrained bodies.  A free
-body is rigid in time, unless its first elastic frequency is below :data:`RIGID_BEYOND` times the
-frequency of the highest harmonic (:func:`structure_in_time`).
+**Structure.**  A response curve may retain few modes, because its cost increases with their number;
+in time integration, modes cost little.  The integration therefore has all stored modes of the
+constrained bodies.  A free body is rigid in time, unless its first elastic frequency is below
+:data:`RIGID_BEYOND` times the frequency of the highest harmonic (:func:`structure_in_time`).
 
 **Error.**  The search (``bdamper.time_domain.steady_amplitude``) uses n time steps per period.
 Where contacts chatter it takes twice the given number.  From its highest motion
@@ -106,8 +107,8 @@ VECTORS = 24
 
 
 def structure_in_time(problem: Problem, frequency: float) -> tuple[Problem, str]:
-    """Return the problem with the modes for the integration near a frequency (Hz), and a text about
-    them.
+    """Return the problem with the modes for the integration near a frequency (Hz), and a
+    description of these modes.
     """
     settings = problem.settings
     blade_modes = settings.most_modes("constrained")
@@ -694,7 +695,7 @@ def error_range(
 
 
 def of_blades(transient: Transient, periods: int) -> dict[str, Any]:
-    """Return the fields of a result about all blades, from the last periods of a time
+    """Return the fields of a result that describe all blades, from the last periods of a time
     integration.
     """
     blades = transient.blades[-periods:]

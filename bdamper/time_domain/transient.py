@@ -69,7 +69,7 @@ class SteadyCriteria:
     Parameters
     ----------
     look : int
-        Periods between two checks of a verdict, and of its means.
+        Number of periods between two checks of a verdict, and number of periods in each mean.
     window : int
         Half the number of periods over which a verdict requires a settled amplitude.  Means are
         also computed over this number of periods.
@@ -173,7 +173,7 @@ class Transient:
     Attributes
     ----------
     motion : Motion
-        Present state.
+        Current state.
     harmonics : list of (n_blades, n_harmonics + 1) complex, m
         Response amplitudes of all blades in each period; the first is the mean.
     energy : list of (4,) float, J
@@ -248,7 +248,8 @@ class Transient:
         return np.abs(self.response[:, 1])
 
     def advance(self, periods: int = 1, ends: tuple[float, float] | None = None) -> None:
-        """Integrate some periods; with ``ends`` (rad/s) the frequency changes linearly with time.
+        """Integrate some periods; if ``ends`` (rad/s) is given, the frequency changes linearly with
+        time.
 
         Raises
         ------
@@ -282,7 +283,7 @@ class Transient:
         Returns
         -------
         bool
-            Whether Ctrl-C ended it.
+            Whether Ctrl-C ended the integration.
         """
         with (
             LongWork() as work,
@@ -487,8 +488,8 @@ class Verdict(NamedTuple):
 
 
 def energy_error(transient: Transient, periods: int = CRITERIA.balanced) -> float:
-    """Return the error of the energy balance over the last periods, relative to the energy that
-    they are supplied with.
+    """Return the error of the energy balance over the last periods, relative to the energy supplied
+    in them.
 
     The time steps lose or gain the rest of the work after damping, contacts and rise.  The contacts
     return what their springs have stored; anything beyond is an error too.
@@ -521,8 +522,8 @@ def energy_error(transient: Transient, periods: int = CRITERIA.balanced) -> floa
 
 
 def step_error(transient: Transient) -> str:
-    """Return why the time steps are too long for a motion, its energy or its amplitude, with a
-    remedy, or "".
+    """Return the reason why the time steps are too long for a motion, from its energy or its
+    amplitude, with a remedy, or "".
     """
     remedy = f"use steps_per_period={4 * transient.steps}"
     error = energy_error(transient)
