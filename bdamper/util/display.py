@@ -107,7 +107,7 @@ def draw(shown: Any, picture: str, *arguments: Any, **options: Any) -> Any:
 
 
 class Fact(NamedTuple):
-    """Row of a summary: a name, a number or text, and its unit."""
+    """Row of a summary: name, number or text, and unit."""
 
     name: str
     value: float | int | str
@@ -463,7 +463,7 @@ class Plottable(Summarised):
         Returns
         -------
         matplotlib.figure.Figure
-            With its axes.
+            Figure with its axes.
         """
         return draw(self, "figure", "plot", path, **options)
 
@@ -482,7 +482,7 @@ class InContact(Plottable):
         Parameters
         ----------
         study : Study, optional
-            Study of the result; only a static state needs none.
+            Study of the result; it can be omitted only for a static state.
         path : path-like, optional
             File for the figure.
         options
@@ -511,7 +511,7 @@ class Differences(Summarised):
     settings : tuple of (name, first, second)
         Settings that differ; nested settings have names with dots ("excitation.amplitude").
     outcomes : tuple of (first, second)
-        Values (``bdamper.util.display.Fact``) that differ within the six printed digits.
+        Values (``bdamper.util.display.Fact``) that differ in their six printed digits.
     kinds : tuple of two str
         Types of the compared objects.
     """
@@ -559,13 +559,14 @@ class Comparable(Summarised):
         Parameters
         ----------
         other : Study, ResponseCurve, OptimalCurve, ...
-            Values are compared only if both have the same type; settings always.
+            Object to compare with. Settings are always compared, and values only if both objects
+            have the same type.
 
         Returns
         -------
         Differences
-            Prints one line for each difference, with the change from this object to the other.  The
-            object is False if nothing differs.
+            Its printed form has one line for each difference, with the change from this object to
+            the other. Its truth value is False if nothing differs.
 
         Raises
         ------

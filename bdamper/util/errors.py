@@ -3,12 +3,13 @@
 A status is one of the words below; its reason is another text (:class:`WithStatus`).
 
 * "complete": the result contains everything that was requested.
-* "incomplete": the result is a part or a lower bound; there may be more or a higher one.
+* "incomplete": the result is partial or a lower bound; there may be further solutions or a higher
+  amplitude.
 * "held": the equations were relaxed; the result contains an estimate of the error.
 * "not found": there is no solution, for the given reason; numbers are NaN.
-* "interrupted": Ctrl-C ended the work; the result contains everything computed until then.
-* "failed": an error ended the work; the reason is its message.
-* "not run": the work ended before this part began.
+* "interrupted": Ctrl-C ended the computation; the result contains everything computed so far.
+* "failed": an error ended the computation; the reason is its message.
+* "not run": the computation ended before this part began.
 
 The end of a followed path has a status of its type (:class:`bdamper.response.events.Path`).
 """
@@ -43,7 +44,7 @@ class SettingError(BdamperError, ValueError):
 
 
 class TooLittleMemory(BdamperError, MemoryError):
-    """Work that needs more memory than there is."""
+    """Computation that needs more memory than is available."""
 
 
 class StaticError(BdamperError):
@@ -66,7 +67,7 @@ def mismatch(item: str, expected: str, found: object) -> ModelError:
 
 
 def too_little_memory(item: str, error: Exception) -> TooLittleMemory:
-    """Return the error of an item that needs more memory; MemoryError itself often has no text."""
+    """Return the error for an item that needs more memory; MemoryError itself often has no text."""
     found = f" ({one_line(error)})" if str(error) else ""
     remedy = "close other programs or reduce the model"
     return TooLittleMemory(f"{item}: expected enough memory, found too little{found}; {remedy}")
@@ -81,7 +82,7 @@ def check(good: object, item: str, expected: str, found: object) -> None:
 def check_sentence(good: object, item: str, sentence: str) -> None:
     """Raise a ModelError "item: sentence" unless a condition holds.
 
-    A sentence suits data that are missing, forbidden or combined.
+    A sentence is suitable for data that are missing, not allowed or cannot be combined.
     """
     if not good:
         raise ModelError(f"{item}: {one_line(sentence)}")
@@ -131,7 +132,7 @@ class PlausibilityWarning(BdamperWarning):
 
 
 def warn_implausible(item: str, plausible: str, found: str) -> None:
-    """Warn in one line of an implausible value: the item, the plausible range, the value."""
+    """Warn in one line about an implausible value: item, plausible range and value."""
     warn(f"{item}: plausible {plausible}, found {one_line(found)}", PlausibilityWarning)
 
 
@@ -157,7 +158,7 @@ _depth: ContextVar[int] = ContextVar("_depth", default=0)
 
 @contextmanager
 def inside_package() -> Iterator[int]:
-    """Mark code that the package runs.
+    """Mark a block of code as run by the package.
 
     Yield the number of enclosing marks, 0 for a call by the user.
     """
@@ -171,7 +172,7 @@ def inside_package() -> Iterator[int]:
 
 @contextmanager
 def inside_user_code() -> Iterator[None]:
-    """Mark a function of the user that the package runs: its calls are calls by the user."""
+    """Mark a user-defined function that the package runs; its calls count as calls by the user."""
     token = _depth.set(0)
     try:
         yield
@@ -180,12 +181,14 @@ def inside_user_code() -> Iterator[None]:
 
 
 def called_by_user() -> bool:
-    """Return whether no checked function except the calling one is running."""
+    """Return whether no checked function other than the calling one is running."""
     return _depth.get() <= 1
 
 
 def warn(text: str, category: type[BdamperWarning] = BdamperWarning) -> None:
-    """Warn with the line of the user's code as location, unless :func:`quiet` suppresses it."""
+    """Warn with the line of the user's code as the location, unless :func:`quiet` suppresses the
+    warning.
+    """
     if _quiet.get():
         return
     level = 1
@@ -270,7 +273,7 @@ class WithRowStatus:
 
 
 def separated(text: str) -> tuple[str, str]:
-    """Return status and reason of a joined text; files of earlier versions contain such texts."""
+    """Separate a joined text into status and reason; files of earlier versions contain such texts."""
     status, _, reason = text.partition(": ")
     return status, reason
 
@@ -299,7 +302,7 @@ def all_complete(statuses: Sequence[str]) -> bool:
 def not_run_lines(statuses: Sequence[str], reasons: Sequence[str], what: str) -> list[str]:
     """Return a line with the number of parts that were not run and the first reason.
 
-    An empty list if all ran.
+    The list is empty if all parts ran.
     """
     if NOT_RUN not in statuses:
         return []

@@ -147,7 +147,7 @@ def extent(low: float, high: float, unit: str) -> str:
 def unit_prefix(size: float, unit: str) -> str:
     """Return the largest prefix that keeps a number of the given size at least one.
 
-    " " for none.
+    It is " " if there is no prefix.
     """
     if not np.isfinite(size):
         return " "
@@ -251,7 +251,7 @@ def truncate(text: str, most: int) -> str:
 def loads_text(load_per_preload: Mapping[str, float] | None) -> str:
     """Return the loads per newton of preload, for example "front 1, rear 0.6".
 
-    Empty if all bodies carry the preload.
+    The text is empty if all bodies carry the preload.
     """
     if load_per_preload is None:
         return ""

@@ -30,7 +30,8 @@ def each(values: NDArray) -> tuple[float, float]:
 
 
 def some(values: NDArray) -> tuple[float, float]:
-    """Return the largest and the smallest value as limits that pass if any value is plausible.
+    """Return the largest and the smallest value as limits, so that the check passes if any value is
+    plausible.
 
     The largest value is compared with the lower bound, and the smallest with the upper bound.
     """

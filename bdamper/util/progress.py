@@ -41,7 +41,7 @@ class ExecutorEnded(KeyboardInterrupt):
 
 @contextmanager
 def executor_errors(refusal: type[Exception] = BrokenExecutor) -> Iterator[None]:
-    """Convert errors and refusals of an executor that has ended into :class:`ExecutorEnded`."""
+    """Convert the errors and cancellations of an executor that has ended to :class:`ExecutorEnded`."""
     dask = sys.modules.get("distributed")  # imported if one of its executors is in use
     killed = getattr(dask, "KilledWorker", BrokenExecutor)
     try:
@@ -89,7 +89,7 @@ def is_part_of_work() -> bool:
 
 @contextmanager
 def stopped_by(stop: Event) -> Iterator[None]:
-    """Let the event ``stop`` of another thread interrupt this thread at its next correction."""
+    """Allow the event ``stop`` of another thread to interrupt this thread at its next correction."""
     before = _stop.set((*_stop.get(), stop))
     try:
         yield
@@ -172,7 +172,7 @@ class Steps:
 def progress_stages(show: bool, what: str, unit: str) -> Iterator[Report]:
     """Yield a function that updates a progress bar if ``show``.
 
-    Work that ends before its total fills the bar.
+    If the computation ends before its total, the bar is filled.
     """
     if not show:
         yield no_report
@@ -201,7 +201,8 @@ def with_progress(items: Sequence[T], show: bool, what: str, unit: str) -> Itera
 def progress_bar(
     show: bool, low: float, high: float, what: str
 ) -> Iterator[Callable[[Any], None] | None]:
-    """Yield a function that shows the progress of a path over an interval, or None if not ``show``.
+    """Yield a function that shows the progress of a path through an interval, or None if ``show``
+    is false.
 
     The bar does not decrease if the path turns back.
     """
@@ -310,12 +311,12 @@ class Cost:
     evaluations, jacobians, factorisations : int
     iterations, failed_steps : int
     least_norm : int
-        Least-norm solutions of equations that leave a direction undetermined.
+        Number of minimum-norm solutions of equations that do not determine a direction.
     condensed : int
         Factorisations condensed to the motion at the contact points, for few contacts in many
         modes; ``factorisations`` includes them.
     work : float
-        Work in million operations, independent of the machine.
+        Work in million operations, independent of the computer.
 
     Notes
     -----

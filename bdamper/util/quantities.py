@@ -1,7 +1,7 @@
-"""Conversion of quantities of pint to plain numbers in the units of the package.
+"""Conversion of pint quantities to plain numbers in the units of the package.
 
-pint treats the radian as a plain number: it converts 1 rad/s to 1 Hz.  Here, frequencies and
-rotor speeds are converted by way of turns, so that 1 Hz, 1 turn/s, 60 rpm and 6.28 rad/s are equal.
+pint treats the radian as a plain number: it converts 1 rad/s to 1 Hz.  Here, frequencies and rotor
+speeds are converted to revolutions first, so that 1 Hz, 1 turn/s, 60 rpm and 6.28 rad/s are equal.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Quantity(Protocol):
 
 
 def is_quantity(value: object) -> TypeGuard[Quantity]:
-    """Return whether a value is a quantity of pint."""
+    """Return whether a value is a pint quantity."""
     return hasattr(value, "magnitude") and hasattr(value, "to_root_units")
 
 
@@ -86,8 +86,7 @@ def in_unit(name: str, value: Quantity, unit: str) -> Any:
     Raises
     ------
     SettingError
-        If the quantity has another dimension, or it is not clear whether it counts turns or
-        radians.
+        If the quantity has a different dimension, or if its unit may mean revolutions or radians.
     """
     try:
         return _converted(value, unit)

@@ -17,7 +17,7 @@ NOT_COVERED = "Not covered"
 
 
 class Row(NamedTuple):
-    """Quantity with its value, and a remark on it; a further remark has neither name nor value."""
+    """Quantity with its value and a remark; a row with a further remark has neither name nor value."""
 
     name: str
     value: str
@@ -33,14 +33,14 @@ class Statement:
     Parameters
     ----------
     verdict : sequence of str
-        The answer and its subject, or each reason why there is none.
+        The answer and its subject, or every reason why there is no answer.
     rows : sequence of Row
     checks : sequence of Row
         Name, outcome and finding of each check.
     remarks : sequence of str
         Sentences after the tables: doubts, a remedy, effects that are not covered.
     table : sequence of sequence of str
-        Head and rows of values that belong together, for example one row for each study; printed
+        Header and rows of values that belong together, for example one row for each study; printed
         between rows and checks.
     """
 

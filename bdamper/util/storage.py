@@ -62,7 +62,7 @@ class Versions(Record):
     scipy: str = "unknown"
 
     def attributes(self) -> dict[str, str]:
-        """Return the versions by the names in the headers of files."""
+        """Return the versions under their names in the headers of files."""
         return {f"{name}_version": version for name, version in asdict(self).items()}
 
     def __str__(self) -> str:
@@ -240,9 +240,9 @@ def existing(path: FilePath, kind: type[BdamperError] = BdamperError) -> Path:
     Raises
     ------
     FileNotFoundError
-        If there is none.
+        If it does not exist.
     BdamperError
-        If it is a device or a pipe, which may have no end; of type ``kind``.
+        If it is a device or a pipe, which may be endless. The error has the type ``kind``.
     """
     file = as_path(path)
     if not file.exists():
@@ -447,7 +447,8 @@ class ResultsFile:
     Raises
     ------
     BdamperError
-        If another run uses the file, the file belongs to other work, or it cannot be written.
+        If another run uses the file, if it belongs to another computation, or if it cannot be
+        written.
     """
 
     def __init__(self, path: str | Path, header: Mapping[str, Any], work: str = "sweep") -> None:
@@ -558,7 +559,9 @@ class ResultsFile:
             warn(f"{self.path}: expected free disk space, {found}")
 
     def close(self) -> None:
-        """Write parts that were delayed by a full disk, if possible, and close the file."""
+        """Write the parts that could not be written to a full disk, if possible, and close the
+        file.
+        """
         _OPEN.discard(self)
         with suppress(OSError):
             self._write()

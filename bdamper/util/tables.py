@@ -490,7 +490,7 @@ def _is_shown(name: str, column: Column) -> bool:
 
 
 class FrequencySeries:
-    """Mixin of solutions over frequency with the harmonics of their response."""
+    """Mixin of solutions at several frequencies with the harmonics of their response."""
 
     frequency: Hertz
     harmonics: NDArray
@@ -546,7 +546,7 @@ def is_strain(result: object) -> bool:
 
 
 def columns_of_rows(rows: Sequence[Any]) -> dict[str, Column]:
-    """Return a column for each field of numbers or texts of the dataclasses, which are the rows."""
+    """Return a column for each field of numbers or texts of dataclasses, each of which is a row."""
     if not rows:
         return {}
     kind: Any = type(rows[0])

@@ -101,7 +101,9 @@ def declared(hint: object) -> Declared:
 
 @cache
 def declarations(of: object) -> dict[str, Declared]:
-    """Return what the type hints declare of each field of a class or parameter of a function."""
+    """Return the declaration of each field of a class or parameter of a function from its type
+    hint.
+    """
     hints = get_type_hints(cast(Any, of), include_extras=True)
     return {name: declared(hint) for name, hint in hints.items()}
 
@@ -132,7 +134,7 @@ def check(good: object, name: str, expected: str, found: object) -> None:
 def check_sentence(good: object, name: str, sentence: str) -> None:
     """Raise a SettingError "name: sentence" unless a condition holds.
 
-    A sentence suits a value that is missing, forbidden or combined.
+    A sentence is suitable for a value that is missing, not allowed or cannot be combined.
     """
     if not good:
         raise SettingError(f"{name}: {sentence}")
@@ -281,7 +283,8 @@ OWNERS = ("self", "cls", "problem", "disk")
 
 
 def check_arguments(called: T, also: Iterable[str] = (), name: str = "", warns: bool = True) -> T:
-    """Decorate a function or class so that it checks its keywords and warns of implausible values.
+    """Decorate a function or class so that it checks its keywords and warns about implausible
+    values.
 
     An unknown keyword raises an error that proposes a similar one.  Only the outermost of nested
     calls warns, which is the user's; see :mod:`bdamper.util.plausible_ranges` for the ranges.
@@ -441,7 +444,7 @@ def each(check: Callable[[str, Any], Any]) -> Callable[[str, Any], Any]:
 def numbers(name: str, value: Any, n: int | None = None, **limits: Any) -> NDArray:
     """Check and return finite numbers (n,) within :class:`Limits`.
 
-    At least one number if ``n`` is None.
+    If ``n`` is None, at least one number is required.
     """
     within = Limits(**limits)
     value = quantities.in_lists(name, value, within.unit)

@@ -115,10 +115,10 @@ def on_threads(parts: Sequence[Callable[[], T]]) -> list[T]:
     Raises
     ------
     Exception
-        The error of the first part with one, after all parts have ended.
+        The error of the first part that failed, after all parts have ended.
     KeyboardInterrupt
-        After Ctrl-C, once the parts that were running have ended early.  A part whose result is to
-        survive stores it itself.
+        After Ctrl-C, once the parts that were running have ended early.  A part whose result must
+        be kept stores it itself.
     """
     if len(parts) < 2:
         return [part() for part in parts]
