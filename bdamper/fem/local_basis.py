@@ -118,8 +118,10 @@ class BladePart:
 
     def __post_init__(self) -> None:
         inside = self.inside
-        coupled = abs(self.body.stiffness) + abs(self.body.mass)
-        coupled_outside = np.repeat(~inside, 3) @ coupled > 0.0
+        # whether each component is coupled to a node outside of the blade, (3 n_nodes,)
+        couplings = abs(self.body.stiffness) + abs(self.body.mass)
+        outside_components = np.repeat(~inside, 3)
+        coupled_outside = outside_components @ couplings > 0.0
         # the root is shared with the disk
         root = inside & coupled_outside.reshape(-1, 3).any(axis=1)
         moving = ~self.fixed.ravel()
@@ -148,10 +150,9 @@ class BladePart:
             face.
         """
         on_blade = self.inside
-        require(
-            on_blade[wanted.contact.indices // 3].all(),
-            "contact points that are not on the blade",
-        )
+        # columns of the contact rows are components, three of each node
+        contact_nodes = wanted.contact.indices // 3
+        require(on_blade[contact_nodes].all(), "contact points that are not on the blade")
         for name, place in wanted.locations.items():
             require(
                 on_blade[nodes_of(place)].all(), f"location '{name}', which is not on the blade"
@@ -171,10 +172,13 @@ class BladePart:
         return factors
 
     def _spread(self, values: NDArray) -> NDArray:
-        """Expand columns from the blade without its root to all nodes of the sector."""
-        out = np.zeros((self.body.n_dof, values.shape[1]))
-        out[self.own_dofs] = values
-        return out
+        """Expand columns from the blade without its root, (n_own_dofs, n), to all nodes of the
+        sector, (3 n_nodes, n).
+        """
+        _, n_columns = values.shape
+        on_sector = np.zeros((self.body.n_dof, n_columns))
+        on_sector[self.own_dofs] = values
+        return on_sector
 
     def cantilever(self, n_modes: int) -> tuple[NDArray, NDArray]:
         """Return squared frequencies (n_modes,) and modes (3 n_nodes, n_modes) of the blade clamped
@@ -202,8 +206,10 @@ class BladePart:
 
         The result is mass-normalised.
         """
-        # a second time, because rounding disturbs the first projection
-        shapes = columns - modes @ (modes.T @ (self.body.mass @ columns))
+        # the columns have been projected before, which rounding has disturbed
+        part_in_modes = modes @ (modes.T @ (self.body.mass @ columns))
+        shapes = columns - part_in_modes
+        # eigenvectors are orthogonal in both matrices, and mass-normalised
         stiffness = shapes.T @ (self.body.stiffness @ shapes)
         mass = shapes.T @ (self.body.mass @ shapes)
         _, combination = eigh(stiffness, mass)
@@ -212,8 +218,9 @@ class BladePart:
     def carried(self, shapes: NDArray) -> NDArray:
         """Return the static shapes (3 n_nodes, n) of the blade for displacements (n_root_dofs, n)
         of its root."""
-        force = self.body.stiffness[self.own_dofs][:, self.root_dofs] @ shapes
-        displacement = -self._spread(self.solver.solve(force))
+        # forces that hold the blade while its root moves; without them it follows the root
+        holding_force = self.body.stiffness[self.own_dofs][:, self.root_dofs] @ shapes
+        displacement = -self._spread(self.solver.solve(holding_force))
         displacement[self.root_dofs] = shapes
         return displacement
 
@@ -244,32 +251,36 @@ def disk_matrices(
     stiffness_driven = hermitian(driven.T @ force)
     mass_driven = hermitian(driven.T @ momentum)
     # forces and momenta of the driven shapes on the static shapes of the faces
-    load = force[disk.face]
+    force_of_faces = force[disk.face]
     momentum_of_faces = momentum[disk.face] + disk.force_on_faces(momentum[disk.inner])
 
     stiffness_of_wave, mass_of_wave = [], []
     for d in range(sector.faces.n_sectors // 2 + 1):
         blade.steps.begin(f"disk of the wheel, nodal diameter {d}")
-        t, _ = face_ties(disk, cyclic_transformation(len(body.nodes), sector.faces, held, d))
-        adjoint = t.conj().T
-        of_wave = adjoint @ (disk.face_stiffness @ t)
-        motion = -t @ np.linalg.solve(of_wave, adjoint @ load)
-        stiffness = motion.conj().T @ (disk.face_stiffness @ motion)
-        # hermitian halves the sum with the adjoint
-        stiffness_of_wave.append(
-            stiffness_driven + hermitian(stiffness + 2.0 * motion.conj().T @ load)
-        )
-        mass = motion.conj().T @ (disk.face_mass @ motion)
-        mass_of_wave.append(
-            mass_driven + hermitian(mass + 2.0 * motion.conj().T @ momentum_of_faces)
-        )
+        transformation = cyclic_transformation(len(body.nodes), sector.faces, held, d)
+        # columns: independent motions of the faces in the wave
+        ties, _ = face_ties(disk, transformation)
+        adjoint = ties.conj().T
+        # motion of the faces without force on them
+        independent_stiffness = adjoint @ (disk.face_stiffness @ ties)
+        faces = -ties @ np.linalg.solve(independent_stiffness, adjoint @ force_of_faces)
+        # x = driven + faces: x^H K x has twice the mixed term; hermitian() halves the sum with the
+        # adjoint, so that the factor 2 stays
+        stiffness = faces.conj().T @ (disk.face_stiffness @ faces)
+        mixed_stiffness = 2.0 * faces.conj().T @ force_of_faces
+        stiffness_of_wave.append(stiffness_driven + hermitian(stiffness + mixed_stiffness))
+        mass = faces.conj().T @ (disk.face_mass @ faces)
+        mixed_mass = 2.0 * faces.conj().T @ momentum_of_faces
+        mass_of_wave.append(mass_driven + hermitian(mass + mixed_mass))
     return np.array(stiffness_of_wave, complex), np.array(mass_of_wave, complex)
 
 
 def sampled_waves(n_sectors: int) -> list[int]:
     """Return the nodal diameters 0, 1, 2, 4, 8 ... N/2 from which shapes are computed."""
     half = n_sectors // 2
-    return sorted({0, half, *(2**k for k in range(half.bit_length() - 1))})
+    # up to N/4
+    powers_of_two = [2**k for k in range(half.bit_length() - 1)]
+    return sorted({0, half, *powers_of_two})
 
 
 def root_shapes(blade: BladePart, sector: Sectors, n_sectors: int, sizes: LocalSizes) -> NDArray:
@@ -277,8 +288,10 @@ def root_shapes(blade: BladePart, sector: Sectors, n_sectors: int, sizes: LocalS
     motions = []
     for d in sampled_waves(n_sectors):
         omega2, shapes = sector(d).approximate_modes(sizes.modes)
+        # low modes count more; a complex shape is two real ones
         root_motion = shapes[blade.root_dofs] / np.sqrt(omega2)
         motions += [root_motion.real, root_motion.imag]
+    # principal shapes in the order of their size
     shapes, size, _ = np.linalg.svd(np.hstack(motions), full_matrices=False)
     independent = shapes[:, size > 1e-8 * size[0]]
     return np.asarray(independent[:, : sizes.interface])
@@ -293,7 +306,7 @@ def damper_motion(
     Sectors are relative to the blade.  Points in contact with the ground or another blade have zero
     motion.
     """
-    # a blisk has no ports
+    # a blisk has no ports: the arrays then have no rows
     motions, sectors = [np.zeros((0, 6))], [np.zeros(0, int)]
     for name, side in ports:
         face = interfaces[name]
@@ -303,8 +316,11 @@ def damper_motion(
         else:
             body, other = face.body_b, face.body_a
             sector = face.sector_a - face.sector_b
+        # displacements (n_points, 3, 6) of the points in six rigid-body motions about the origin,
+        # along X, Y and Z and then along the axes t1, t2 and n of the face
         in_model_axes = rigid_motions(face.points, np.zeros(3), np.eye(3)).reshape(-1, 3, 6)
         motion = (face.frame @ in_model_axes).reshape(-1, 6)
+        # ground and neighbouring blades are no dampers
         if other in (body, "ground"):
             motion = np.zeros_like(motion)
         motions.append(motion)
@@ -343,25 +359,34 @@ def stuck_loads(
         See :func:`local_basis`.
     n_sectors : int
     """
-    root = np.linalg.pinv(loads)  # the flexibility is root.T @ root
+    # root (n_attachment, 3 n_points) of the flexibility F = root.T @ root of the points
+    root = np.linalg.pinv(loads)
+    # inverse of the mean of the diagonal of F
     mean_stiffness = len(loads) / float(np.square(root).sum())
+    # motion (3 n_points, n) of the points in the coordinates of the wheel
     contact = wheel.contact_modes.reshape(-1, wheel.n)
     damper_modes, damper_sectors = dampers
-    last = min(sizes.modes, wheel.n) - 1
+    last_mode = min(sizes.modes, wheel.n) - 1
     forces = []
     for d in sampled_waves(n_sectors):
+        # a damper in another sector moves with the phase of the wave there
         phase = np.exp(2j * np.pi * d * damper_sectors / n_sectors)
+        # orthonormal basis of the rigid-body motions of the dampers at the points
         rigid, size, _ = np.linalg.svd(damper_modes * phase[:, None], full_matrices=False)
         rigid = rigid[:, size > 1e-9 * size[0]]
         # displacement relative to free dampers, which follow the points as far as possible
         relative = contact - rigid @ (rigid.conj().T @ contact)
         for factor in SPRINGS:
-            springs = factor * mean_stiffness * relative
+            spring_forces = factor * mean_stiffness * relative
             omega2, modes = eigh(
-                wheel.stiffness(d) + contact.T @ springs, wheel.mass(d), subset_by_index=(0, last)
+                wheel.stiffness(d) + contact.T @ spring_forces,
+                wheel.mass(d),
+                subset_by_index=(0, last_mode),
             )
-            modal_forces = springs @ modes / np.sqrt(omega2)
+            # low modes count more; complex forces are two real ones
+            modal_forces = spring_forces @ modes / np.sqrt(omega2)
             forces += [modal_forces.real, modal_forces.imag]
+    # the energy of forces f is f^T F f / 2 = |root f|^2 / 2; the svd sorts by it
     principal, _, _ = np.linalg.svd(root @ np.hstack(forces), full_matrices=False)
     return np.asarray(loads @ principal[:, : sizes.attachment])
 
@@ -402,10 +427,12 @@ def local_shapes(
     # static shapes of the contact forces without their part in the cantilever modes
     columns = blade.contact_columns(contact)
     columns -= (modes / omega2) @ (contact @ modes).T
+    # principal loads on the points, orthogonal in their flexibility
     flexibility, loads = np.linalg.eigh(hermitian(contact @ columns))
     flexible = flexibility > 1e-9 * flexibility.max(initial=0.0)
     attached = np.zeros((len(modes), 0))
     if sizes.attachment and flexible.any():
+        # first all static shapes, to find the loads that matter with sticking dampers
         loads = loads[:, flexible] / np.sqrt(flexibility[flexible])
         every_shape = np.hstack([modes, columns @ loads, carried])
         wheel = _made_of(blade, wanted, omega2, every_shape, stiffness, mass)
@@ -468,28 +495,34 @@ def _made_of(
     stiffness: NDArray,
     mass: NDArray,
 ) -> LocalBasis:
-    """Return the local basis with the shapes and matrices of :func:`local_shapes`."""
+    """Return the local basis with the shapes and matrices of :func:`local_shapes`.
+
+    ``stiffness`` and ``mass`` (N // 2 + 1, n_root, n_root) belong to the root shapes, the last
+    columns of ``shapes``, for blade and disk together.
+    """
     body = blade.body
-    n = shapes.shape[1]
-    n_root = stiffness.shape[1]
+    _, n = shapes.shape
+    _, n_root, _ = stiffness.shape
+    # cantilever and attachment modes, then root shapes
     clamped = slice(0, n - n_root)
-    root_rows = slice(n - n_root, n)
+    of_root = slice(n - n_root, n)
     clamped_shapes = shapes[:, clamped]
-    carried = shapes[:, root_rows]
+    carried = shapes[:, of_root]
     # the stiffness of the blade alone is known if its elements are
-    strain = np.zeros((n_root, n_root))
+    root_stiffness = np.zeros((n_root, n_root))
     if blade.stiffness is not None:
-        strain = hermitian(carried.T @ (blade.stiffness @ carried))
-    energies = np.einsum("ij,ij->j", clamped_shapes, body.stiffness @ clamped_shapes)
-    attached = energies[len(omega2) :]
+        root_stiffness = hermitian(carried.T @ (blade.stiffness @ carried))
+    # diagonal of the stiffness in the clamped shapes, which do not couple
+    modal_stiffness = np.einsum("ij,ij->j", clamped_shapes, body.stiffness @ clamped_shapes)
+    of_attachments = modal_stiffness[len(omega2) :]
     blade_stiffness = np.zeros((n, n))
-    blade_stiffness[clamped, clamped] = np.diag(np.append(omega2, attached))
-    blade_stiffness[root_rows, root_rows] = strain
+    blade_stiffness[clamped, clamped] = np.diag(np.append(omega2, of_attachments))
+    blade_stiffness[of_root, of_root] = root_stiffness
     blade_mass = shapes.T @ (body.mass @ shapes)
     # the mass of the root is part of the disk
-    root = carried[blade.root_dofs]
+    root_motion = carried[blade.root_dofs]
     root_mass = body.mass[blade.root_dofs][:, blade.root_dofs]
-    blade_mass[root_rows, root_rows] -= root.T @ (root_mass @ root)
+    blade_mass[of_root, of_root] -= root_motion.T @ (root_mass @ root_motion)
     blade_mass = hermitian(blade_mass)
     return LocalBasis(
         region="",
@@ -497,8 +530,8 @@ def _made_of(
         damping_ratio=np.full(n, wanted.damping_ratio),
         blade_stiffness=blade_stiffness,
         blade_mass=blade_mass,
-        disk_stiffness=stiffness - strain,
-        disk_mass=mass - blade_mass[root_rows, root_rows],
+        disk_stiffness=stiffness - root_stiffness,
+        disk_mass=mass - blade_mass[of_root, of_root],
         contact_modes=(wanted.contact @ shapes).reshape(-1, 3, n),
         locations=location_rows(wanted.locations, shapes),
     )
