@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* n rounded up to a multiple of 8, the block of numbers that the vector kernels use. */
 static size_t padded(size_t n) { return (n + 7) / 8 * 8; }
 
 /* Sizes of the sectors, points and families. */
@@ -162,34 +163,44 @@ void bd_time_unpad(const bd_time *t, const double *padded_x, double *x) {
     }
 }
 
-/* Store g (re, im) of point and component `row` and coordinate j for both products. */
-static void store_mode(const bd_time *t, size_t row, size_t j, size_t wide, double re, double im,
-                       double *motion, double *force) {
-    double *to = motion + (row / 8 * wide + j) * 16 + row % 8;
-    double *back = force + (j / 8 * t->rows + row) * 16 + j % 8;
-    to[0] = re;
-    to[8] = im;
-    back[0] = re;
-    back[8] = im;
+/* Place of an entry of a complex matrix with n_column columns, in the storage order of
+ * modal_motion.h: blocks of 8 rows, column after column, first the 8 real and then the 8 imaginary
+ * parts. The imaginary part is 8 numbers behind the real part. */
+static size_t place_in_blocks(size_t row, size_t column, size_t n_column) {
+    const size_t block = row / 8, row_in_block = row % 8;
+    return (block * n_column + column) * 16 + row_in_block;
 }
 
-/* Modes of the points, in the storage order of modal_motion.h. */
+/* Store the amplitude of a row (component of a point) in mode j for both products: the motion of
+ * the points (rows, n_padded) and the modal forces (n_padded, rows) of a family. */
+static void store_mode(const bd_time *t, size_t row, size_t j, size_t n_padded, double re,
+                       double im, double *motion, double *force) {
+    double *in_motion = motion + place_in_blocks(row, j, n_padded);
+    double *in_force = force + place_in_blocks(j, row, t->rows);
+    in_motion[0] = re;
+    in_motion[8] = im;
+    in_force[0] = re;
+    in_force[8] = im;
+}
+
+/* Modes of the points for the products of modal_motion.h, from G: complex, family after family
+ * (n_point, 3, n_mode). */
 static void set_modes(bd_time *t, const bd_time_input *in) {
     const double *g = in->G;
     double *motion = t->motion_modes, *force = t->force_modes;
     for (int f = 0; f < t->n_family; ++f) {
-        const size_t n_mode = (size_t)t->n_mode[f], wide = padded(n_mode);
+        const size_t n_mode = (size_t)t->n_mode[f], n_padded = padded(n_mode);
         for (size_t p = 0; p < (size_t)t->n_point; ++p) {
             for (size_t d = 0; d < 3; ++d) {
                 const size_t row = d * t->stride + p;
                 for (size_t j = 0; j < n_mode; ++j, g += 2) {
                     const double imaginary = t->is_real[f] ? 0.0 : g[1];
-                    store_mode(t, row, j, wide, g[0], imaginary, motion, force);
+                    store_mode(t, row, j, n_padded, g[0], imaginary, motion, force);
                 }
             }
         }
-        motion += 2 * t->rows * wide;
-        force += 2 * t->rows * wide;
+        motion += 2 * t->rows * n_padded;
+        force += 2 * t->rows * n_padded;
     }
 }
 
@@ -207,7 +218,8 @@ static void set_phases(bd_time *t, const bd_time_input *in) {
     }
 }
 
-/* Weight 1/N or 2/N of each coordinate in the sum over the sectors. */
+/* Weight of each coordinate in the sum over the sectors: 1/N for a standing wave, whose coordinates
+ * are real, and 2/N for other waves, which also represent the opposite direction. */
 static void set_fourier_weights(bd_time *t) {
     const size_t n = (size_t)t->n_total;
     double *re = t->work, *im = re + n;
@@ -223,9 +235,10 @@ static void set_fourier_weights(bd_time *t) {
     pad(t, t->work, t->fourier_weight);
 }
 
+/* Stiffness, mass and damping of the coordinates, excitation and response rows, with padding. */
 static void set_coordinates(bd_time *t, const bd_time_input *in) {
     const size_t n = (size_t)t->n_total, n_force = (size_t)t->n_force, n_row = (size_t)in->n_row;
-    double *both = t->work; /* real and imaginary parts have the same values */
+    double *both = t->work; /* (2, n): real and imaginary parts have the same values */
     const double *values[] = {in->stiffness, in->mass, in->damping};
     double *stored[] = {t->stiffness, t->mass, t->damping};
     for (size_t j = 0; j < t->n_coordinate; ++j) t->stiffness[j] = 1.0; /* value of the padding */
@@ -234,6 +247,7 @@ static void set_coordinates(bd_time *t, const bd_time_input *in) {
         pad(t, both, stored[i]);
     }
     set_fourier_weights(t);
+    /* a factor of the cosine and one of the sine for each force */
     for (size_t i = 0; i < 2 * n_force; ++i)
         pad(t, in->excitation + 2 * n * i, t->excitation + t->n_coordinate * i);
     for (size_t i = 0; i < n_row; ++i)
@@ -257,27 +271,30 @@ void bd_time_compliance(const bd_time *t, double h, double radius, double *beta,
                         double *acceleration) {
     const bd_time_alpha w = bd_time_weights(radius);
     for (size_t j = 0; j < t->n_coordinate; ++j) {
-        const double m = t->mass[j], c = t->damping[j], K = t->stiffness[j];
-        if (!(m > 0.0)) {
+        const double mass = t->mass[j], damping = t->damping[j], stiffness = t->stiffness[j];
+        /* a coordinate without mass follows its force at once */
+        if (!(mass > 0.0)) {
             acceleration[j] = 0.0;
-            beta[j] = 1.0 / K;
+            beta[j] = 1.0 / stiffness;
             continue;
         }
-        const double by_motion = c * w.gamma * h + K * w.b * h * h;
-        const double inertia = m * (1.0 - w.am) + (1.0 - w.af) * by_motion;
+        /* an acceleration a at the end of the step changes velocity by gamma h a, displacement by
+         * b h^2 a; equilibrium holds between the ends, with the weights am and af */
+        const double by_motion = damping * w.gamma * h + stiffness * w.b * h * h;
+        const double inertia = mass * (1.0 - w.am) + (1.0 - w.af) * by_motion;
         acceleration[j] = (1.0 - w.af) / inertia;
         beta[j] = w.b * h * h * acceleration[j];
     }
 }
 
-/* Amplitudes g (2, rows) of the points due to coordinate j of a family,
- * times a factor of each row. */
-static void mode_of(const bd_time *t, const double *modes, size_t wide, size_t j,
+/* Amplitudes g (2, rows), real and imaginary parts, of the points due to mode j of a family, times
+ * a factor of each row. `modes` are the motion modes of the family. */
+static void mode_of(const bd_time *t, const double *modes, size_t n_padded, size_t j,
                     const double *factor, double *g) {
     for (size_t row = 0; row < t->rows; ++row) {
-        const double *x = modes + (row / 8 * wide + j) * 16 + row % 8;
-        g[row] = factor[row] * x[0];
-        g[t->rows + row] = factor[row] * x[8];
+        const double *amplitude = modes + place_in_blocks(row, j, n_padded);
+        g[row] = factor[row] * amplitude[0];
+        g[t->rows + row] = factor[row] * amplitude[8];
     }
 }
 
@@ -292,39 +309,44 @@ static void add_dyad(size_t rows, double size, const double *g, double *S) {
     }
 }
 
-/* Compliance S (rows, rows) of a sector to its own forces: the mean over the nodal diameters. */
+/* Add the compliance S (rows, rows; lower triangle) of a sector to its own forces: the mean over
+ * the nodal diameters. `beta` is the displacement of each coordinate due to a unit force, `factor`
+ * a scale of each row, and g (2, rows) work. */
 static void add_sector_compliance(const bd_time *t, const double *beta, const double *factor,
                                   double *g, double *S) {
     const double *modes = t->motion_modes;
     for (int f = 0; f < t->n_family; ++f) {
-        const size_t n_mode = (size_t)t->n_mode[f], wide = padded(n_mode);
+        const size_t n_mode = (size_t)t->n_mode[f], n_padded = padded(n_mode);
         const size_t first = (size_t)t->first_coordinate[f];
         for (size_t j = 0; j < n_mode; ++j) {
             const double size = t->fourier_weight[first + j] * beta[first + j];
             if (size == 0.0) continue;
-            mode_of(t, modes, wide, j, factor, g);
+            mode_of(t, modes, n_padded, j, factor, g);
             add_dyad(t->rows, size, g, S);
         }
-        modes += 2 * t->rows * wide;
+        modes += 2 * t->rows * n_padded;
     }
 }
 
-/* Columns (n, rows) of a low-rank factor, S = L' L, up to a bound on the remaining diagonal; return
- * their number. S is a lower triangle, and replaced by the remainder. */
+/* Columns (n, rows) of a low-rank factor, S = L' L, by Cholesky factorisation with pivoting; return
+ * their number. It ends as soon as the largest diagonal entry of the remainder is at most `bound`,
+ * or of the size of rounding while there are few columns. S is a lower triangle, and replaced by
+ * the remainder. */
 static size_t low_rank(size_t rows, size_t most, double bound, double *S, double *L) {
     static const double ROUNDING = 1e-14;
     for (size_t n = 0; n < most; ++n) {
-        size_t top = 0;
+        size_t pivot = 0;
         for (size_t i = 1; i < rows; ++i)
-            if (S[i * rows + i] > S[top * rows + top]) top = i;
-        const double left = S[top * rows + top];
+            if (S[i * rows + i] > S[pivot * rows + pivot]) pivot = i;
+        const double largest = S[pivot * rows + pivot];
         const double least = n < BD_TIME_MIN_RANK ? ROUNDING : bound;
-        if (!(left > least)) return n;
+        if (!(largest > least)) return n;
 
+        /* column of the pivot from the lower triangle, over the root of its diagonal entry */
         double *column = L + n * rows;
-        const double root = sqrt(left);
+        const double root = sqrt(largest);
         for (size_t i = 0; i < rows; ++i) {
-            const double entry = i >= top ? S[i * rows + top] : S[top * rows + i];
+            const double entry = i >= pivot ? S[i * rows + pivot] : S[pivot * rows + i];
             column[i] = entry / root;
         }
         for (size_t i = 0; i < rows; ++i)
@@ -348,6 +370,7 @@ static double rotate_columns(size_t rows, double *restrict a, double *restrict b
     const int is_orthogonal = !(fabs(ab) > ORTHOGONAL * size);
     if (is_orthogonal && aa >= bb) return 0.0;
 
+    /* the rotation that diagonalises [aa ab; ab bb], the larger value first */
     const double angle = 0.5 * atan2(2.0 * ab, aa - bb);
     const double c = cos(angle), s = sin(angle);
     for (size_t l = 0; l < rows; ++l) {
@@ -361,23 +384,27 @@ static double rotate_columns(size_t rows, double *restrict a, double *restrict b
 /* Make n columns orthogonal (one-sided Jacobi method), the largest first. */
 static void make_orthogonal(size_t rows, size_t n, double *L) {
     enum { SWEEPS = 30 };
-    double worst = 1.0;
-    for (int sweep = 0; sweep < SWEEPS && worst > 1e-12; ++sweep) {
-        worst = 0.0;
+    double largest_cosine = 1.0;
+    for (int sweep = 0; sweep < SWEEPS && largest_cosine > 1e-12; ++sweep) {
+        largest_cosine = 0.0;
         for (size_t i = 0; i + 1 < n; ++i)
-            for (size_t j = i + 1; j < n; ++j)
-                worst = fmax(worst, rotate_columns(rows, L + i * rows, L + j * rows));
+            for (size_t j = i + 1; j < n; ++j) {
+                const double cosine = rotate_columns(rows, L + i * rows, L + j * rows);
+                largest_cosine = fmax(largest_cosine, cosine);
+            }
     }
 }
 
-/* Add one coordinate to the compliance of the patterns of its family, whose amplitudes are W
- * (2, r). Storage: blocks of 8 rows, column after column, first the real and then the imaginary
- * parts of 8 rows. */
+/* Add size W W^H to the compliance C (r, r) of r patterns, for one mode with the complex amplitudes
+ * W (2, r) of the patterns. Storage of C: blocks of 8 rows, column after column, first the real and
+ * then the imaginary parts of 8 rows. */
 static void add_mode(size_t r, double size, const double *W, double *C) {
+    const double *W_re = W, *W_im = W + r;
     for (size_t block = 0; block < r; block += 8) {
-        const double *re = W + block, *im = W + r + block;
+        const double *re = W_re + block, *im = W_im + block;
         for (size_t j = 0; j < r; ++j, C += 16) {
-            const double x = size * W[j], y = size * W[r + j];
+            /* (re + i im)(x - i y) */
+            const double x = size * W_re[j], y = size * W_im[j];
             for (size_t i = 0; i < 8; ++i) {
                 C[i] += re[i] * x + im[i] * y;
                 C[8 + i] += im[i] * x - re[i] * y;
@@ -386,17 +413,22 @@ static void add_mode(size_t r, double size, const double *W, double *C) {
     }
 }
 
-/* Scale of each row of a point: the root of its stiffness, or of its inverse
- * compliance for cubic springs. */
+/* Scale of each row (component of a point): the root of its stiffness, or of the inverse of its
+ * compliance S (rows, rows) for cubic springs, whose stiffness varies. A compliance of scaled rows
+ * is then a compliance times a stiffness. */
 static void set_row_scales(const bd_time *t, const double *S, double *factor) {
-    const size_t s = t->stride;
+    const size_t stride = t->stride;
     for (size_t row = 0; row < t->rows; ++row) {
-        const size_t d = row / s, p = row % s;
-        const double *x = t->parameters + p;
-        const double k = d < 2 ? x[(BD_TIME_KT + d) * s] : x[BD_TIME_KN * s];
-        const double cubic = d < 2 ? x[(BD_TIME_CUBIC + d) * s] : 0.0;
+        /* component 0 and 1 are tangential, 2 is normal */
+        const size_t d = row / stride, p = row % stride;
+        const double *parameter = t->parameters + p;
+        double stiffness = parameter[BD_TIME_KN * stride], cubic = 0.0;
+        if (d < 2) {
+            stiffness = parameter[(BD_TIME_KT + d) * stride];
+            cubic = parameter[(BD_TIME_CUBIC + d) * stride];
+        }
         if (cubic == 0.0) {
-            factor[row] = sqrt(fabs(k));
+            factor[row] = sqrt(fabs(stiffness));
             continue;
         }
         const double compliance = S[row * t->rows + row];
@@ -426,7 +458,8 @@ static size_t count_patterns(size_t rows, size_t n_found, const double *L, doubl
     return padded(n) < n_usable ? padded(n) : n;
 }
 
-/* Patterns V of the motion without the scale of the rows. */
+/* Patterns V of the motion: the n columns L (n, rows) without the scale of the rows. Patterns up to
+ * the rank, a multiple of 8, are zero. */
 static void write_patterns(size_t rows, size_t n, const double *L, const double *factor,
                            bd_time_patterns *patterns) {
     const size_t r = (size_t)patterns->rank;
@@ -451,11 +484,11 @@ static void write_compliance(const bd_time *t, const double *beta, const double 
     double *C = patterns->compliance;
     memset(C, 0, sizeof(double) * 2 * r * r * (size_t)t->n_family);
     for (int f = 0; f < t->n_family; ++f, C += 2 * r * r) {
-        const size_t n_mode = (size_t)t->n_mode[f], wide = padded(n_mode);
+        const size_t n_mode = (size_t)t->n_mode[f], n_padded = padded(n_mode);
         const size_t first = (size_t)t->first_coordinate[f];
         for (size_t j = 0; j < n_mode; ++j) {
             const double size = t->fourier_weight[first + j] * beta[first + j];
-            mode_of(t, modes, wide, j, factor, g);
+            mode_of(t, modes, n_padded, j, factor, g);
             memset(W, 0, sizeof(double) * 2 * r);
             for (size_t i = 0; i < n; ++i) {
                 W[i] = inner(rows, inverse + i * rows, g);
@@ -463,7 +496,7 @@ static void write_compliance(const bd_time *t, const double *beta, const double 
             }
             add_mode(r, size, W, C);
         }
-        modes += 2 * rows * wide;
+        modes += 2 * rows * n_padded;
     }
 }
 
@@ -494,7 +527,9 @@ void bd_time_make_patterns(bd_time *t, bd_time_patterns *patterns, double h, dou
     memset(S, 0, sizeof(double) * rows * rows);
     add_sector_compliance(t, beta, factor, g, S);
 
-    const size_t n_found = low_rank(rows, most, 1e-2 * BD_TIME_RANK_TOLERANCE, S, L);
+    /* more columns than needed, so that the orthogonal ones are exact up to the tolerance */
+    const double bound = 1e-2 * BD_TIME_RANK_TOLERANCE;
+    const size_t n_found = low_rank(rows, most, bound, S, L);
     make_orthogonal(rows, n_found, L);
     const size_t n = count_patterns(rows, n_found, L, &patterns->neglected);
     patterns->rank = (int)padded(n);
@@ -508,37 +543,41 @@ void bd_time_make_patterns(bd_time *t, bd_time_patterns *patterns, double h, dou
     write_compliance(t, beta, factor, n, L, g, W, patterns);
 }
 
-/* Springs and sliders of one point. Cubic springs replace the linear ones in all directions. */
-static void set_springs(const bd_time_input *in, size_t p, size_t s, double *x) {
+/* Springs and sliders of one point. `parameter` is its first field; the fields of a point are
+ * `stride` numbers apart. Cubic springs replace the linear ones in all directions. */
+static void set_springs(const bd_time_input *in, size_t p, size_t stride, double *parameter) {
     const bd_law law = (bd_law)in->law[p];
     const int is_cubic = law == BD_LAW_CUBIC;
     for (size_t d = 0; d < 2; ++d) {
         const double kt = in->kt[2 * p + d];
         const int has_spring = !is_cubic && kt > 0.0;
         const int is_fixed = law == BD_LAW_BONDED || in->fixed_slider[2 * p + d];
-        x[(BD_TIME_KT + d) * s] = is_cubic ? 0.0 : kt;
-        x[(BD_TIME_CUBIC + d) * s] = is_cubic ? kt : 0.0;
-        x[(BD_TIME_INVERSE_KT + d) * s] = has_spring ? 1.0 / kt : 0.0;
-        x[(BD_TIME_FIXED_SLIDER + d) * s] = is_fixed;
+        parameter[(BD_TIME_KT + d) * stride] = is_cubic ? 0.0 : kt;
+        parameter[(BD_TIME_CUBIC + d) * stride] = is_cubic ? kt : 0.0;
+        parameter[(BD_TIME_INVERSE_KT + d) * stride] = has_spring ? 1.0 / kt : 0.0;
+        parameter[(BD_TIME_FIXED_SLIDER + d) * stride] = is_fixed;
     }
-    x[BD_TIME_KN * s] = is_cubic ? 0.0 : in->kn[p];
-    x[BD_TIME_N0 * s] = is_cubic ? 0.0 : in->n0[p];
-    x[BD_TIME_LEAST_N * s] = bd_law_is_two_sided(law) ? -HUGE_VAL : 0.0;
+    parameter[BD_TIME_KN * stride] = is_cubic ? 0.0 : in->kn[p];
+    parameter[BD_TIME_N0 * stride] = is_cubic ? 0.0 : in->n0[p];
+    parameter[BD_TIME_LEAST_N * stride] = bd_law_is_two_sided(law) ? -HUGE_VAL : 0.0;
 }
 
+/* Parameters of all points. The friction limit is LIMIT + MU N: under a constant load only the
+ * first term is set, otherwise only the second. */
 static void set_points(bd_time *t, const bd_time_input *in) {
-    const size_t s = t->stride;
+    const size_t stride = t->stride;
     for (size_t p = 0; p < (size_t)t->n_point; ++p) {
         const bd_law law = (bd_law)in->law[p];
         const int constant_load = bd_law_is_constant(law);
         const double mu = law == BD_LAW_NORMAL ? 0.0 : in->mu[p];
-        double *x = t->parameters + p;
-        set_springs(in, p, s, x);
-        for (size_t d = 0; d < 3; ++d) x[(BD_TIME_SHIFT + d) * s] = in->shift[3 * p + d];
-        x[BD_TIME_LIMIT * s] = constant_load ? mu * fmax(in->load[p], 0.0) : 0.0;
-        x[BD_TIME_MU * s] = constant_load ? 0.0 : mu;
-        x[BD_TIME_COUPLED * s] = bd_law_is_coupled(law);
-        x[BD_TIME_USER_LAW * s] = law == BD_LAW_USER;
+        double *parameter = t->parameters + p;
+        set_springs(in, p, stride, parameter);
+        for (size_t d = 0; d < 3; ++d)
+            parameter[(BD_TIME_SHIFT + d) * stride] = in->shift[3 * p + d];
+        parameter[BD_TIME_LIMIT * stride] = constant_load ? mu * fmax(in->load[p], 0.0) : 0.0;
+        parameter[BD_TIME_MU * stride] = constant_load ? 0.0 : mu;
+        parameter[BD_TIME_COUPLED * stride] = bd_law_is_coupled(law);
+        parameter[BD_TIME_USER_LAW * stride] = law == BD_LAW_USER;
         t->has_coupled |= bd_law_is_coupled(law);
         t->has_cubic |= law == BD_LAW_CUBIC;
     }
@@ -594,6 +633,7 @@ void bd_time_destroy(bd_time *t) {
     memset(t, 0, sizeof *t);
 }
 
+/* Copy from the storage of the time steps to the caller if `out` is 1, otherwise back. */
 static void copy_number(double *inside, double *outside, int out) {
     if (out)
         *outside = *inside;
@@ -601,13 +641,13 @@ static void copy_number(double *inside, double *outside, int out) {
         *inside = *outside;
 }
 
-/* Copy sliders and memories (n_sector, n_point, 2 + n_memory) into the storage of the time steps,
- * or back. */
+/* Copy sliders and memories w (n_sector, n_point, 2 + n_memory) of the caller into the storage of
+ * the time steps, or back if `out` is 1. */
 static void copy_sliders(bd_time *t, double *w, int out) {
     const size_t n_memory = (size_t)t->n_memory, n_point = (size_t)t->n_point;
     for (size_t k = 0; k < (size_t)t->n_sector; ++k) {
         for (size_t p = 0; p < n_point; ++p, w += 2 + n_memory) {
-            double *slider = t->slider + 2 * k * t->stride + p;
+            double *slider = t->slider + 2 * k * t->stride + p; /* along t1; t2 is stride behind */
             double *memory = t->law_memory[0] + (k * n_point + p) * n_memory;
             copy_number(slider, w, out);
             copy_number(slider + t->stride, w + 1, out);
