@@ -44,8 +44,11 @@ bd_status bd_user_create(bd_user_work *work, const bd_sampled_work *sampled, int
     const size_t n = (size_t)n_state;
     const size_t n_col = n + 3 * n_coef;
     const size_t of_law = bd_point_law_work_size(n_state);
-    const size_t of_samples = n_time * (n_coef + 15 + n) + n_power;
+    /* at each sample: basis, motion (3), force (3), derivative of the force (3, 3), states */
+    const size_t of_samples = n_time * (n_coef + 3 + 3 + 9 + n) + n_power;
+    /* memory of the law before and after a step; start, scale and step; two matrices */
     const size_t of_state = 2 * (3 + n) + 3 * n + 2 * n * n;
+    /* three derivatives of the state; derivatives of the forces at the samples and their sums */
     const size_t of_derivatives = 3 * n * n_col + 3 * (n_time + n_coef) * n_col;
     const size_t size = of_law + of_samples + of_state + of_derivatives + BD_KERNEL_PAD;
     work->memory = calloc(size, sizeof(double));
@@ -78,6 +81,7 @@ bd_status bd_user_create(bd_user_work *work, const bd_sampled_work *sampled, int
     work->kernel = sampled->kernel;
     work->powers = sampled->power;
     for (size_t k = 0; k < n_time; ++k) {
+        /* the powers of a sample begin 1, 1, cos, sin, ...; the basis has one 1 */
         const double *basis_at_sample = sampled->power + k * n_power + 1;
         memcpy(work->basis + k * n_coef, basis_at_sample, sizeof(double) * n_coef);
     }
@@ -98,7 +102,7 @@ static void swap_parts(double **a, double **b) {
 
 /* ---- sums of powers ---- */
 
-/* out (n, m) += A (n, n) B (n, m). */
+/* out (n, m) += A (n, n) B (n, m). Rows of B and out are stride and stride_out numbers apart. */
 static void add_times(const bd_user_work *work, size_t n, size_t m, const double *A,
                       const double *B, size_t stride, double *out, size_t stride_out) {
     work->kernel->add_product(n, m, n, 1.0, A, n, B, stride, out, stride_out);
@@ -128,31 +132,32 @@ static void square_matrix(const bd_user_work *work, size_t n, double **A, double
     swap_parts(A, square);
 }
 
-/* Replace R (n, m) by (1 + A + A^2 + ...) R; A is the first n columns of state_derivative.
- * next_derivative is overwritten. Return 0 if the sum diverges. */
+/* Replace R (n, m) by (1 + A + A^2 + ...) R, where A is the first n columns of state_derivative.
+ * Doubling: if R contains the terms up to A^(p-1), adding A^p R doubles their number, with p = 1, 2,
+ * 4, ... next_derivative is overwritten. Return 0 if the sum diverges. */
 static int sum_powers(bd_user_work *work, size_t n, size_t n_col, size_t m, double *R,
                       size_t stride) {
     copy_period_derivative(work, n, n_col);
-    double *A = work->power, *square = work->square;
-    double *more = work->next_derivative;
+    double *power = work->power, *square = work->square; /* power is A^p */
+    double *more = work->next_derivative;                /* (n, m) A^p R */
     for (int k = 0; k < DOUBLINGS; ++k) {
-        /* R += A^m R with m = 2^k */
         memset(more, 0, sizeof(double) * n * m);
-        add_times(work, n, m, A, R, stride, more, m);
+        add_times(work, n, m, power, R, stride, more, m);
         const double added = largest(n, m, m, more);
         const double present = largest(n, m, stride, R);
         for (size_t i = 0; i < n; ++i)
             for (size_t j = 0; j < m; ++j) R[i * stride + j] += more[i * m + j];
         if (added <= 1e-16 * present) return 1;
-        square_matrix(work, n, &A, &square);
+        square_matrix(work, n, &power, &square);
     }
     return 0;
 }
 
 /* ---- one period ---- */
 
-/* Law of the point, number of columns of its derivatives (state, then motion),
- * and sample of the period. */
+/* Law of a point with n states at sample k of the period. The derivatives have n_col columns: none,
+ * n for the state at the start, or n + 3 n_coef for this state and the coefficients of the motion.
+ */
 typedef struct {
     const bd_point_law *point_law;
     size_t n, n_coef, n_col;
@@ -165,8 +170,9 @@ static const double *basis(const bd_user_work *work, int k) {
     return work->basis + sample * (size_t)bd_n_coef(work->n_harm);
 }
 
-/* Add the derivative of one entry of the state with respect to the motion at both ends of a step to
- * a row. */
+/* Add the derivative of one entry of the state with respect to the coefficients of the motion to a
+ * row (n_col). `by` (6) contains its derivatives with respect to the motion at the end and at the
+ * start of the step. */
 static void add_motion(const bd_user_work *work, const stage *at, const double *by, double *row) {
     const int without_motion = at->n_col <= at->n;
     if (without_motion) return;
@@ -187,7 +193,9 @@ static int is_diagonal(size_t n, const double *A) {
     return 1;
 }
 
-/* Advance the derivative of the state over a step: S <- ss S + sx dx. */
+/* Advance the derivative S of the state over a step: S <- ss S + sx dx. The law gives derivatives
+ * of the state after the step: ss (n, n) for the state before it, and sx (n, 6) for the motion at
+ * both ends. dx is the derivative of this motion for its coefficients, the basis. */
 static void advance_derivative(bd_user_work *work, const stage *at) {
     const size_t n = at->n, n_col = at->n_col;
     const double *ss = work->derivatives.ss, *sx = work->derivatives.sx;
@@ -219,25 +227,27 @@ static void advance_derivative(bd_user_work *work, const stage *at) {
     swap_parts(&work->state_derivative, &work->next_derivative);
 }
 
-/* Store the derivative of the forces at a sample: direct factors of the motion, and the part
- * through the state. */
+/* Store the derivative of the forces at a sample: Fx (3, 3) with respect to the motion, and Fs S
+ * through the state, where Fs (3, n) belongs to the state and S (n, n_col) is its derivative. */
 static void store_force_derivative(bd_user_work *work, const stage *at) {
     const size_t n = at->n, n_col = at->n_col, n_time = (size_t)work->n_time;
+    const double *Fx = work->derivatives.Fx, *Fs = work->derivatives.Fs;
+    const size_t k = (size_t)at->k;
     for (size_t i = 0; i < 9; ++i) {
-        work->motion_force_derivative[i * n_time + (size_t)at->k] = work->derivatives.Fx[i];
-        work->has_motion_derivative[i] |= work->derivatives.Fx[i] != 0.0;
+        work->motion_force_derivative[i * n_time + k] = Fx[i];
+        work->has_motion_derivative[i] |= Fx[i] != 0.0;
     }
     for (size_t a = 0; a < 3; ++a) {
-        double *restrict to = work->state_force_derivative + (3 * (size_t)at->k + a) * n_col;
-        int written = 0;
+        double *restrict to = work->state_force_derivative + (3 * k + a) * n_col;
+        int written = 0; /* whether the row contains a state already */
         for (size_t i = 0; i < n; ++i) {
-            const double f = work->derivatives.Fs[a * n + i];
+            const double factor = Fs[a * n + i];
             const double *restrict from = work->state_derivative + i * n_col;
-            if (f == 0.0) continue;
+            if (factor == 0.0) continue;
             if (written)
-                for (size_t c = 0; c < n_col; ++c) to[c] += f * from[c];
+                for (size_t c = 0; c < n_col; ++c) to[c] += factor * from[c];
             else
-                for (size_t c = 0; c < n_col; ++c) to[c] = f * from[c];
+                for (size_t c = 0; c < n_col; ++c) to[c] = factor * from[c];
             written = 1;
         }
         if (!written) memset(to, 0, sizeof(double) * n_col);
@@ -248,16 +258,20 @@ static void store_force_derivative(bd_user_work *work, const stage *at) {
 /* Begin a period: memory of the law, scale of the state, and derivatives at the start. */
 static void start_period(bd_user_work *work, size_t n, size_t n_col) {
     const size_t n_time = (size_t)work->n_time;
+    /* periodic motion: the last sample precedes the first */
     double *memory = work->law_memory[0];
     for (size_t d = 0; d < 3; ++d) memory[d] = work->motion[d * n_time + n_time - 1];
     memcpy(memory + 3, work->start, sizeof(double) * n);
     for (size_t i = 0; i < n; ++i) work->state_scale[i] = fabs(work->start[i]);
-    if (n_col == 0) return;
+    const int has_derivatives = n_col > 0, by_motion = n_col > n;
+    if (!has_derivatives) return;
 
+    /* with respect to the state at the start it is 1; the columns of the motion continue */
     for (size_t i = 0; i < n; ++i)
         for (size_t j = 0; j < n; ++j) work->state_derivative[i * n_col + j] = i == j;
-    if (n_col == n) return;
+    if (!by_motion) return;
 
+    /* keep the value at the start, S_0 */
     memcpy(work->motion_derivative, work->state_derivative, sizeof(double) * n * n_col);
     memset(work->has_motion_derivative, 0, sizeof work->has_motion_derivative);
     memset(work->has_state_derivative, 0, sizeof work->has_state_derivative);
@@ -328,7 +342,7 @@ static double relative_change(const bd_user_work *work, size_t n, const double *
 /* Repeat periods from the given state until the state recurs; return 0 if it does not. With columns
  * of the motion, advance the derivative of the state. */
 static int settle(bd_user_work *work, const bd_point_law *point_law, size_t n_x) {
-    const size_t n = (size_t)point_law->n_state;
+    const size_t n = (size_t)point_law->n_state; /* columns by the state; n_x by the motion */
     memcpy(work->start, point_law->memory + 3, sizeof(double) * n);
     memset(work->state_derivative, 0, sizeof(double) * n * (n + n_x));
     work->n_period = 0;
@@ -345,6 +359,7 @@ static int settle(bd_user_work *work, const bd_point_law *point_law, size_t n_x)
         double length = relative_change(work, n, work->step);
         if (length <= REPEATS) return 1;
 
+        /* the state at the end of the period replaces the start, unless a Newton step is accepted */
         int accepted = 0;
         if (newton) {
             const int has_sum = sum_powers(work, n, n_col, 1, work->step, 1);
@@ -412,20 +427,22 @@ static void sum_state_derivatives(bd_user_work *work, size_t n, const double *of
                               of_steady_state, n_col, work->derivative_coef + n, n_col);
 }
 
-/* Derivative of the steady state minus its value at the start of the last
- * period, and the tangent. */
+/* Write the tangent: derivatives of the force coefficients with respect to the motion coefficients,
+ * directly and through the state. */
 static void write_tangent(bd_user_work *work, size_t n, bd_response *out) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_time = (size_t)work->n_time;
     const size_t n_power = (size_t)bd_n_power(work->n_harm);
     const size_t n_x = 3 * n_coef, n_col = n + n_x;
 
-    /* (1 + A + ...) (S_N - S_0) */
-    double *more = work->motion_derivative;
+    /* motion_derivative contains S_0, and then the derivative of the steady state minus S_0:
+     * (1 + A + ...) (S_N - S_0), in the columns of the motion */
+    const double *S_N = work->state_derivative;
+    double *change = work->motion_derivative;
     for (size_t i = 0; i < n; ++i)
         for (size_t j = n; j < n_col; ++j)
-            more[i * n_col + j] = work->state_derivative[i * n_col + j] - more[i * n_col + j];
-    sum_powers(work, n, n_col, n_x, more + n, n_col);
-    sum_state_derivatives(work, n, more + n);
+            change[i * n_col + j] = S_N[i * n_col + j] - change[i * n_col + j];
+    sum_powers(work, n, n_col, n_x, change + n, n_col);
+    sum_state_derivatives(work, n, change + n);
 
     for (size_t a = 0; a < 3; ++a)
         for (size_t c = 0; c < 3; ++c) {
@@ -442,13 +459,14 @@ static void write_tangent(bd_user_work *work, size_t n, bd_response *out) {
                 const double *restrict through_state =
                     work->derivative_coef + (3 * i + a) * n_col + n + c * n_coef;
                 double *restrict row = block + i * n_coef;
+                /* from a sum over the samples to a Fourier coefficient; the first is the mean */
                 const double scale = (i == 0 ? 1.0 : 2.0) / (double)n_time;
                 for (size_t j = 0; j < n_coef; ++j) row[j] = scale * (row[j] + through_state[j]);
             }
         }
 }
 
-/* Samples without any force. */
+/* Return the number of samples without any force (3, n_time). */
 static int count_open(const double *force, size_t n_time) {
     const double *T1 = force, *T2 = force + n_time, *N = force + 2 * n_time;
     int n_open = 0;
@@ -478,13 +496,17 @@ void bd_user_evaluate(const bd_element *element, const double *x, bd_response *o
     for (size_t d = 0; d < 3; ++d) {
         double *F = out->F + d * n_coef;
         work->kernel->multiply_transposed(n_time, n_coef, work->basis, work->force + d * n_time, F);
-        for (size_t i = 0; i < n_coef; ++i)
-            F[i] = settled ? F[i] * ((i == 0 ? 1.0 : 2.0) / (double)n_time) : NAN;
+        /* without a steady cycle there are no forces */
+        for (size_t i = 0; i < n_coef; ++i) {
+            const double scale = (i == 0 ? 1.0 : 2.0) / (double)n_time;
+            F[i] = settled ? F[i] * scale : NAN;
+        }
     }
 
     out->normal = BD_BLOCK_FULL;
     out->coupled = 1;
     out->with_tangential = 1;
+    /* a user law does not tell stick from slip: all that is not open counts as slip */
     share->open = (double)count_open(work->force, n_time) / (double)n_time;
     for (int d = 0; d < 2; ++d) {
         out->tangential[d] = BD_BLOCK_FULL;

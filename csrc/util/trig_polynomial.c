@@ -27,11 +27,13 @@ bd_status bd_trig_grid_create(bd_trig_grid *grid, int n_harm, int n_time) {
     grid->n_time = n_time;
     grid->basis = malloc(sizeof(double) * (size_t)n_coef * (size_t)n_time);
     if (!grid->basis) return BD_NO_MEMORY;
+    /* basis (n_coef, n_time): 1, cos theta, sin theta, cos 2 theta, ... at the nodes */
     for (int k = 0; k < n_time; ++k) {
         for (int i = 0; i < n_coef; ++i) {
-            const int l = (i + 1) / 2;
+            const int harmonic = (i + 1) / 2;
             /* an integer reduction of the argument makes the grid exact for every harmonic */
-            const double angle = BD_TWO_PI * (double)(((long)l * k) % n_time) / n_time;
+            const long reduced = (long)harmonic * k % n_time;
+            const double angle = BD_TWO_PI * (double)reduced / n_time;
             double *entry = grid->basis + (size_t)i * (size_t)n_time + (size_t)k;
             if (i == 0)
                 *entry = 1.0;
@@ -66,7 +68,8 @@ void bd_trig_powers(int n_max, double theta, double *power) {
 
 void bd_trig_powers_of(int n_max, const double *z, double *power) {
     const double c = z[0], s = z[1];
-    double re = 1.0, im = 0.0;
+    double re = 1.0, im = 0.0; /* z^n */
+    /* a second 1, so that both parts of z^n are at 2n and 2n + 1 */
     power[0] = 1.0;
     power[1] = 1.0;
     for (int n = 1; n <= n_max; ++n) {
@@ -78,14 +81,16 @@ void bd_trig_powers_of(int n_max, const double *z, double *power) {
     }
 }
 
-/* Value and derivative at exp(i theta) = z. */
+/* Return the value of the polynomial x at the angle theta with exp(i theta) = z; set its
+ * derivative by theta. */
 static double value_and_slope_at(int n_harm, const double *x, const double *z, double *slope) {
     const double c = z[0], s = z[1];
-    double re = c, im = s, value = x[0], d = 0.0;
+    double re = c, im = s; /* cos and sin(l theta) */
+    double value = x[0], d = 0.0;
     for (int l = 1; l <= n_harm; ++l) {
-        const double cl = x[2 * l - 1], sl = x[2 * l];
-        value += cl * re + sl * im;
-        d += l * (sl * re - cl * im);
+        const double cosine = x[2 * l - 1], sine = x[2 * l]; /* coefficients of harmonic l */
+        value += cosine * re + sine * im;
+        d += l * (sine * re - cosine * im);
         const double re_next = re * c - im * s;
         im = re * s + im * c;
         re = re_next;
@@ -155,14 +160,18 @@ double bd_trig_bracketed_root(int n_harm, const double *f, double a, double b) {
 
 /* ---- roots over a period ---- */
 
-/* exp(i (theta_k + delta)) for a grid node and a small delta. */
+/* z = exp(i (theta_k + delta)) for a grid node and a small delta. */
 static void rotate(const bd_trig_grid *grid, int k, double delta, double *z) {
+    /* rows of the basis after that of the mean */
     const double *cosines = grid->basis + (size_t)grid->n_time;
     const double *sines = cosines + (size_t)grid->n_time;
     const double c = cosines[k], s = sines[k];
     const double d = delta * delta;
-    double dc, ds;  /* cosine and sine of delta */
-    if (d < 0.04) { /* Taylor series to rounding */
+    double dc, ds; /* cosine and sine of delta */
+    /* For |delta| < 0.2 by their Taylor series, exact to rounding and faster than the functions. In
+     * the nested form a term is the previous term times -d/(n (n + 1)): n = 1, 3, 5 ... for the
+     * cosine, n = 2, 4, 6 ... for the sine. */
+    if (d < 0.04) {
         dc = 1.0 -
              d / 2.0 *
                  (1.0 -
@@ -182,6 +191,7 @@ static void rotate(const bd_trig_grid *grid, int k, double delta, double *z) {
 /* Root between 0 and 1 of the cubic with values f0, f1 and slopes m0, m1 at 0 and 1, by three
  * Newton steps from the secant. */
 static double root_of_cubic(double f0, double f1, double m0, double m1) {
+    /* f0 + m0 t + a2 t^2 + a3 t^3 */
     const double a3 = 2.0 * (f0 - f1) + m0 + m1;
     const double a2 = 3.0 * (f1 - f0) - 2.0 * m0 - m1;
     double t = f0 / (f0 - f1);
@@ -221,10 +231,12 @@ static double refine(const bd_trig_grid *grid, const double *f, int k, double f0
         x = next;
         if (step <= 1e-16 || b - a <= 2e-16) break;
 
-        if (step != newton) {
+        const int was_bisection = step != newton;
+        if (was_bisection) {
             last = 0.0;
             continue;
         }
+        /* the ratio of successive steps squares: the next one is step ratio^2 */
         const int converges = last > 0.0 && step < 1e-3 * last;
         if (converges && step * (step / last) * (step / last) < 1e-17) break;
         last = step;
@@ -232,18 +244,21 @@ static double refine(const bd_trig_grid *grid, const double *f, int k, double f0
     return x;
 }
 
+/* Angle from 0 to 2 pi for one from -2 pi to 4 pi. */
 static double into_period(double theta) {
     if (theta < 0.0) theta += BD_TWO_PI;
     return theta >= BD_TWO_PI ? theta - BD_TWO_PI : theta;
 }
 
-/* Both roots share phi = arg(c + i s) and the half angle: cos(theta - phi) = -x0/A. */
+/* Return the number of roots of f[0] + f[1] cos(theta) + f[2] sin(theta), 0 or 2; set the ascending
+ * angles root (2) and z (2, 2) = exp(i root). With the amplitude A and the phase phi, f[1] = A
+ * cos(phi) and f[2] = A sin(phi), the roots are phi -+ alpha with cos(alpha) = -f[0]/A. */
 static int roots_of_one_harmonic(const double *f, double *root, double *z) {
     const double square = f[1] * f[1] + f[2] * f[2];
     if (!(square > f[0] * f[0])) return 0; /* a double root is not a crossing */
     const double amplitude = sqrt(square);
-    const double c = f[1] / amplitude, s = f[2] / amplitude;
-    const double k = -f[0] / amplitude; /* cosine of the half angle */
+    const double c = f[1] / amplitude, s = f[2] / amplitude; /* cosine and sine of phi */
+    const double k = -f[0] / amplitude;                      /* cosine and sine of alpha */
     const double m = sqrt(fmax((1.0 - k) * (1.0 + k), 0.0));
 
     /* exp(i theta) = (c + i s)(k -+ i m) */
@@ -254,6 +269,7 @@ static int roots_of_one_harmonic(const double *f, double *root, double *z) {
     const double r1 = into_period(k == 0.0 ? r0 + BD_PI : atan2(z1[1], z1[0]));
     if (r0 == r1) return 0;
 
+    /* places of both roots in ascending order */
     const int first = r0 > r1, second = !first;
     root[first] = r0;
     root[second] = r1;
@@ -264,14 +280,15 @@ static int roots_of_one_harmonic(const double *f, double *root, double *z) {
     return 2;
 }
 
+/* Store root number n, at the distance delta behind node k, and its exp(i theta). */
 static void append_root(const bd_trig_grid *grid, int k, double delta, double *root, double *z,
                         int n) {
     root[n] = k * (BD_TWO_PI / grid->n_time) + delta;
     rotate(grid, k, delta, z + 2 * n);
 }
 
-/* Add a pair of roots inside cell k, if the polynomial has equal signs at both ends but crosses
- * zero between them. */
+/* Add a pair of roots inside cell k to n roots, if the polynomial has the same sign at both ends
+ * but crosses zero between them; return the new number of roots. */
 static int hidden_pair(const bd_trig_grid *grid, const double *f, int k, double sign, double *root,
                        double *z, int n) {
     const int n_harm = grid->n_harm;
@@ -295,7 +312,7 @@ static int crosses_here(double value, double slope, double size) {
 }
 
 /* Distance of the root in cell k, with different signs just inside its ends, from the left node.
- * zero0, zero1: an end is itself a root. */
+ * zero0, zero1: the left or right end is a root itself; the search then begins inside the cell. */
 static double root_in_cell(const bd_trig_grid *grid, const double *f, const double *value,
                            const double *slope, int k, int next, int zero0, int zero1) {
     const double h = BD_TWO_PI / grid->n_time;
@@ -327,9 +344,9 @@ int bd_trig_roots_with_powers(const bd_trig_grid *grid, const double *f, const d
                               const double *slope, double *root, double *z) {
     if (grid->n_harm == 1) return roots_of_one_harmonic(f, root, z);
     const int n_time = grid->n_time;
-    const int most = 2 * grid->n_harm;
+    const int most = 2 * grid->n_harm; /* number of roots of the polynomial at most */
     const double h = BD_TWO_PI / n_time;
-    double size = 0.0;
+    double size = 0.0; /* bound of the values */
     for (int i = 0; i < bd_n_coef(grid->n_harm); ++i) size += fabs(f[i]);
 
     int n = 0;
