@@ -318,9 +318,10 @@ def _stuck_static(
     F = force_patterns(R, what)
     G = F.T @ basis.G
     s = F.T @ shift.ravel()[kept]
-    # (Omega^2 + G^T R^-1 G) q = f - G^T R^-1 s
+    # (Omega^2 + G^T R^-1 G) q = f - G^T R^-1 s; by least squares, because a rigid-body motion may be
+    # free
     stiffness = np.diag(basis.omega2) + G.T @ G
-    q = np.linalg.lstsq(stiffness, load - G.T @ s, rcond=1e-13)[0]
+    q, *_ = np.linalg.lstsq(stiffness, load - G.T @ s, rcond=1e-13)
     return np.asarray(F @ (G @ q + s))
 
 
@@ -477,7 +478,8 @@ class ResidualSet:
                 columns.insert(0, stuck)
             if self.static is not None:
                 columns.insert(0, self.static.ravel()[active])
-        W = np.concatenate([c.reshape(len(R), -1) for c in columns], axis=1)
+        # (n_active, number of vectors); the static forces are single columns
+        W = np.concatenate([forces.reshape(len(R), -1) for forces in columns], axis=1)
         norm = np.linalg.norm(W, axis=0)
         not_zero = norm > 0.0
         n_vectors = self.options.n_vectors

@@ -169,48 +169,71 @@ class _Solver:
         return of_unknowns.reshape(-1, 3) + p.offset + self.extra_motion
 
     def iterate(self, F: NDArray, eta: NDArray, rest: NDArray) -> _Iterate:
-        """Evaluate contact law and equilibrium at forces and coordinates, with sliders ``rest``."""
+        """Evaluate contact law and equilibrium.
+
+        Parameters
+        ----------
+        F : (n, 3) float, N
+            Contact forces along t1, t2 and n.
+        eta : (m,) float
+            Rigid-body coordinates.
+        rest : (n, 2) float, m
+            Slider positions.
+        """
         p = self.problem
-        # the elastic contact element behind each point is compressed by F/k
-        z = self.motion(F, eta) + F / self.k
-        level = self.k[:, 2] * z[:, 2]
-        trial = self.k[:, :2] * (z[:, :2] - rest)
-        by_law, status = limited_forces(level, trial, p.friction)
+        # motion of the springs: the elastic contact element behind each point is compressed by F/k
+        stretch = self.motion(F, eta) + F / self.k
+        # forces of the springs without limits
+        normal = self.k[:, 2] * stretch[:, 2]
+        tangential = self.k[:, :2] * (stretch[:, :2] - rest)
+        by_law, status = limited_forces(normal, tangential, p.friction)
         law_residual = (F - by_law).ravel()
         balance = p.rigid.T @ F.ravel() - p.load + self.drag @ (eta - self.eta_before)
+        # divided by the largest motion of a unit coordinate, a generalised force is a force
         size = float(np.sqrt(law_residual @ law_residual + balance @ balance / self.largest**2))
         return _Iterate(
             force=F, eta=eta, law_residual=law_residual, balance=balance, status=status, size=size
         )
 
-    def newton_step(self, r: NDArray, balance: NDArray, status: NDArray) -> tuple[NDArray, NDArray]:
-        """Return the changes of F and eta that cancel both residuals in the given states."""
+    def newton_step(
+        self, law_residual: NDArray, balance: NDArray, status: NDArray
+    ) -> tuple[NDArray, NDArray]:
+        """Return the changes of F (n, 3) and eta (m,) that cancel both residuals.
+
+        The residuals of the contact law (3 n,) and of equilibrium (m,) are linear while the points
+        remain in the states ``status`` (n, 2).
+        """
         p = self.problem
         n = self.n
         m = self.m
-        B = law_tangent(self.k[:, :2], self.k[:, 2], p.friction, status)
-        unit = self.largest
+        # derivative (n, 3, 3) of the law of each point by its motion
+        tangent = law_tangent(self.k[:, :2], self.k[:, 2], p.friction, status)
 
-        # F - law(x + F/k) with the derivative B (n, 3, 3) of the law of each point:
-        # dF - B (dF/k + Psi deta - R dF) = (1 + B R - B/k) dF - B Psi deta
-        by_force = np.matmul(B, self.flexibility.reshape(n, 3, 3 * n)).reshape(3 * n, 3 * n)
+        # the residual F - law(Psi eta - R F + F/k) of the law changes, with B for the tangent, by
+        # dF - B (Psi deta - R dF + dF/k) = (1 + B R - B/k) dF - B Psi deta
+        flexibility = self.flexibility.reshape(n, 3, 3 * n)
+        by_force = np.matmul(tangent, flexibility).reshape(3 * n, 3 * n)
         # add 1 to the diagonal
         by_force.flat[:: 3 * n + 1] += 1.0
         # a view with one diagonal block for each point
         of_points = by_force.reshape(n, 3, n, 3)
-        of_points[range(n), :, range(n)] -= B / self.k[:, None]
-        by_rigid = -np.matmul(B, p.rigid.reshape(n, 3, m)).reshape(3 * n, m)
+        of_points[range(n), :, range(n)] -= tangent / self.k[:, None]
+        by_rigid = -np.matmul(tangent, p.rigid.reshape(n, 3, m)).reshape(3 * n, m)
 
-        # rows of equilibrium have the unit of a force, columns of eta that of a displacement
+        # 3 n rows of the law and m of equilibrium; 3 n columns of F and m of eta.  All rows have
+        # the unit of a force: generalised forces are divided by the largest motion of a unit
+        # coordinate.  The columns of eta are scaled to forces
+        largest_motion = self.largest
+        forces = slice(0, 3 * n)
+        rigid = slice(3 * n, 3 * n + m)
         A = np.zeros((3 * n + m, 3 * n + m))
-        A[: 3 * n, : 3 * n] = by_force
-        A[: 3 * n, 3 * n :] = by_rigid / self.rigid_unit
-        A[3 * n :, : 3 * n] = p.rigid.T / unit
-        A[3 * n :, 3 * n :] = self.drag / (unit * self.rigid_unit)
-        b = -np.concatenate([r, balance / unit])
-        step = _solution(A, b)
-        dF = step[: 3 * n].reshape(n, 3)
-        deta = step[3 * n :] / self.rigid_unit
+        A[forces, forces] = by_force
+        A[forces, rigid] = by_rigid / self.rigid_unit
+        A[rigid, forces] = p.rigid.T / largest_motion
+        A[rigid, rigid] = self.drag / (largest_motion * self.rigid_unit)
+        step = _solution(A, -np.concatenate([law_residual, balance / largest_motion]))
+        dF = step[forces].reshape(n, 3)
+        deta = step[rigid] / self.rigid_unit
         return dF, deta
 
     def creep(self) -> tuple[_Iterate, bool, NDArray]:
@@ -296,6 +319,7 @@ class _Solver:
         for fraction in 0.5 ** np.arange(6):
             trial = self.iterate(now.force + fraction * dF, now.eta + fraction * deta, rest)
             trials.append(trial)
+            # a tenth of the decrease that a linear residual would have
             if trial.size < (1.0 - 0.1 * fraction) * now.size:
                 break
         best = min(trials, key=lambda trial: trial.size)
@@ -517,24 +541,25 @@ def _corners(coupling: Coupling, name: str, friction: NDArray) -> NDArray:
     otherwise all points.
     """
     face = coupling.model.interfaces[name]
-    rows = np.arange(coupling.n_points)[coupling.rows(name)]
+    indices = np.arange(coupling.n_points)[coupling.rows(name)]
     relative = face.points - face.points.mean(axis=0)
     size = float(np.abs(relative).max())
     # axes of the first point
     tangents = face.frame[0, :2]
     normal = face.frame[0, 2]
-    flat = np.abs(relative @ normal).max() <= 1e-9 * size
+    is_flat = np.abs(relative @ normal).max() <= 1e-9 * size
     same_axes = np.ptp(face.frame, axis=0).max() <= 1e-9
-    same_friction = np.ptp(friction[rows]) == 0.0
-    if not (flat and same_axes and same_friction):
-        return rows
+    same_friction = np.ptp(friction[indices]) == 0.0
+    # only then a force at any point is a sum of forces in the cones of the corners
+    if not (is_flat and same_axes and same_friction):
+        return indices
     in_plane = relative @ tangents.T / size
     try:
         hull = scipy.spatial.ConvexHull(in_plane)
     # fewer than three points, or all on a line
     except (scipy.spatial.QhullError, ValueError):
-        return rows
-    return rows[np.sort(hull.vertices)]
+        return indices
+    return indices[np.sort(hull.vertices)]
 
 
 def wedge_friction(
@@ -571,6 +596,7 @@ def wedge_friction(
         body.name: body.load for body in bodies if body.kind == "free" and body.load is not None
     }
     validation.check(loaded, "wedge friction", "a free body with a load", "none")
+    # load of the body that each face touches; faces of other bodies do not count
     load_on = {}
     for name in coupling.friction_faces:
         pressing = loaded.get(faces[name].body_a) or loaded.get(faces[name].body_b)
@@ -578,28 +604,28 @@ def wedge_friction(
             load_on[name] = pressing
 
     basis = coupling.basis(0)
-    force, _ = coupling.load(shares)
-    rigid = basis.omega2 == 0.0
+    modal_load, _ = coupling.load(shares)
+    # rigid-body motions have the frequency zero
+    is_rigid = basis.omega2 == 0.0
     corners = [_corners(coupling, name, friction) for name in load_on]
-    rows = np.concatenate(corners)
-    # rigid-body motion (3 n_rows, n_rigid) of these points
-    G = basis.G.real[rows][..., rigid].reshape(3 * len(rows), -1)
-    mu = friction[rows]
-    # index of the face of each point
-    face_of_row = np.repeat(np.arange(len(corners)), [len(points) for points in corners])
+    points = np.concatenate(corners)
+    # rigid-body motion (3 n_points, n_rigid) of these points
+    rigid = basis.G.real[points][..., is_rigid].reshape(3 * len(points), -1)
+    mu = friction[points]
+    face_of_point = np.repeat(np.arange(len(corners)), [len(of_face) for of_face in corners])
 
-    n = len(load_on)
-    lowest = np.empty(n)
-    highest = np.empty(n)
-    angle = np.empty(n)
-    mean_mu = np.empty(n)
+    n_faces = len(load_on)
+    lowest = np.empty(n_faces)
+    highest = np.empty(n_faces)
+    angle = np.empty(n_faces)
+    mean_mu = np.empty(n_faces)
     for i, (name, pressing) in enumerate(load_on.items()):
-        on_face = face_of_row == i
+        on_face = face_of_point == i
         # its product with stacked forces (T1, T2, N) is the total normal force of the face
         normal_force = np.kron(on_face, [0.0, 0.0, 1.0])
         # the highest force is found as the lowest negative force
         for sign, bound in ((1.0, lowest), (-1.0, highest)):
-            optimum = forces_in_balance(sign * normal_force, mu, rigid=G, load=force[rigid])
+            optimum = forces_in_balance(sign * normal_force, mu, rigid, modal_load[is_rigid])
             if optimum.status == NO_EQUILIBRIUM:
                 raise SettingError(
                     f"wedge friction: no contact forces at '{name}' and the other faces are in "

@@ -166,12 +166,22 @@ def law_tangent(kt: NDArray, kn: NDArray, mu: NDArray, status: NDArray) -> NDArr
 
 
 def _forces(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray]:
-    """Return forces (..., n_points, 3) and states (..., n_points, 2) at the motions x.
+    """Return forces (..., n_points, 3) and states (..., n_points, 2) of the points.
 
-    ``w`` contains the sliders and the memory of compiled laws before the step.
+    Parameters
+    ----------
+    x : (..., n_points, 3) float, m
+        Motions along t1, t2 and n.
+    w : (n_points, 2 or more) float
+        Sliders (m), and the memory of compiled laws, before the step.
     """
-    level = system.n0 + system.kn * x[..., 2]
-    trial = system.kt * (x[..., :2] - w[:, :2])
+    tangential = x[..., :2]
+    normal = x[..., 2]
+    slider = w[:, :2]
+    memory = w[:, 2:]
+    # spring forces without limits; a negative normal force means separation
+    level = system.n0 + system.kn * normal
+    trial = system.kt * (tangential - slider)
     force, status = limited_forces(level, trial, system.mu)
 
     # bonded points have springs without limit
@@ -181,13 +191,14 @@ def _forces(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDAr
     status[..., bonded, :] = STICK
 
     if np.any(system.cubic):
-        force[..., :2] += system.cubic * x[..., :2] ** 3
+        force[..., :2] += system.cubic * tangential**3
 
     if system.own is not None:
+        # points with a compiled law
         compiled = system.own.held
         # one motion (n_points, 3) at a time
         for i in np.ndindex(x.shape[:-2]):
-            law_force, derivative, _ = system.own.step(x[i], w[:, 2:])
+            law_force, derivative, _ = system.own.step(x[i], memory)
             force[i][compiled] = law_force[compiled]
             status[i][compiled] = _compiled_states(system, derivative)[compiled]
     return force, status
@@ -237,17 +248,20 @@ class _Contacts:
 def _contacts(system: StaticSystem, x: NDArray, w: NDArray) -> _Contacts:
     """Evaluate the contact points after a step to the motion x; w is the slider memory before."""
     force, status = _forces(system, x, w)
+    tangential = x[:, :2]
+    slider_before = w[:, :2]
+    memory_before = w[:, 2:]
 
     # a slider is where the tangential spring has its force; without spring it follows the surface
     has_spring = system.kt > 0.0
     kt = np.where(has_spring, system.kt, 1.0)
-    slider = np.where(has_spring, x[:, :2] - force[:, :2] / kt, x[:, :2])
+    slider = np.where(has_spring, tangential - force[:, :2] / kt, tangential)
     bonded = np.broadcast_to(system.bonded, len(slider))
-    slider = np.where(bonded[:, None], w[:, :2], slider)
+    slider = np.where(bonded[:, None], slider_before, slider)
 
     memory = None
     if system.own is not None:
-        _, _, memory = system.own.step(x, w[:, 2:])
+        _, _, memory = system.own.step(x, memory_before)
 
     # compression of the normal springs, negative for a gap; 0 without spring
     level = system.n0 + system.kn * x[:, 2]
@@ -285,22 +299,23 @@ def _jacobian(
 
 def _solve(J: NDArray, r: NDArray) -> NDArray:
     """Solve J dq = r, by least norm if the contact does not determine a rigid-body motion."""
-    size = np.abs(np.diag(J))
-    if not size.any():  # no contact and no constraint
+    diagonal = np.abs(np.diag(J))
+    if not diagonal.any():  # no contact and no constraint
         return np.zeros(len(r))
 
     # rows and columns scaled to a unit diagonal
-    scale = 1.0 / np.sqrt(np.maximum(size, 1e-12 * size.max()))
-    A = J * scale[:, None] * scale
-    factors, pivot, info = _getrf(A)
-    if info == 0:
-        norm = float(np.abs(A).sum(axis=0).max())
+    scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-12 * diagonal.max()))
+    scaled_J = J * scale[:, None] * scale
+    factors, pivot, info = _getrf(scaled_J)
+    is_regular = info == 0
+    if is_regular:
+        norm = float(np.abs(scaled_J).sum(axis=0).max())
         reciprocal_condition, _ = _gecon(factors, norm)
         if reciprocal_condition > 1e-12:
-            scaled, _ = _getrs(factors, pivot, scale * r)
-            return np.asarray(scale * scaled)
-    scaled, *_ = np.linalg.lstsq(A, scale * r, rcond=1e-12)
-    return np.asarray(scale * scaled)
+            scaled_dq, _ = _getrs(factors, pivot, scale * r)
+            return np.asarray(scale * scaled_dq)
+    scaled_dq, *_ = np.linalg.lstsq(scaled_J, scale * r, rcond=1e-12)
+    return np.asarray(scale * scaled_dq)
 
 
 def _force_unit(system: StaticSystem, loads: tuple[float, float], w: NDArray) -> float:
@@ -308,12 +323,13 @@ def _force_unit(system: StaticSystem, loads: tuple[float, float], w: NDArray) ->
 
     Preload, constant loads, and interference without deformation contribute.
     """
-    modal = [system.constant_force]
+    modal_forces = [system.constant_force]
     for load in loads:
-        undeformed, _ = _forces(system, system.shift_at(load), w)
-        modal.append(load * system.force)
-        modal.append(np.einsum("pdm,pd->m", system.G, undeformed))
-    largest = [float(np.abs(force).max(initial=0.0)) for force in modal]
+        # (n_points, 3) without motion of the modes; its modal forces are G^T F
+        contact_force, _ = _forces(system, system.shift_at(load), w)
+        modal_forces.append(load * system.force)
+        modal_forces.append(np.einsum("pdm,pd->m", system.G, contact_force))
+    largest = [float(np.abs(force).max(initial=0.0)) for force in modal_forces]
     return max(1e-300, *largest)
 
 
@@ -345,9 +361,12 @@ class _LoadStep:
         self.system = system
         self.w = w
         self.unit = unit
+        # modal forces (n_modes,), and motion (n_points, 3) of the points without the modes
         self.force = load * system.force + system.constant_force
         self.shift = system.shift_at(load)
-        self.G = system.G.reshape(-1, system.G.shape[2])
+        # (n_points, 3, n_modes) as a matrix (3 n_points, n_modes)
+        _, _, n_modes = system.G.shape
+        self.G = system.G.reshape(-1, n_modes)
 
     def motion(self, q: NDArray) -> NDArray:
         """Return the motion (n_points, 3) at the modal coordinates q."""
@@ -369,10 +388,11 @@ class _LoadStep:
         return np.array(residuals), status
 
     def linear_solution(self, status: NDArray) -> NDArray:
-        """Return the modal coordinates at which the points remain in the given states."""
+        """Return the modal coordinates (n_modes,) at which the points remain in the given states."""
         system = self.system
         level = system.n0 + system.kn * self.shift[:, 2]
-        stretch = self.shift[:, :2] - self.w[:, :2]
+        slider = self.w[:, :2]
+        stretch = self.shift[:, :2] - slider
         # contact forces at q = 0: the tangential motion acts through kt, and the normal force,
         # which is known, with the factor 1 instead of kn
         per_unit = law_tangent(system.kt, np.ones(len(level)), system.mu, status)
@@ -392,10 +412,12 @@ class _LoadStep:
         alone do not hold the structure, or for laws without such limits.
         """
         system = self.system
-        if system.own is not None or np.any(system.cubic) or np.any(system.bonded):
+        has_other_laws = system.own is not None or np.any(system.cubic) or np.any(system.bonded)
+        if has_other_laws:
             return None
         closed = ~(status == OPEN).any(axis=1)
         states = np.where(closed[:, None], np.full_like(status, STICK), OPEN)
+        # until the states have the normal forces whose limits they obey
         for _ in range(LIMITS_TRIED):
             improved = self._at_normal_forces_of(states)
             if improved is None or np.array_equal(improved, states):
@@ -422,8 +444,9 @@ class _LoadStep:
             return None
 
         improved = np.where(closed[:, None], np.full_like(states, STICK), OPEN)
-        of_sense = np.where(share > 0.0, SLIP_PLUS, SLIP_MINUS)
-        improved[rubs] = np.where(np.abs(share) < 1.0 - FULL_FRICTION, STICK, of_sense)
+        slip = np.where(share > 0.0, SLIP_PLUS, SLIP_MINUS)
+        is_below_limit = np.abs(share) < 1.0 - FULL_FRICTION
+        improved[rubs] = np.where(is_below_limit, STICK, slip)
         return improved
 
     def _tangential_flexibility(self, closed: NDArray, rubs: NDArray) -> tuple[NDArray, NDArray]:
@@ -535,10 +558,10 @@ def _creep(
     """
     w = _slider_memory(system, state)
     step = _LoadStep(system, load, w, unit)
-    # (3 n_points, n_modes), with the springs as a column
+    # motion (3 n_points, n_modes) of the points, and the spring of each row (3 n_points, 1)
     G = step.G
     springs = np.concatenate([system.kt, system.kn[:, None]], axis=1).reshape(-1, 1)
-    D = np.diag(system.stiffness) + G.T @ (springs * G)
+    damping = np.diag(system.stiffness) + G.T @ (springs * G)
     q = state.q.copy()
     status = state.status
     dt = 0.1
@@ -549,13 +572,14 @@ def _creep(
         for newton_steps in range(12):
             x = step.motion(trial)
             contacts = _contacts(system, x, w)
-            r = system.stiffness * trial + G.T @ contacts.force.ravel() - step.force
-            r_damped = r + D @ (trial - q) / dt
+            static_residual = system.stiffness * trial + G.T @ contacts.force.ravel() - step.force
+            # implicit Euler method: the velocity is the change over the time step
+            residual_in_motion = static_residual + damping @ (trial - q) / dt
             iterations += 1
-            if float(np.abs(r_damped).max()) <= 0.1 * EQUILIBRIUM * unit:
+            if float(np.abs(residual_in_motion).max()) <= 0.1 * EQUILIBRIUM * unit:
                 break
-            jacobian = _jacobian(system, G, contacts.status, x, w) + D / dt
-            trial = trial + _solve(jacobian, -r_damped)
+            jacobian = _jacobian(system, G, contacts.status, x, w) + damping / dt
+            trial = trial + _solve(jacobian, -residual_in_motion)
         else:
             # no convergence: a shorter time step from the same motion
             dt *= 0.25
@@ -566,7 +590,8 @@ def _creep(
         q = trial
         status = contacts.status
         w = contacts.slider_memory
-        residual = float(np.abs(r).max()) / unit
+        residual = float(np.abs(static_residual).max()) / unit
+        # at rest nothing moves, and the static equations hold
         if residual <= EQUILIBRIUM:
             break
         if newton_steps < 6:
@@ -586,19 +611,19 @@ def _slider_memory(system: StaticSystem, state: PreloadState) -> NDArray:
 
 def _before_loading(system: StaticSystem) -> PreloadState:
     """Return the unloaded state: points in contact stick, others are separated."""
-    n, _, m = system.G.shape
+    n_points, _, n_modes = system.G.shape
     level = system.n0 + system.kn * system.shift_at(0.0)[:, 2]
-    apart = (level < 0.0) & np.logical_not(system.bonded)
-    status = np.full((n, 2), STICK)
+    is_apart = (level < 0.0) & np.logical_not(system.bonded)
+    status = np.full((n_points, 2), STICK)
     # without any contact the first linear solution needs closed surfaces
-    if not apart.all():
-        status[apart] = OPEN
+    if not is_apart.all():
+        status[is_apart] = OPEN
     return PreloadState(
         load=0.0,
-        q=np.zeros(m),
-        slider=np.zeros((n, 2)),
-        force=np.zeros((n, 3)),
-        closing=np.zeros(n),
+        q=np.zeros(n_modes),
+        slider=np.zeros((n_points, 2)),
+        force=np.zeros((n_points, 3)),
+        closing=np.zeros(n_points),
         status=status,
         residual=0.0,
         steps=0,
@@ -650,14 +675,17 @@ def linear_range(
         Position of the first change of state up to ``x1`` and after ``x1``: 0 at ``x0``, 1 at
         ``x1``, infinite if none.
     """
+    # at both ends of the line, (2, n_points, 3)
     motion = np.array([x0, x1])
     level = points.n0 + points.kn * motion[..., 2]
     trial = points.kt * (motion[..., :2] - w)
     limit = (points.mu * level)[..., None]
-    # each is negative before a change of state: closing, separation, slip in both senses
+    # each is negative before a change of state: closing, separation, slip in both senses;
+    # (2, n_points, 6), because slip has two directions
     indicators = [level[..., None], -level[..., None], trial - limit, -trial - limit]
     before, after = np.concatenate(indicators, axis=2)
 
+    # only an indicator that rises from clearly below zero reaches it; the motion is linear
     rising = (before < -close) & (after > before)
     before = before[rising]
     after = after[rising]
@@ -825,6 +853,7 @@ class _LoadPath:
         """
         status = self.state.status
         closing = self.state.closing
+        # open points that nearly touch count as in contact
         apart = closing < -1e-9 * np.abs(closing).max(initial=0.0)
         stuck = np.where((status == OPEN) & apart[:, None], OPEN, STICK)
         initial = [status, stuck, np.full_like(stuck, STICK)]
@@ -833,9 +862,10 @@ class _LoadPath:
             initial.insert(0, extrapolated)
 
         load_step = _LoadStep(self.system, load, before, self._unit_until(load, before))
-        different = {states.tobytes(): states for states in initial}
+        # equal ones are tried once
+        distinct = {states.tobytes(): states for states in initial}
         iterations = 0
-        for states in different.values():
+        for states in distinct.values():
             end = load_step.solve(states)
             iterations += end.iterations
             if end.ok:
@@ -943,13 +973,14 @@ def scaled_state(system: StaticSystem, state: PreloadState, load: float) -> Prel
     if was_closed or becomes_closed:
         return None
 
+    # the scaled state must be in equilibrium; rounding of the states may prevent it
     q = ratio * state.q
     slider = ratio * state.slider
     contacts = _contacts(system, x, slider)
     G = system.G.reshape(-1, len(q))
-    r = system.stiffness * q + G.T @ contacts.force.ravel() - load * system.force
+    imbalance = system.stiffness * q + G.T @ contacts.force.ravel() - load * system.force
     largest_force = load * float(np.abs(system.force).max(initial=0.0))
-    residual = float(np.abs(r).max(initial=0.0)) / max(largest_force, 1e-300)
+    residual = float(np.abs(imbalance).max(initial=0.0)) / max(largest_force, 1e-300)
     if not residual <= EQUILIBRIUM:
         return None
 
