@@ -45,7 +45,8 @@ static int enter(core_arguments *arguments, PyArrayObject *array, const char *na
     const char *start = PyArray_BYTES(array), *end = start + PyArray_NBYTES(array);
     for (int i = 0; i < arguments->n; ++i) {
         const int disjoint = end <= arguments->array[i].start || arguments->array[i].end <= start;
-        if (disjoint || (!output && !arguments->array[i].output)) continue;
+        const int both_inputs = !output && !arguments->array[i].output;
+        if (disjoint || both_inputs) continue;
         PyErr_Format(PyExc_ValueError, "%s: expected a separate array, found memory shared with %s",
                      name, arguments->array[i].name);
         return 0;
@@ -104,6 +105,7 @@ static int in_range(double x, core_range range) {
     return 0;
 }
 
+/* Raise ValueError for number x at the index `at` of an array of n numbers. */
 static void raise_number(double x, const char *name, core_range range, npy_intp at, npy_intp n) {
     static const char *const text[] = {"finite", "finite non-negative", "finite positive",
                                        "finite negative"};
@@ -218,6 +220,7 @@ static int read_point_law(PyObject *item, bd_point_law *point_law) {
                         "own: expected None or (function, parameters, memory) for each point");
         return 0;
     }
+    /* a capsule, or a tuple that begins with one and keeps further objects alive */
     PyObject *function = PyTuple_GET_ITEM(item, 0);
     if (PyTuple_Check(function) && PyTuple_GET_SIZE(function) > 0)
         function = PyTuple_GET_ITEM(function, 0);
@@ -228,19 +231,22 @@ static int read_point_law(PyObject *item, bd_point_law *point_law) {
     }
     void *pointer = PyCapsule_GetPointer(function, PyCapsule_GetName(function));
     if (!pointer) return 0;
+    /* C has no conversion from an object pointer to a function pointer */
     memcpy(&point_law->function, &pointer, sizeof pointer);
     point_law->data = PyCapsule_GetContext(function);
-    point_law->parameter =
-        law_numbers(PyTuple_GET_ITEM(item, 1), "parameters", 0, &point_law->n_parameter);
-    point_law->memory = point_law->parameter ? law_numbers(PyTuple_GET_ITEM(item, 2), "memory", 3,
-                                                           &point_law->n_state)
-                                             : NULL;
-    point_law->n_state -= 3;
-    const char *misfit = point_law->memory ? bd_law_parameter_error(point_law) : NULL;
-    if (misfit)
-        PyErr_Format(PyExc_ValueError, "%s; found %d parameters and %d states", misfit,
-                     point_law->n_parameter, point_law->n_state);
-    return point_law->memory && !misfit;
+    PyObject *parameters = PyTuple_GET_ITEM(item, 1), *memory = PyTuple_GET_ITEM(item, 2);
+    point_law->parameter = law_numbers(parameters, "parameters", 0, &point_law->n_parameter);
+    if (!point_law->parameter) return 0;
+    /* three components of the motion, then the states */
+    int n_memory = 0;
+    point_law->memory = law_numbers(memory, "memory", 3, &n_memory);
+    if (!point_law->memory) return 0;
+    point_law->n_state = n_memory - 3;
+    const char *misfit = bd_law_parameter_error(point_law);
+    if (!misfit) return 1;
+    PyErr_Format(PyExc_ValueError, "%s; found %d parameters and %d states", misfit,
+                 point_law->n_parameter, point_law->n_state);
+    return 0;
 }
 
 int core_point_laws(PyObject *object, npy_intp n, bd_point_law **point_law) {
@@ -250,6 +256,7 @@ int core_point_laws(PyObject *object, npy_intp n, bd_point_law **point_law) {
         PyErr_Format(PyExc_TypeError, "own: expected None or a tuple of %zd laws", (Py_ssize_t)n);
         return 0;
     }
+    /* one more, because an allocation of nothing may be NULL */
     bd_point_law *all = PyMem_Calloc((size_t)n + 1, sizeof *all);
     if (!all) {
         PyErr_NoMemory();

@@ -18,11 +18,13 @@ static PyObject *segment_list(const bd_evaluator *evaluator, int d) {
     return list;
 }
 
-/* Copy a block of the point into the dense (3, n_coef, 3, n_coef) tangent. */
-static void copy_block(const double *block, int row, int column, npy_intp n_coef, double *J) {
-    for (npy_intp i = 0; i < n_coef; ++i)
-        for (npy_intp j = 0; j < n_coef; ++j)
-            J[((row * n_coef + i) * 3 + column) * n_coef + j] = block[i * n_coef + j];
+/* Copy a block (n_coef, n_coef), the derivative of a force component with respect to a motion
+ * component, into the dense tangent J (3, n_coef, 3, n_coef). */
+static void copy_block(const double *block, int force, int motion, npy_intp n_coef, double *J) {
+    for (npy_intp i = 0; i < n_coef; ++i) {
+        double *row = J + ((force * n_coef + i) * 3 + motion) * n_coef;
+        for (npy_intp j = 0; j < n_coef; ++j) row[j] = block[i * n_coef + j];
+    }
 }
 
 /* One point and the arrays of its results. */

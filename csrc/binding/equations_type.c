@@ -134,35 +134,47 @@ typedef struct {
 } points;
 
 static points points_of(const core_equations *self) {
-    const bd_hbm *h = self->hbm;
-    const bd_wheel *w = self->wheel;
-    if (!w) return (points){h->n_point, h->n_coef, h->element, h->share, h->X, h->F};
-    return (
-        points){w->input.n_sector * w->input.n_point, w->n_coef, w->element, w->share, w->X, w->F};
+    const bd_hbm *sector = self->hbm;
+    const bd_wheel *wheel = self->wheel;
+    if (wheel)
+        return (points){.n_point = wheel->input.n_sector * wheel->input.n_point,
+                        .n_coef = wheel->n_coef,
+                        .element = wheel->element,
+                        .share = wheel->share,
+                        .X = wheel->X,
+                        .F = wheel->F};
+    return (points){.n_point = sector->n_point,
+                    .n_coef = sector->n_coef,
+                    .element = sector->element,
+                    .share = sector->share,
+                    .X = sector->X,
+                    .F = sector->F};
 }
 
 /* Mean stick, slip and open shares of the points with friction at the latest
  * evaluation; NaN if it failed. */
 static void mean_shares(const core_equations *self, double *mean) {
     const points at = points_of(self);
-    int n = 0;
+    int n_friction = 0; /* points with friction; a bonded point counts, because it sticks */
     mean[0] = mean[1] = mean[2] = self->equations->stage == BD_EMPTY ? NAN : 0.0;
     for (int p = 0; p < at.n_point; ++p) {
         const bd_law law = at.element[p].law;
-        if (law == BD_LAW_NORMAL || (at.element[p].mu == 0.0 && law != BD_LAW_BONDED)) continue;
-        const bd_status_share s = at.share[p];
-        mean[0] += 0.5 * (s.stick[0] + s.stick[1]);
-        mean[1] += 0.5 * (s.slip[0] + s.slip[1]);
-        mean[2] += s.open;
-        ++n;
+        const int has_friction = at.element[p].mu != 0.0 || law == BD_LAW_BONDED;
+        if (law == BD_LAW_NORMAL || !has_friction) continue;
+        /* mean over both tangential directions */
+        const bd_status_share share = at.share[p];
+        mean[0] += 0.5 * (share.stick[0] + share.stick[1]);
+        mean[1] += 0.5 * (share.slip[0] + share.slip[1]);
+        mean[2] += share.open;
+        ++n_friction;
     }
-    for (int i = 0; n > 0 && i < 3; ++i) mean[i] /= n;
+    for (int i = 0; n_friction > 0 && i < 3; ++i) mean[i] /= n_friction;
 }
 
 /* ---- methods ---- */
 
-/* Compute J by products with unit vectors, for equations without a stored J. */
-static bd_status columns(bd_equations *e, double *J) {
+/* Fill J (n, n) with products with unit vectors, for equations without a stored J. */
+static bd_status fill_jacobian(bd_equations *e, double *J) {
     const size_t n = (size_t)e->n;
     double *unit = e->scratch, *column = unit + n + 1;
     bd_status status = BD_OK;
@@ -199,7 +211,7 @@ static PyObject *evaluate(core_equations *self, PyObject *args, PyObject *kwargs
     if (status == BD_OK) {
         memcpy(r, e->r, sizeof(double) * (size_t)n);
         if (J && e->J) memcpy(J, e->J, sizeof(double) * (size_t)(n * n));
-        if (J && !e->J) status = columns(e, J);
+        if (J && !e->J) status = fill_jacobian(e, J);
         if (C) memcpy(C, e->C, sizeof(double) * (size_t)n);
     }
     end_work(self, started);
@@ -259,11 +271,12 @@ static PyObject *solve(core_equations *self, PyObject *args, PyObject *kwargs) {
         "y",        "tangent", "scale", "tolerance", "max_iterations", "line_search",
         "reach",    "row",     "re",    "im",        "curvature",      "place_tolerance",
         "max_step", "loose",   "rough", NULL};
-    PyObject *object[3], *row = Py_None, *re = Py_None, *im = Py_None;
+    PyObject *y_object, *tangent_object, *scale_object;
+    PyObject *row = Py_None, *re = Py_None, *im = Py_None;
     bd_solver_options options = {0};
     bd_condition condition = {0};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOdi|idOOOddddd:solve", names, &object[0],
-                                     &object[1], &object[2], &options.tolerance,
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOdi|idOOOddddd:solve", names, &y_object,
+                                     &tangent_object, &scale_object, &options.tolerance,
                                      &options.max_iterations, &options.line_search,
                                      &options.max_newton_step, &row, &re, &im, &condition.curvature,
                                      &condition.tolerance, &condition.max_step,
@@ -272,15 +285,18 @@ static PyObject *solve(core_equations *self, PyObject *args, PyObject *kwargs) {
     core_arguments arguments = {0};
     const npy_intp n = self->equations->n, n1 = n + 1;
     double *y, *tangent, *scale;
-    if (!(y = core_vector(&arguments, object[0], "y", n1, BD_OUTPUT))) return NULL;
-    if (!(tangent = core_vector(&arguments, object[1], "tangent", n1, BD_OUTPUT))) return NULL;
-    if (!(scale = core_numbers(&arguments, object[2], "scale", 1, &n1, BD_POSITIVE))) return NULL;
+    y = core_vector(&arguments, y_object, "y", n1, BD_OUTPUT);
+    if (!y) return NULL;
+    tangent = core_vector(&arguments, tangent_object, "tangent", n1, BD_OUTPUT);
+    if (!tangent) return NULL;
+    scale = core_numbers(&arguments, scale_object, "scale", 1, &n1, BD_POSITIVE);
+    if (!scale) return NULL;
     if (!check_options(&options) ||
         !read_condition(&arguments, row, re, im, tangent, n, &condition))
         return NULL;
     bd_solver_report report;
     bd_status status;
-    double mean[3];
+    double mean[3]; /* stick, slip, open */
     Py_BEGIN_ALLOW_THREADS;
     const clocks started = begin_work(self);
     status = bd_solve(self->equations, &condition, &options, scale, y, tangent, &report);
@@ -288,33 +304,40 @@ static PyObject *solve(core_equations *self, PyObject *args, PyObject *kwargs) {
     end_work(self, started);
     Py_END_ALLOW_THREADS;
     const core_state *state = PyType_GetModuleState(Py_TYPE(self));
-    const bd_factored *f = &report.factored;
-    return named(state->solved, Py_BuildValue("iiddddiidd(ddd)", (int)status, report.iterations,
-                                              report.residual, report.first_step, report.last_step,
-                                              f->condition, f->rank, f->orientation, report.slope,
-                                              report.curvature, mean[0], mean[1], mean[2]));
+    const bd_factored *factored = &report.factored;
+    /* the order of solved_fields */
+    PyObject *values = Py_BuildValue("iiddddiidd(ddd)", (int)status, report.iterations,
+                                     report.residual, report.first_step, report.last_step,
+                                     factored->condition, factored->rank, factored->orientation,
+                                     report.slope, report.curvature, mean[0], mean[1], mean[2]);
+    return named(state->solved, values);
 }
 
-/* Solve B x = b or B^T x = b at a point, b (m, n + 1) in place. */
+/* Solve B x = b or B^T x = b in place for m right-hand sides b (m, n + 1), where B is the Jacobian
+ * [J C] at y with the row below it, in scaled unknowns. */
 static PyObject *bordered(core_equations *self, PyObject *args, PyObject *kwargs) {
     static char *names[] = {"y", "row", "scale", "b", "transposed", NULL};
-    PyObject *object[4];
+    PyObject *y_object, *row_object, *scale_object, *b_object;
     int transposed = 0;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOO|p:bordered", names, &object[0], &object[1],
-                                     &object[2], &object[3], &transposed))
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOO|p:bordered", names, &y_object, &row_object,
+                                     &scale_object, &b_object, &transposed))
         return NULL;
     core_arguments arguments = {0};
     const npy_intp n1 = self->equations->n + 1;
     double *y, *row, *scale, *b;
-    if (!(y = core_vector(&arguments, object[0], "y", n1, BD_INPUT))) return NULL;
-    if (!(row = core_numbers(&arguments, object[1], "row", 1, &n1, BD_FINITE))) return NULL;
-    if (!(scale = core_numbers(&arguments, object[2], "scale", 1, &n1, BD_POSITIVE))) return NULL;
-    if (!PyArray_Check(object[3]) || PyArray_NDIM((PyArrayObject *)object[3]) != 2) {
+    y = core_vector(&arguments, y_object, "y", n1, BD_INPUT);
+    if (!y) return NULL;
+    row = core_numbers(&arguments, row_object, "row", 1, &n1, BD_FINITE);
+    if (!row) return NULL;
+    scale = core_numbers(&arguments, scale_object, "scale", 1, &n1, BD_POSITIVE);
+    if (!scale) return NULL;
+    if (!PyArray_Check(b_object) || PyArray_NDIM((PyArrayObject *)b_object) != 2) {
         PyErr_SetString(PyExc_TypeError, "b: expected a two-dimensional numpy array");
         return NULL;
     }
-    const npy_intp shape[2] = {PyArray_DIM((PyArrayObject *)object[3], 0), n1};
-    if (!(b = core_doubles(&arguments, object[3], "b", 2, shape, BD_OUTPUT))) return NULL;
+    const npy_intp n_side = PyArray_DIM((PyArrayObject *)b_object, 0), shape[2] = {n_side, n1};
+    b = core_doubles(&arguments, b_object, "b", 2, shape, BD_OUTPUT);
+    if (!b) return NULL;
     bd_status status;
     bd_factored factored;
     Py_BEGIN_ALLOW_THREADS;
@@ -322,9 +345,10 @@ static PyObject *bordered(core_equations *self, PyObject *args, PyObject *kwargs
     bd_equations *e = self->equations;
     status = bd_evaluate(e, y, 1);
     if (status == BD_OK) status = bd_factor(e, &(bd_border){.row = row, .scale = scale});
-    for (npy_intp i = 0; status == BD_OK && i < shape[0]; ++i)
-        status =
-            transposed ? bd_solve_transposed(e, b + i * n1) : bd_solve_linear(e, 0.0, b + i * n1);
+    for (npy_intp i = 0; status == BD_OK && i < n_side; ++i) {
+        double *side = b + i * n1;
+        status = transposed ? bd_solve_transposed(e, side) : bd_solve_linear(e, 0.0, side);
+    }
     factored = e->factored;
     end_work(self, started);
     Py_END_ALLOW_THREADS;
@@ -332,24 +356,31 @@ static PyObject *bordered(core_equations *self, PyObject *args, PyObject *kwargs
                          factored.orientation);
 }
 
-/* Gradient of phi at a peak (with re and im) or a fold. */
+/* Gradient of phi, the quantity that vanishes at a peak (with re and im) or at a fold. */
 static PyObject *gradient(core_equations *self, PyObject *args, PyObject *kwargs) {
     static char *names[] = {"y", "tangent", "scale", "row", "nu", "step", "re", "im", NULL};
-    PyObject *object[5], *re = Py_None, *im = Py_None;
+    PyObject *y_object, *tangent_object, *scale_object, *row_object, *nu_object;
+    PyObject *re = Py_None, *im = Py_None;
     double step;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOd|OO:gradient", names, &object[0],
-                                     &object[1], &object[2], &object[3], &object[4], &step, &re,
-                                     &im))
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOd|OO:gradient", names, &y_object,
+                                     &tangent_object, &scale_object, &row_object, &nu_object, &step,
+                                     &re, &im))
         return NULL;
     core_arguments arguments = {0};
+    /* read_condition checks these numbers, which only a search for the point needs */
     bd_condition condition = {.curvature = -1.0, .tolerance = 1.0, .max_step = 1.0};
     const npy_intp n = self->equations->n, n1 = n + 1;
     double *y, *tangent, *scale, *row, *nu;
-    if (!(y = core_vector(&arguments, object[0], "y", n1, BD_INPUT))) return NULL;
-    if (!(tangent = core_vector(&arguments, object[1], "tangent", n1, BD_INPUT))) return NULL;
-    if (!(scale = core_numbers(&arguments, object[2], "scale", 1, &n1, BD_POSITIVE))) return NULL;
-    if (!(row = core_vector(&arguments, object[3], "row", n1, BD_OUTPUT))) return NULL;
-    if (!(nu = core_vector(&arguments, object[4], "nu", n, BD_OUTPUT))) return NULL;
+    y = core_vector(&arguments, y_object, "y", n1, BD_INPUT);
+    if (!y) return NULL;
+    tangent = core_vector(&arguments, tangent_object, "tangent", n1, BD_INPUT);
+    if (!tangent) return NULL;
+    scale = core_numbers(&arguments, scale_object, "scale", 1, &n1, BD_POSITIVE);
+    if (!scale) return NULL;
+    row = core_vector(&arguments, row_object, "row", n1, BD_OUTPUT);
+    if (!row) return NULL;
+    nu = core_vector(&arguments, nu_object, "nu", n, BD_OUTPUT);
+    if (!nu) return NULL;
     if (!core_check_number(step, "step", BD_POSITIVE) ||
         !read_condition(&arguments, Py_None, re, im, tangent, n, &condition))
         return NULL;
@@ -362,6 +393,7 @@ static PyObject *gradient(core_equations *self, PyObject *args, PyObject *kwargs
     return PyLong_FromLong(status);
 }
 
+/* Copy the shares of the cycle to (n_point, 5): stick and slip along t1 and along t2, open. */
 static void copy_shares(const points *at, double *share) {
     for (int p = 0; p < at->n_point; ++p) {
         const bd_status_share s = at->share[p];
@@ -372,18 +404,22 @@ static void copy_shares(const points *at, double *share) {
 
 /* Motion, force and state shares of all points at y. */
 static PyObject *contact(core_equations *self, PyObject *args) {
-    PyObject *object[4];
-    if (!PyArg_ParseTuple(args, "OOOO:contact", &object[0], &object[1], &object[2], &object[3]))
+    PyObject *y_object, *X_object, *F_object, *share_object;
+    if (!PyArg_ParseTuple(args, "OOOO:contact", &y_object, &X_object, &F_object, &share_object))
         return NULL;
     core_arguments arguments = {0};
     const points at = points_of(self);
-    const npy_intp n1 = self->equations->n + 1, full[3] = {at.n_point, 3, at.n_coef},
-                   by5[2] = {at.n_point, 5};
+    const npy_intp n1 = self->equations->n + 1;
+    const npy_intp motion_shape[3] = {at.n_point, 3, at.n_coef}, share_shape[2] = {at.n_point, 5};
     double *y, *X, *F, *share;
-    if (!(y = core_vector(&arguments, object[0], "y", n1, BD_INPUT))) return NULL;
-    if (!(X = core_doubles(&arguments, object[1], "X", 3, full, BD_OUTPUT))) return NULL;
-    if (!(F = core_doubles(&arguments, object[2], "F", 3, full, BD_OUTPUT))) return NULL;
-    if (!(share = core_doubles(&arguments, object[3], "share", 2, by5, BD_OUTPUT))) return NULL;
+    y = core_vector(&arguments, y_object, "y", n1, BD_INPUT);
+    if (!y) return NULL;
+    X = core_doubles(&arguments, X_object, "X", 3, motion_shape, BD_OUTPUT);
+    if (!X) return NULL;
+    F = core_doubles(&arguments, F_object, "F", 3, motion_shape, BD_OUTPUT);
+    if (!F) return NULL;
+    share = core_doubles(&arguments, share_object, "share", 2, share_shape, BD_OUTPUT);
+    if (!share) return NULL;
     bd_status status;
     Py_BEGIN_ALLOW_THREADS;
     const clocks started = begin_work(self);

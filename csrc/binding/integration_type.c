@@ -29,6 +29,7 @@ typedef struct {
         *law, *held, *order, *force, *row, *point_law;
 } ring_objects;
 
+/* First dimension of an array, at most `most`; -1 with an exception. */
 static npy_intp length(PyObject *object, const char *name, npy_intp most) {
     if (!PyArray_Check(object) || PyArray_NDIM((PyArrayObject *)object) < 1) {
         PyErr_Format(PyExc_TypeError, "%s: expected a numpy array of at least one dimension", name);
@@ -150,6 +151,7 @@ static PyObject *TimeIntegration_new(PyTypeObject *type, PyObject *args, PyObjec
     return (PyObject *)self;
 }
 
+/* Return whether numbers of steps, spectral radius, tolerance and frequencies are in their ranges. */
 static int check_path(const bd_time_path *path) {
     enum { MOST_STEPS = 1000000000 };
     const int good_steps = path->n_step >= 0 && path->n_step <= MOST_STEPS;
@@ -171,7 +173,7 @@ static int check_path(const bd_time_path *path) {
     return core_check_number(path->omega_end, "omega_end", BD_POSITIVE);
 }
 
-/* The part of a path from step `done` to step `end`, with its outputs. */
+/* The part of a path from step `done`, at the start of a period, to step `end`, with its outputs. */
 static bd_time_path part_of(const bd_time *t, const bd_time_path *path, long done, long end) {
     bd_time_path part = *path;
     part.n_step = end - done;
@@ -200,8 +202,10 @@ static int integrate_in_parts(TimeIntegrationObject *self, const bd_time_path *p
                               bd_status *status) {
     enum { STEPS = 4096 };
     const long per_period = path->steps_per_period;
+    /* number of steps of a part: whole periods up to STEPS, at least one */
     const long most = per_period > STEPS ? per_period : STEPS / per_period * per_period;
     long done = 0;
+    /* a path of no steps is one part, which only finds the accelerations */
     do {
         const long end = path->n_step - done > most ? done + most : path->n_step;
         const bd_time_path part = part_of(&self->time, path, done, end);
@@ -295,9 +299,9 @@ static PyObject *TimeIntegration_integrate(TimeIntegrationObject *self, PyObject
 
     bd_time_effort effort = {0};
     bd_status status = BD_OK;
-    const npy_intp per_state = 2 * n_period * t->n_row * (path.n_harm + 1);
+    const npy_intp n_harmonics = 2 * n_period * t->n_row * (path.n_harm + 1); /* complex */
     for (npy_intp i = 0; i < n_state && status == BD_OK; ++i) {
-        path.response_harmonics = X ? X + i * per_state : NULL;
+        path.response_harmonics = X ? X + i * n_harmonics : NULL;
         path.energy = e ? e + BD_TIME_N_ENERGY * i * n_period : NULL;
         path.coordinates = x ? x + i * path.n_step * n : NULL;
         if (!integrate_in_parts(self, &path, q + i * n, v + i * n, a + i * n, w + i * n_w, &effort,

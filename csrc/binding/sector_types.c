@@ -42,6 +42,7 @@ static int read_sizes(core_arguments *arguments, PyObject *object, bd_hbm_input 
     return 0;
 }
 
+/* Modal matrices, forces, and modes G at the points. */
 static int read_modes(core_arguments *arguments, const sector_objects *o, bd_hbm_input *in,
                       npy_intp n_modes, npy_intp n_unknown) {
     const npy_intp n_G = 3 * (npy_intp)in->n_point * n_modes;
@@ -118,16 +119,17 @@ typedef struct {
     double order;
 } family_objects;
 
+/* Make a speed family of a sector if nodes are given. Return 0 with an exception. */
 static int make_family(core_equations *self, const bd_hbm_input *in, const family_objects *o) {
     if (o->nodes == Py_None) {
         if (o->squares == Py_None && o->order == 0.0) return 1;
         PyErr_SetString(PyExc_ValueError, "squares, order: expected none without nodes");
         return 0;
     }
-    int all = PyTuple_Check(o->nodes) && PyTuple_GET_SIZE(o->nodes) >= 2;
-    for (npy_intp i = 0; all && i < PyTuple_GET_SIZE(o->nodes); ++i)
-        all = Py_TYPE(PyTuple_GET_ITEM(o->nodes, i)) == Py_TYPE(self);
-    if (!all) {
+    int are_sectors = PyTuple_Check(o->nodes) && PyTuple_GET_SIZE(o->nodes) >= 2;
+    for (npy_intp i = 0; are_sectors && i < PyTuple_GET_SIZE(o->nodes); ++i)
+        are_sectors = Py_TYPE(PyTuple_GET_ITEM(o->nodes, i)) == Py_TYPE(self);
+    if (!are_sectors) {
         PyErr_SetString(PyExc_TypeError, "nodes: expected a tuple of two or more Sectors");
         return 0;
     }

@@ -25,6 +25,7 @@ static const double *waves(core_arguments *a, PyObject *object, const char *name
 /* Largest number of entries of an array, so that indices fit into int. */
 static const double MOST = 1 << 28;
 
+/* Return whether all sizes are in their ranges; products are doubles, which do not overflow. */
 static int check_sizes(const bd_wheel_input *in) {
     if (!core_check_n_harm(in->n_harm)) return 0;
     const double n_sector = in->n_sector, n_blade = in->n_blade;
