@@ -181,6 +181,13 @@ class Correction:
     curvature: float = math.nan
     kind: str = "regular"
 
+    @property
+    def parameter(self) -> float:
+        """Last entry of ``y``: frequency (rad/s), level of a homotopy, or ln(amplitude) of a mode."""
+        # a number of NumPy, as the entry is
+        parameter: float = self.y[-1]
+        return parameter
+
 
 @dataclass(frozen=True, eq=False)
 class Layout:

@@ -168,8 +168,7 @@ def _gaps(pieces: Sequence[Piece], low: float, high: float) -> Iterator[tuple[fl
     covered = []
     for piece in pieces:
         if piece.path.points:
-            # the last unknown is the frequency
-            frequencies = [point.y[-1] for point in piece.path.points]
+            frequencies = [point.parameter for point in piece.path.points]
             covered.append((min(frequencies), max(frequencies)))
     # all frequencies from low up to this one are covered or have been yielded
     reached = low
@@ -251,7 +250,7 @@ def _left_out(pieces: Sequence[Piece], low: float, high: float) -> tuple[LeftOut
         if path.tangle:
             bottom, top = path.tangle
         else:
-            bottom = top = path.points[-1].y[-1]
+            bottom = top = path.points[-1].parameter
         why = f"{path.status}: {path.reason}"
         omissions.add(LeftOut(float(bottom) / TWO_PI, float(top) / TWO_PI, why))
     return tuple(sorted(omissions))
@@ -408,20 +407,20 @@ class Coverage:
             if end is None:
                 return
             examined.append(end)
-            up = end.y[-1] == high
+            up = end.parameter == high
             limits = (high, top) if up else (bottom, low)
             follower = Follower(self.system.with_share(SHARE), limits, outside)
             path = follower.run(end.y, up)
             self.meter.count(path.iterations, path.failed_steps)
             last = path.points[-1] if path.points else end
             if path.status not in ARRIVED:
-                frequency = float(last.y[-1]) / TWO_PI
+                frequency = float(last.parameter) / TWO_PI
                 why = f"outside the interval, {path.status}: {path.reason}"
                 self.lost.append(LeftOut(frequency, frequency, why))
             if path.status != "turned back" or _is_among(last.y, examined):
                 continue
             examined.append(last)
-            self.note(last.y[-1], "the branch turns outside the interval and comes back")
+            self.note(last.parameter, "the branch turns outside the interval and comes back")
             leaves_forward = self._leaves_forward(end)
             self.follow(last.y, not up)
             # the flag refers to the direction of the branch, and an end may be its first point
@@ -434,7 +433,7 @@ class Coverage:
             if piece.path.status not in ARRIVED:
                 continue
             for end in (piece.path.points[0], piece.path.points[-1]):
-                if end.y[-1] in self.limits and not _is_among(end.y, examined):
+                if end.parameter in self.limits and not _is_among(end.y, examined):
                     return end
         return None
 
@@ -476,7 +475,7 @@ class Coverage:
         points = [point for piece in self.pieces for point in piece.path.points]
         positions = [low + part * (high - low) for part in POSITIONS]
         for omega in positions:
-            nearest_first = sorted(points, key=lambda point: abs(point.y[-1] - omega))
+            nearest_first = sorted(points, key=lambda point: abs(point.parameter - omega))
             # every eighth of the 40 nearest, because neighbours lead to the same solution
             for point in nearest_first[:40:8]:
                 solution = self.system.correct_at(
@@ -499,7 +498,7 @@ class Coverage:
 
 def _same(y: NDArray, point: Correction) -> bool:
     """Return whether a point at the same frequency differs by no more than rounding."""
-    if y[-1] != point.y[-1]:
+    if y[-1] != point.parameter:
         return False
     return bool(np.linalg.norm((y - point.y) / point.scale) < 1e-6)
 
@@ -602,7 +601,7 @@ def _by_homotopy(
     # with a tenth of it the support fails on one of two random structures that need it
     support_level = 1e-2
     ramp_level = 0.1 * support_level
-    # in both homotopies the last unknown is the level instead of the frequency
+    # in both homotopies the parameter, the last unknown, is the level instead of the frequency
     start = np.append(system.layout.pack(mean, ramp_level * stuck), ramp_level)
     path = _homotopy(excitation_ramp(system, omega), start, options, meter)
     if path.status == "complete":
@@ -611,7 +610,7 @@ def _by_homotopy(
         return np.append(at_full_level, omega)
     reached = "no excitation"
     if path.points:
-        level = path.points[-1].y[-1]
+        level = path.points[-1].parameter
         reached = f"{100 * level:.3g} %"
     why = path.reason if path.reason == DRIFTED_OFF else path.status
     log.append(f"excitation ramp: stopped at {reached} ({why})")

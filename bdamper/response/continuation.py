@@ -124,8 +124,9 @@ class Follower:
         tangent = here.tangent
         scale = here.scale
         predicted = y + step * tangent * scale
-        predicted_omega = predicted[-1]
-        if not predicted_omega > 0.0:
+        # the last unknown
+        predicted_frequency = predicted[-1]
+        if not predicted_frequency > 0.0:
             no_solution = Correction(
                 status=NOT_CONVERGED,
                 y=predicted,
@@ -137,26 +138,26 @@ class Follower:
             )
             return no_solution, "frequency not positive"
         options = self.options
-        c = self.system.solve(
+        new = self.system.solve(
             predicted, Plane(tangent), scale, options.tolerance, options.max_iterations, reach=step
         )
-        self.iterations += c.iterations
-        if c.status != OK:
-            return c, STATUS_TEXT[c.status]
-        if norm2((c.y - predicted) / scale) > 0.5 * step:
-            return c, "solution far from its prediction"
+        self.iterations += new.iterations
+        if new.status != OK:
+            return new, STATUS_TEXT[new.status]
+        if norm2((new.y - predicted) / scale) > 0.5 * step:
+            return new, "solution far from its prediction"
         # below a step of 1e-3 a large turn is a corner, not curvature
-        if step > 1e-3 and float(c.tangent @ tangent) < np.cos(self.options.max_turn):
-            return c, "tangent turned too much"
+        if step > 1e-3 and float(new.tangent @ tangent) < np.cos(self.options.max_turn):
+            return new, "tangent turned too much"
         # a part of the curve with the opposite direction; at the smallest steps a bifurcation was
         # passed, and the new direction is right
-        if step > 1e-5 and self.sign and c.orientation == -self.sign:
-            return c, "orientation of the curve changed"
-        if self.events.over_resonance(y, c.y):
-            return c, "a resonance of the linear structure lies within the step"
-        if self.options.locate and step > 0.02 and self.events.over_pair(here, c):
-            return c, "two folds or extrema lie within the step"
-        return c, ""
+        if step > 1e-5 and self.sign and new.orientation == -self.sign:
+            return new, "orientation of the curve changed"
+        if self.events.over_resonance(y, new.y):
+            return new, "a resonance of the linear structure lies within the step"
+        if self.options.locate and step > 0.02 and self.events.over_pair(here, new):
+            return new, "two folds or extrema lie within the step"
+        return new, ""
 
     def advance(self, here: Correction, step: float) -> tuple[Correction | None, float, float, str]:
         """Step along the curve, with shorter steps until one is accepted.
@@ -205,25 +206,24 @@ class Follower:
 
         ``last`` and ``beyond`` are the points on both sides of the bound.
         """
-        last_omega = last.y[-1]
-        share = (omega - last_omega) / (beyond[-1] - last_omega)
+        share = (omega - last.parameter) / (beyond[-1] - last.parameter)
         guess = last.y + share * (beyond - last.y)
         scale = last.scale
-        c = self.system.correct_at(
+        end = self.system.correct_at(
             guess[:-1],
             omega,
             scale,
             self.options.tolerance,
             max_iterations=2 * self.options.max_iterations,
         )
-        self.iterations += c.iterations
-        if c.status != OK or norm2((c.y - guess) / scale) >= 1.0:
+        self.iterations += end.iterations
+        if end.status != OK or norm2((end.y - guess) / scale) >= 1.0:
             return None
         # the tangent of a solution at fixed frequency points to higher frequency; turn it along
         # the path
-        chord = (c.y - last.y) / scale
-        sense = np.copysign(1.0, c.tangent @ chord)
-        return replace(c, tangent=sense * c.tangent)
+        chord = (end.y - last.y) / scale
+        sense = np.copysign(1.0, end.tangent @ chord)
+        return replace(end, tangent=sense * end.tangent)
 
     # ---- end of a path ----
 
@@ -252,7 +252,7 @@ class Follower:
 
     def _tangled(self, since: int) -> Path:
         """Return the path if its last points, from a number on, are a tangle of folds."""
-        frequencies = [float(point.y[-1]) for point in self.points[since:]]
+        frequencies = [float(point.parameter) for point in self.points[since:]]
         low = min(frequencies)
         high = max(frequencies)
         self.tangle = low, high
@@ -283,26 +283,28 @@ class Follower:
         options = self.options
         scale = self.scale_at(start)
         start_omega = start[-1]
-        c = self.system.correct_at(
+        first = self.system.correct_at(
             start[:-1],
             start_omega,
             scale,
             options.tolerance,
             max_iterations=4 * options.max_iterations,
         )
-        self.iterations += c.iterations
-        if c.status != OK:
-            return self.path("stalled", f"no solution at the start: {STATUS_TEXT[c.status]}")
-        self.sign = c.orientation if up else -c.orientation
+        self.iterations += first.iterations
+        if first.status != OK:
+            return self.path("stalled", f"no solution at the start: {STATUS_TEXT[first.status]}")
+        self.sign = first.orientation if up else -first.orientation
         self.events.sense = 1.0 if up else -1.0
-        point = self.record(replace(c, tangent=c.tangent if up else -c.tangent, kind="end"))
+        direction = first.tangent if up else -first.tangent
+        point = self.record(replace(first, tangent=direction, kind="end"))
         step = options.step
         # range of the frequencies passed, and number of points when it last became wider
         lowest = highest = float(start_omega)
         progress_at = 1
         while len(self.points) < options.max_points:
             y = point.y
-            omega = y[-1]
+            omega = point.parameter
+            # distance outside of the range
             beyond = max(lowest - omega, omega - highest)
             if beyond > 1e-4 * (self.high - self.low):
                 lowest = min(lowest, omega)
@@ -310,6 +312,7 @@ class Follower:
                 progress_at = len(self.points)
             elif len(self.points) - progress_at > options.patience:
                 return self._tangled(progress_at)
+            # the same direction, of unit length in new units
             scale = self.scale_at(y)
             tangent = point.tangent * point.scale / scale
             tangent /= norm2(tangent)
@@ -318,7 +321,7 @@ class Follower:
             new, step, reach, refused = self.advance(here, step)
             if new is None:
                 return self._stopped(y, tangent, start, refused)
-            new_omega = new.y[-1]
+            new_omega = new.parameter
             if not self.low <= new_omega <= self.high:
                 bound = self.high if new_omega > self.high else self.low
                 end = self.end_at(here, new.y, bound)

@@ -184,23 +184,23 @@ class StepPoint(NamedTuple):
     tangent: NDArray
 
 
-def _on_cubic(near: StepPoint, far: StepPoint, s: float, a: Correction) -> NDArray:
-    """Return the point (n_unknowns + 1,) at distance ``s`` on the cubic through two points of a step.
+def _on_cubic(near: StepPoint, far: StepPoint, position: float, start: Correction) -> NDArray:
+    """Return the point (n_unknowns + 1,) at a position on the cubic through two points of a step.
 
-    Distances are along the tangent at the start ``a`` of the step.  If a tangent at one of the
+    Distances are along the tangent at the ``start`` of the step.  If a tangent at one of the
     points turns away from it by more than 60 degrees, extrapolate along the near one.
     """
     length = far.s - near.s
-    near_cosine = float(near.tangent @ a.tangent)
-    far_cosine = float(far.tangent @ a.tangent)
+    near_cosine = float(near.tangent @ start.tangent)
+    far_cosine = float(far.tangent @ start.tangent)
     if length <= 0.0 or min(near_cosine, far_cosine) < 0.5:
         # change of the scaled unknowns per unit of s
-        slope = near.tangent / near_cosine if near_cosine > 0.5 else a.tangent
-        return np.asarray(near.y + (s - near.s) * slope * a.scale)
+        slope = near.tangent / near_cosine if near_cosine > 0.5 else start.tangent
+        return np.asarray(near.y + (position - near.s) * slope * start.scale)
     # position in the unit interval from near to far, with slopes and rise over this interval
-    t = (s - near.s) / length
-    first = length * a.scale * near.tangent / near_cosine
-    last = length * a.scale * far.tangent / far_cosine
+    t = (position - near.s) / length
+    first = length * start.scale * near.tangent / near_cosine
+    last = length * start.scale * far.tangent / far_cosine
     rise = far.y - near.y
     quadratic = 3.0 * rise - 2.0 * first - last
     cubic = first + last - 2.0 * rise
@@ -212,22 +212,19 @@ class Step(NamedTuple):
 
     Parameters
     ----------
-    a : Correction
-        Start of the step.
-    b : Correction
-        End of the step.
-    end : float
-        Length along the tangent at a; 0 for a path that ends at its start.
+    start, end : Correction
+    length : float
+        Length along the tangent at the start; 0 for a path that ends at its start.
     """
 
-    a: Correction
-    b: Correction
-    end: float
+    start: Correction
+    end: Correction
+    length: float
 
 
-def _distance(a: Correction, y: NDArray) -> float:
+def _distance(start: Correction, y: NDArray) -> float:
     """Return the distance of a point along the tangent at the start of a step."""
-    return float(a.tangent @ ((y - a.y) / a.scale))
+    return float(start.tangent @ ((y - start.y) / start.scale))
 
 
 class Events:
@@ -251,46 +248,48 @@ class Events:
 
     # ---- unresolved events ----
 
-    def over_resonance(self, a: NDArray, b: NDArray) -> bool:
+    def over_resonance(self, start: NDArray, end: NDArray) -> bool:
         """Return whether the phase of a modal coordinate jumps at its linear resonance.
 
-        ``a`` and ``b`` (n_unknowns + 1,) are successive points of a path.
+        ``start`` and ``end`` (n_unknowns + 1,) are successive points of a path.
         """
-        omega_a = a[-1]
-        omega_b = b[-1]
+        # frequencies, the last unknowns
+        omega_before = start[-1]
+        omega_after = end[-1]
         for resonance, half_width, row in self.system.watched:
-            crosses = (omega_a - resonance) * (omega_b - resonance) < 0.0
-            if not crosses or not abs(omega_b - omega_a) > half_width:
+            crosses = (omega_before - resonance) * (omega_after - resonance) < 0.0
+            if not crosses or not abs(omega_after - omega_before) > half_width:
                 continue
-            before = self.system.layout.amplitudes(a[:-1], harmonic=1) @ row
-            after = self.system.layout.amplitudes(b[:-1], harmonic=1) @ row
+            # complex amplitude of the mode
+            before = self.system.layout.amplitudes(start[:-1], harmonic=1) @ row
+            after = self.system.layout.amplitudes(end[:-1], harmonic=1) @ row
             # the cosine of the change of phase is below 0.5: more than 60 degrees
             if (before.conjugate() * after).real < 0.5 * abs(before * after):
                 return True
         return False
 
-    def over_pair(self, here: Correction, c: Correction) -> bool:
+    def over_pair(self, here: Correction, new: Correction) -> bool:
         """Return whether frequency or amplitude seems to have two extrema within a step.
 
         Without this check 3 of 240 ordinary curves lose a pair of folds; it takes half a per cent
         of the evaluations.
         """
         n = self.system.n_mean
-        if is_drift(here.tangent, n) or is_drift(c.tangent, n):
+        if is_drift(here.tangent, n) or is_drift(new.tangent, n):
             return False
         scale = here.scale
-        length = norm2((c.y - here.y) / scale)
+        length = norm2((new.y - here.y) / scale)
         # frequency, the last unknown, in its unit
         frequency_slope_before = length * here.tangent[-1]
-        frequency_slope_after = length * c.tangent[-1]
-        frequency_rise = (c.y[-1] - here.y[-1]) / scale[-1]
+        frequency_slope_after = length * new.tangent[-1]
+        frequency_rise = (new.parameter - here.parameter) / scale[-1]
         if turns_twice(frequency_slope_before, frequency_slope_after, frequency_rise):
             return True
         # half the squared amplitude; on a level stretch the sign of its slope is rounding
         gradient_before, squared_before = self.system.rows.squared_gradient(here.y)
-        gradient_after, squared_after = self.system.rows.squared_gradient(c.y)
+        gradient_after, squared_after = self.system.rows.squared_gradient(new.y)
         slope_before = length * float(gradient_before @ (here.tangent * scale))
-        slope_after = length * float(gradient_after @ (c.tangent * scale))
+        slope_after = length * float(gradient_after @ (new.tangent * scale))
         if max(abs(slope_before), abs(slope_after)) <= LEVEL_RISE * squared_before:
             return False
         return turns_twice(slope_before, slope_after, 0.5 * (squared_after - squared_before))
@@ -307,40 +306,40 @@ class Events:
         str
             Kind of the end of the step: the kind of an event that could not be located.
         """
-        a, b, end = step
-        starts_with_drift = is_drift(a.tangent, self.system.n_mean)
-        ends_with_drift = is_drift(b.tangent, self.system.n_mean)
+        start, end, length = step
+        starts_with_drift = is_drift(start.tangent, self.system.n_mean)
+        ends_with_drift = is_drift(end.tangent, self.system.n_mean)
         # the frequency is constant along a drift
-        sense = 0.0 if ends_with_drift else float(np.sign(b.tangent[-1]))
+        sense = 0.0 if ends_with_drift else float(np.sign(end.tangent[-1]))
         # relative to the last step with a change of frequency
         turned = sense * self.sense < 0.0
         if sense != 0.0:
             self.sense = sense
-        if not self.options.locate or end == 0.0:
+        if not self.options.locate or length == 0.0:
             return [], "regular"
         kinds = []
         missed = "regular"
-        turned_in_step = a.tangent[-1] * b.tangent[-1] < 0.0
+        turned_in_step = start.tangent[-1] * end.tangent[-1] < 0.0
         if turned and turned_in_step and not starts_with_drift:
             kinds.append("fold")
         elif turned:
             # the frequency turned over a drift, so the end of the drift is the fold
             missed = "fold"
         if not starts_with_drift and not ends_with_drift:
-            slope_at_start = self._value("maximum", a.y, a.tangent, a.scale)
-            slope_at_end = self._value("maximum", b.y, b.tangent, a.scale)
-            _, squared = self.system.rows.squared_gradient(a.y)
+            slope_at_start = self._value("maximum", start.y, start.tangent, start.scale)
+            slope_at_end = self._value("maximum", end.y, end.tangent, start.scale)
+            _, squared = self.system.rows.squared_gradient(start.y)
             rounding = LEVEL_RISE * squared
             if slope_at_start > rounding and slope_at_end < -rounding:
                 kinds.append("maximum")
         located = []
         for kind in kinds:
-            event = self.locate(step, kind, self.options.locate_tolerance * end)
+            event = self.locate(step, kind, self.options.locate_tolerance * length)
             if event is None:
                 missed = kind
             else:
                 located.append(replace(event, kind=kind))
-        located.sort(key=lambda event: _distance(a, event.y))
+        located.sort(key=lambda event: _distance(start, event.y))
         return located, missed
 
     def _value(self, kind: str, y: NDArray, tangent: NDArray, scale: NDArray) -> float:
@@ -371,38 +370,38 @@ class Events:
             Fold or maximum, with the slope and curvature of its condition; None if no corrector
             converges.
         """
-        a, b, end = step
-        first = self._value(kind, a.y, a.tangent, a.scale)
-        last = self._value(kind, b.y, b.tangent, a.scale)
+        start, end, length = step
+        first = self._value(kind, start.y, start.tangent, start.scale)
+        last = self._value(kind, end.y, end.tangent, start.scale)
         # a circular arc has a chord along its mean tangent
-        chord = (b.y - a.y) / a.scale
-        sum_of_tangents = a.tangent + b.tangent
+        chord = (end.y - start.y) / start.scale
+        sum_of_tangents = start.tangent + end.tangent
         # difference of chord and mean tangent, relative to the difference of the tangents, below
         # which a step counts as smooth.  Of 129 folds and maxima of curves with friction, 47 of 73
         # smooth ones are below, and 9 of 56 at corners, where Newton's method fails
         even = 0.05
         unit_chord = chord / norm2(chord)
         mean_tangent = sum_of_tangents / max(norm2(sum_of_tangents), even)
-        is_smooth = norm2(unit_chord - mean_tangent) < even * norm2(b.tangent - a.tangent)
+        is_smooth = norm2(unit_chord - mean_tangent) < even * norm2(end.tangent - start.tangent)
         if is_smooth:
             # the quantity changes about linearly over the step: its zero, as part of the step
             part = first / (first - last)
-            tangent = a.tangent + part * (b.tangent - a.tangent)
+            tangent = start.tangent + part * (end.tangent - start.tangent)
             condition = Fold if kind == "fold" else Maximum
             target = condition(
                 tangent=tangent / norm2(tangent),
-                curvature=(last - first) / (end * self._weight(kind, a.y)),
+                curvature=(last - first) / (length * self._weight(kind, start.y)),
                 tolerance=tolerance,
-                max_step=0.5 * end,
+                max_step=0.5 * length,
             )
-            near = StepPoint(0.0, a.y, a.tangent)
-            far = StepPoint(end, b.y, b.tangent)
-            guess = _on_cubic(near, far, part * end, a)
+            near = StepPoint(0.0, start.y, start.tangent)
+            far = StepPoint(length, end.y, end.tangent)
+            guess = _on_cubic(near, far, part * length, start)
             event = self.system.solve(
-                guess, target, a.scale, self.options.tolerance, self.options.max_iterations
+                guess, target, start.scale, self.options.tolerance, self.options.max_iterations
             )
             self.iterations += event.iterations
-            if event.status == OK and 0.0 <= _distance(a, event.y) <= end:
+            if event.status == OK and 0.0 <= _distance(start, event.y) <= length:
                 return event
         return self._bracketed(step, first, last, kind, tolerance)
 
@@ -425,48 +424,51 @@ class Events:
         Newton's method starts from the cubic through the adjacent points.  A plane without solution
         lies beyond a corner, and so beyond the event.
         """
-        a, b, end = step
+        start, end, length = step
         # position and value on both sides of the event
         before = 0.0, first
-        after = end, last
+        after = length, last
         # points that the cubic connects
-        near = StepPoint(0.0, a.y, a.tangent)
-        far = StepPoint(end, b.y, b.tangent)
+        near = StepPoint(0.0, start.y, start.tangent)
+        far = StepPoint(length, end.y, end.tangent)
         event: Correction | None = None
         max_iterations = self.options.max_iterations
         trials = root_trials(before, after, tolerance)
-        s = next(trials)
+        position = next(trials)
         while True:
-            guess = _on_cubic(near, far, s, a)
-            c = self.system.solve(
-                guess, Plane(a.tangent), a.scale, self.options.tolerance, max_iterations
+            guess = _on_cubic(near, far, position, start)
+            solution = self.system.solve(
+                guess, Plane(start.tangent), start.scale, self.options.tolerance, max_iterations
             )
-            self.iterations += c.iterations
+            self.iterations += solution.iterations
             # a solution far away belongs to another part of the curve
-            if c.status == OK and norm2((c.y - a.y) / a.scale) <= 2.0 * s:
-                value = self._value(kind, c.y, c.tangent, a.scale)
-                point = StepPoint(s, c.y, c.tangent)
+            if (
+                solution.status == OK
+                and norm2((solution.y - start.y) / start.scale) <= 2.0 * position
+            ):
+                value = self._value(kind, solution.y, solution.tangent, start.scale)
+                point = StepPoint(position, solution.y, solution.tangent)
                 beyond_event = value * last >= 0.0
                 if beyond_event:
                     other_position, other_value = before
-                    after = s, value
+                    after = position, value
                     far = point
                 else:
                     other_position, other_value = after
-                    before = s, value
+                    before = position, value
                     near = point
                 # difference quotient across the event
-                curvature = (value - other_value) / (s - other_position)
-                weight = self._weight(kind, c.y)
-                event = replace(c, slope=value / weight, curvature=curvature / weight)
+                curvature = (value - other_value) / (position - other_position)
+                weight = self._weight(kind, solution.y)
+                event = replace(solution, slope=value / weight, curvature=curvature / weight)
             else:
                 # beyond a corner; the reversed tangent makes the next guess an extrapolation from
                 # the near point
                 value = last
-                far = StepPoint(s, near.y, -a.tangent)
+                far = StepPoint(position, near.y, -start.tangent)
                 max_iterations = ITERATIONS_BEYOND
             try:
-                s = trials.send(value)
+                position = trials.send(value)
             except StopIteration:
                 return event
 
@@ -480,13 +482,15 @@ class Events:
         """
         # every point counts as converged
         any_residual = 1e300
-        c = self.system.solve(y, Plane(border), scale, tolerance=any_residual, max_iterations=1)
-        if c.status != OK or not c.orientation:
+        solution = self.system.solve(
+            y, Plane(border), scale, tolerance=any_residual, max_iterations=1
+        )
+        if solution.status != OK or not solution.orientation:
             return None
         if not sign:
-            return c.tangent
+            return solution.tangent
         # reversed if the signs differ
-        return c.orientation * sign * c.tangent
+        return solution.orientation * sign * solution.tangent
 
     def around_corner(
         self, here: Correction, step: float, sign: int
@@ -560,7 +564,7 @@ class Events:
         """
         if not guess[-1] > 0.0:
             return None
-        c = self.system.solve(
+        solution = self.system.solve(
             guess,
             Plane(direction),
             scale,
@@ -568,22 +572,22 @@ class Events:
             self.options.max_iterations,
             reach=2.0 * reach,
         )
-        self.iterations += c.iterations
-        if c.status != OK or not norm2((c.y - guess) / scale) <= reach:
+        self.iterations += solution.iterations
+        if solution.status != OK or not norm2((solution.y - guess) / scale) <= reach:
             return None
-        if not float(c.tangent @ direction) >= np.cos(self.options.max_turn):
+        if not float(solution.tangent @ direction) >= np.cos(self.options.max_turn):
             return None
-        return c
+        return solution
 
-    def _continues(self, here: Correction, c: Correction, sign: int) -> bool:
+    def _continues(self, here: Correction, solution: Correction, sign: int) -> bool:
         """Return whether a solution beyond a corner continues the path in its direction.
 
         ``sign`` is the sign of det [J; tangent] along the path, 0 if unknown.
         """
-        if sign and c.orientation == -sign:
+        if sign and solution.orientation == -sign:
             return False
         # without a sign the path must not return almost exactly the way it came
-        moved = (c.y - here.y) / here.scale
+        moved = (solution.y - here.y) / here.scale
         if not sign and float(moved @ here.tangent) < -0.99 * norm2(moved):
             return False
-        return not self.over_resonance(here.y, c.y)
+        return not self.over_resonance(here.y, solution.y)

@@ -531,7 +531,7 @@ def find_peak(
             residual=np.nan,
             rank_deficiency=0,
         )
-    omega = last.y[-1]
+    omega = last.parameter
     return Peak(
         parameter=parameter,
         frequency=float(omega / (2.0 * np.pi)),

@@ -113,7 +113,7 @@ def notes(
         moved = np.abs((after - before)[: system.n_mean])
         largest = int(np.argmax(moved))
         coordinate = coordinates[largest]
-        frequency = points[first].y[-1] / TWO_PI
+        frequency = points[first].parameter / TWO_PI
         start = _displacement(model, coordinate, before[largest])
         end = _displacement(model, coordinate, after[largest])
         texts.append(
