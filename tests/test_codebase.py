@@ -180,6 +180,7 @@ def test_imports_run_downward():
     assert not wrong, "\n".join(wrong)
 
 
+@pytest.mark.slow
 def test_no_circle_of_imports():
     """Within rooms too, and whether or not the import happens when the module is loaded."""
     users = {

@@ -40,6 +40,7 @@ def test_answers_are_printed_and_written(command, tmp_path, capsys):
     assert (tmp_path / "out.html").exists() == (command == "optimum")
 
 
+@pytest.mark.slow
 def test_what_is_asked_is_what_the_study_answers(capsys, tmp_path):
     path, picture = tmp_path / "curve.h5", tmp_path / "curve.png"
     asked = [
@@ -95,6 +96,7 @@ def test_what_is_asked_is_what_the_study_answers(capsys, tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_a_margin_without_an_amplitude_in_time(capsys, monkeypatch):
     def lost(*_, **__):
         raise bd.BdamperError("why")
@@ -108,6 +110,7 @@ def test_a_margin_without_an_amplitude_in_time(capsys, monkeypatch):
     )
 
 
+@pytest.mark.slow
 def test_info_of_a_file(capsys, tmp_path):
     bd.save_model(bd.reference_model("blade_to_ground"), tmp_path / "model.h5")
     assert main(["info", str(tmp_path / "model.h5"), "--png", str(tmp_path / "model.png")]) == 0
@@ -115,6 +118,7 @@ def test_info_of_a_file(capsys, tmp_path):
     assert (tmp_path / "model.png").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "code", "text"),
     [
@@ -187,6 +191,7 @@ def test_help_names_units_and_defaults(capsys):
         assert word in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_doubts_and_details(capsys, tmp_path):
     asked = [
         "--band",
@@ -214,6 +219,7 @@ def test_doubts_and_details(capsys, tmp_path):
     )  # the least and the largest of the points
 
 
+@pytest.mark.slow
 def test_runs_as_a_module():
     run = subprocess.run(
         [sys.executable, "-m", "bdamper", "--version"], capture_output=True, text=True
@@ -233,6 +239,7 @@ def test_the_demo_leaves_no_file_unasked(tmp_path, monkeypatch, capsys):
     assert tenths == sorted(set(tenths)) and tenths[-1] == 100 and all(x % 10 == 0 for x in tenths)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["csv", "h5", "png"])
 def test_an_answer_is_printed_before_a_file_that_cannot_be_written(kind, tmp_path, capsys):
     path = tmp_path / f"out.{kind}"

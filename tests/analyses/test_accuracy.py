@@ -116,6 +116,7 @@ def test_coarser_set_bounds_the_change_by_finer_points(place):
     assert 1.0 < estimated.frequency / frequency < 8.0
 
 
+@pytest.mark.slow
 def test_two_rows_are_not_compared_with_three(study):
     """Of nine points six are the fewest with three rows along t1; a single row has no coarser set."""
     assert richer_module._fewer_points(study.problem) == 6
@@ -177,6 +178,7 @@ def test_more_harmonics_without_a_peak_are_not_decided(study, peak, monkeypatch)
     assert errors.unknown == ("harmonics",) and errors.undecided
 
 
+@pytest.mark.slow
 def test_time_is_the_farther_end_of_the_range_of_time_integration():
     study = pressed()
     peak = study.peak(2.0, BAND)
@@ -356,6 +358,7 @@ def test_errors_are_those_of_the_curves(study, place, result):
     assert result.uncertainty == pytest.approx(poorer["3", "9"].difference + change)
 
 
+@pytest.mark.slow
 def test_each_setting_goes_down_until_it_misses_the_tolerance(study, place, result):
     down = [r for r in result.runs if r.part == "harmonics"]
     assert [r.values[0] for r in down] == ["3", "2", "1"][: len(down)]
@@ -487,6 +490,7 @@ def error_against_limit(run):
     return abs(run.amplitude / HIGHEST - 1.0)
 
 
+@pytest.mark.slow
 def test_errors_contain_the_error_of_the_reference():
     """Against the limit of the quantity: residual modes, which are not varied, leave 5.6 %."""
     vary = {"harmonics": [1, 3, 5], "blade_modes": [5, 10, 20]}
@@ -523,6 +527,7 @@ def test_settings_within_the_tolerance_have_the_error_of_the_reference_too():
         assert found.columns()["error"].values[found.runs.index(run)] == found.error(run)
 
 
+@pytest.mark.slow
 def test_forecast_meets_a_tolerance_that_was_not_reached():
     """Its settings, computed, are within the tolerance of the limit."""
     vary = {"harmonics": [1, 3, 5], "blade_modes": [5, 10, 20]}
@@ -628,6 +633,7 @@ def test_effectivity_on_a_sample(number):
     assert 0.3 < compared.effectivity < 3.0, compared
 
 
+@pytest.mark.slow
 def test_the_peak_is_a_corner_where_the_damper_drifts():
     case = accuracy_cases.draw(153)
     one = accuracy_cases.study_of(case).replace(harmonics=1, damper_modes=0)

@@ -77,6 +77,7 @@ def test_changes_are_those_of_the_study_without_the_effect(full, advice):
         assert e.frequency_change == pytest.approx(true[1], abs=within), e
 
 
+@pytest.mark.slow
 def test_work_is_that_of_the_equations_without_the_effect(full, advice):
     whole = full.problem.system(PRELOAD).work[:3].sum()
     for e in advice.effects:
@@ -246,6 +247,7 @@ def test_effects_that_cancel_by_chance_are_not_left_out_together():
     assert found[1].reason == "contains separation"
 
 
+@pytest.mark.slow
 def test_a_corner_is_compared_by_whole_curves_alone(full, monkeypatch):
     """Where the damper drifts the amplitude is not stationary along the curve, as the estimate needs it."""
     reference = module._Reference(full.problem, Effects.of(full), PRELOAD, INTERVAL)

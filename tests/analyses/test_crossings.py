@@ -81,6 +81,7 @@ def test_crossings_that_all_failed_are_named_with_the_remedy(study, monkeypatch)
 NOT_RUN = "Mass factor Order Speed Preload Frequency Peak"
 
 
+@pytest.mark.slow
 def test_the_headline_is_the_highest_crossing_or_says_that_there_is_none(study, found, tmp_path):
     i = int(np.argmax(found.values["amplitude"]))
     top, mass = row_of(found.values, i), found.points[i]["damper_mass_factor"]
@@ -184,6 +185,7 @@ def test_a_study_over_the_mass_names_the_best_mass(found, name):
     assert others in said(made)
 
 
+@pytest.mark.slow
 def test_the_best_mass_has_the_lower_of_two_crossings(study):
     found = study.resonance_crossings((400.0, 500.0), [5], damper_mass_factor=(0.5, 1.0))
     heights = dict(zip((0.5, 1.0), found.array("amplitude")[:, 0].tolist()))
@@ -257,6 +259,7 @@ def test_derivatives_by_the_mass_are_those_of_crossings_at_other_masses(found):
     assert high["mass"] / low["mass"] == pytest.approx(1.001 / 0.999, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_run_up_is_a_curve_over_speed(study, found, tmp_path):
     """With the highest point and the peak at fixed speed of the crossing; its unknowns are those of no study."""
     run = study.run_up((420.0, 465.0))
@@ -306,6 +309,7 @@ def test_where_newtons_method_fails_the_peak_at_fixed_speed_is_found_by_a_search
     assert "above the peak at fixed speed" in study.run_up((420.0, 465.0)).summary()
 
 
+@pytest.mark.slow
 def test_a_missing_peak_at_fixed_speed_has_its_reason(study, monkeypatch):
     """A crossing that is complete otherwise, and a run-up, state why."""
     newton_fails(study, monkeypatch)
@@ -367,6 +371,7 @@ def test_a_range_that_ends_higher_than_its_maximum_is_told(study):
     assert "at the upper end of the curve" in higher._headline()
 
 
+@pytest.mark.slow
 def test_pictures_of_crossings(study, found):
     ax = plot_crossings(found)
     assert [text.get_text() for text in ax.texts] == [
@@ -414,6 +419,7 @@ def test_the_highest_point_of_a_run_up_is_made_at_its_own_speed(line):
     assert run.residual[highest.index] < 1e-9
 
 
+@pytest.mark.slow
 def test_the_equations_along_the_line_are_those_of_each_speed(line):
     """The interpolation of NumPy gives the same residual, and its differences the derivative along the line."""
     equations, top = line[1][0], line[1][2].peak
@@ -525,6 +531,7 @@ def test_a_line_without_a_maximum_says_where_the_order_meets_the_mode(study):
     assert re.fullmatch(LIMITS + "3819.7 to 4058.5 rpm", found.warnings[0])
 
 
+@pytest.mark.slow
 def test_a_resonance_above_the_stuck_one_is_found(study, found, monkeypatch):
     """Vibration may close contacts that are open at rest; here the first curve is made to end below the resonance."""
     first, followed = engine_order_line.interval, []

@@ -122,6 +122,7 @@ def test_equations_that_remain_are_those_of_the_full_system(full, changes):
     np.testing.assert_allclose(d, D[index], rtol=1e-12, atol=1e-14)
 
 
+@pytest.mark.slow
 def test_without_separation_the_normal_spring_is_two_sided(full):
     rng = np.random.default_rng(2)
     gap = np.linspace(0.0, 1e-7, 6)

@@ -275,6 +275,7 @@ def test_a_joint_is_recovered_from_its_nonlinear_mode():
     )
 
 
+@pytest.mark.slow
 def test_response_control_has_one_force_where_the_curve_has_three_responses():
     """Force of a Duffing oscillator at constant amplitude, in closed form, across the overhang of its curves."""
 
@@ -407,6 +408,7 @@ def test_priors_that_the_data_contradict_are_named(jenkins):
         assert (f"{prior} is {distance} from the data" in reason) == (abs(away) > 3.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("times", [3.0, 10.0, 100.0, 0.1])
 @pytest.mark.parametrize("control", ["response", "phase"])
 def test_a_force_of_wrong_gain_is_a_residual_of_its_logarithm(control, times):
@@ -433,6 +435,7 @@ def test_a_fit_to_a_force_of_wrong_gain_says_that_the_model_is_wrong():
         assert found.status_text.startswith("incomplete: the model does not describe these data")
 
 
+@pytest.mark.slow
 def test_a_preload_without_response_curve_is_refused_in_one_line():
     blade = bd.reference_model("turbine_blade")
     study = bd.Study(
@@ -631,6 +634,7 @@ def test_covariance_of_a_parameter_without_effect_is_large():
     assert covariance(J)[0, 0] == pytest.approx(0.2) and covariance(J)[1, 1] > 1e12
 
 
+@pytest.mark.slow
 def test_coverage_of_linear_fits(jenkins):
     """Of 200 drawn linear fits with the right noise (seed 65) 90 to 99 % of the intervals contain the truth."""
     rng, inside = np.random.default_rng(65), []
@@ -697,6 +701,7 @@ def drawn_fit(jenkins, seed):
 
 
 class TestMistakes:
+    @pytest.mark.slow
     def test_constants_are_not_carried_to_other_settings(self, jenkins, tests, tmp_path):
         found = fit(jenkins, tests[1], {"friction_coefficient": (0.1, 0.9)})
         found.save(tmp_path / "fit.h5")
@@ -740,6 +745,7 @@ class TestMistakes:
         with pytest.raises(bd.SettingError, match=r"preload: expected 0.*found 0.5 N"):
             fit(study, tests[0], {"friction_coefficient": (0.1, 0.9)})
 
+    @pytest.mark.slow
     def test_a_parameter_without_effect_is_not_determined(self, jenkins, tests):
         """Friction has no effect without a preload, nor has it alongside a parameter that has one."""
         plan = blank(0.0, (0.2, 0.25))
@@ -753,6 +759,7 @@ class TestMistakes:
         assert "friction coefficient not determined by these data" in found.reason
         assert 1.1 < found.low[1] < 1.2 < found.high[1] < 1.3  # damping is known
 
+    @pytest.mark.slow
     def test_failures_of_the_solver_are_counted(self, jenkins, tests, monkeypatch):
         frequency_response = response_residuals.frequency_response
 
@@ -773,6 +780,7 @@ class TestMistakes:
         ):
             fit(jenkins, tests[0], {"friction_coefficient": (0.1, 0.9)})
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("factor", [1e3, 1e-6])
     def test_wrong_units_are_named_first(self, jenkins, tests, factor):
         data = bd.importers.Measurement(
@@ -790,6 +798,7 @@ class TestMistakes:
         with pytest.raises(bd.SettingError, match="that the free response does not determine"):
             fit(jenkins, tests, {"damping_factor": (0.5, 2.0)}, free=tests[0])
 
+    @pytest.mark.slow
     def test_an_end_of_a_range_is_told(self, jenkins, tests):
         found = fit(jenkins, tests[1], {"friction_coefficient": (0.45, 0.9)})
         assert "friction coefficient is at an end of its range" in found.reason

@@ -160,6 +160,7 @@ def test_the_remedy_is_the_nearest_tolerant_preload(monkeypatch):
     assert not easy.friction_range.limits[0].near and np.isnan(easy.friction_range.remedy)
 
 
+@pytest.mark.slow
 def test_it_is_stored(curve, tmp_path):
     found = robust_optimum.with_other_friction(STUDY.problem, curve)
     assert isinstance(found.friction_range, FrictionRange) and found.friction_range.seconds > 0.0

@@ -48,6 +48,7 @@ def test_energies_balance_along_a_curve(study, curve):
     assert not stuck.any() or np.abs(found.lost[stuck]).max() < 1e-12 * found.excitation.max()
 
 
+@pytest.mark.slow
 def test_points_that_never_slip_or_are_left_out(study):
     bonded = study.replace(friction_law="bonded")
     found = bonded.hysteresis(bonded.frequency_response(500.0, (352.0, 354.0)))

@@ -38,6 +38,7 @@ def curves():
     return {name: microslip(study(choice), LOAD, FORCES) for name, choice in choices.items()}
 
 
+@pytest.mark.slow
 def test_equilibrium_and_softening(curves):
     for curve in curves.values():
         assert np.nanmax(curve.array("residual")) < 1e-9
@@ -75,6 +76,7 @@ def test_with_much_friction_it_is_the_stiffness_of_the_closed_points():
     np.testing.assert_allclose(moved, np.array([1.0, 2.0]) * (d @ np.linalg.solve(K, d)), rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_it_slides_when_all_friction_is_used():
     """Along the axis that is mu times the normal force of both faces, each direction having its own limit."""
     s = study("unit_traction")

@@ -221,6 +221,7 @@ class TestCurve:
             )
         return study, curve, solved
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         "name", ["preload", "friction_coefficient", "contact_stiffness_factor", "damping_factor"]
     )

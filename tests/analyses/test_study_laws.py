@@ -126,6 +126,7 @@ def test_the_static_state_of_bonded_points_is_that_of_linear_springs(model):
     assert curve.shares[:, 0].min() > 0.999
 
 
+@pytest.mark.slow
 def test_comparison_of_laws(study, tmp_path):
     """At high preload nothing slips, and all laws agree; at a low one they differ, most of all from constant load."""
     laws = ("coupled", "uncoupled", "constant_normal_load")

@@ -142,6 +142,7 @@ def sweep_on_dask(study, over, question, path):
 
 
 class TestAnswers:
+    @pytest.mark.slow
     def test_each_point_is_what_the_study_gives_alone(self, study, serial):
         assert serial.complete
         assert serial.shape == (3, 2)
@@ -649,6 +650,7 @@ class TestUncertainty:
         assert curve.amplitude[2] == pytest.approx(alone.amplitude, rel=1e-9)
         assert curve.frequency[2] == pytest.approx(alone.frequency, rel=1e-9)
 
+    @pytest.mark.slow
     def test_percentiles_are_ordered_and_reach_the_extremes(self, curve):
         low, mid, high = curve.percentile([5.0, 50.0, 95.0])
         assert np.all(low < mid)
@@ -921,6 +923,7 @@ class TestUncertainty:
                 robust_optimum.with_other_friction(study.replace(**other).problem, curve) is curve
             )
 
+    @pytest.mark.slow
     def test_other_friction_is_asked_for_at_the_recommended_preload(self, study, monkeypatch):
         """What fails, rattles or is interrupted is not known, and the first line does not call it covered."""
         curve = study.optimal_curve((500.0, 3000.0), 3, frequency=INTERVAL, check=False)

@@ -86,6 +86,7 @@ def test_tangent_is_the_derivative_on_random_states(law, contact_forces):
 
 
 class TestConstantLoad:
+    @pytest.mark.slow
     @pytest.mark.parametrize("harmonics", [1, 2, 4])
     def test_is_the_separable_law_without_normal_stiffness(self, harmonics):
         rng = np.random.default_rng(3)
@@ -140,6 +141,7 @@ class TestCoupled:
         work = np.pi * (x[0, 1] * -force[0, 2] + x[1, 2] * force[1, 1])
         assert work == pytest.approx(2 * np.pi * mu * N * np.sqrt(R**2 - b**2), rel=1e-4)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("separation", [False, True])
     def test_force_is_that_of_the_projection_method(self, separation):
         """Against another discretisation of the law, extrapolated to small steps."""

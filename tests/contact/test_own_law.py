@@ -86,6 +86,7 @@ class TestBoucWen:
         )
 
 
+@pytest.mark.slow
 def test_a_sweep_in_time_is_that_of_our_friction():
     """A joint of one Jenkins element, and our friction under a constant normal load."""
     ours, own = joint(), joint(bd.ContactLaw.jenkins([1.0], [1.0]))

@@ -137,6 +137,7 @@ def unloaded(c, n, z):
 
 
 class TestBoucWen:
+    @pytest.mark.slow
     @each("n", [1, 2])
     @each("gamma", GAMMA)
     @each("u", [1e-6, 0.3, 3.0])
@@ -153,6 +154,7 @@ class TestBoucWen:
         np.testing.assert_allclose(z_found[:steps], z, rtol=1e-5)
         assert abs(z_found[-1]) < 1e-5 * z[-1]
 
+    @pytest.mark.slow
     @each("n", [1.0, 1.7, 3.0])
     @each("gamma", GAMMA)
     def test_no_energy_is_gained(self, n, gamma):
@@ -218,6 +220,7 @@ class TestCountsOfOthers:
         )
         return law.record() | change
 
+    @pytest.mark.slow
     def test_files_and_pickles(self, name, change, tmp_path):
         record = self.record(name, change)
         contact = bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)

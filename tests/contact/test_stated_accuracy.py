@@ -44,6 +44,7 @@ def joint_errors(exponent, decades, low, high):
     return np.abs(loss / (power_law / ((a + 1.0) * (a + 2.0))) - 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("decades", [1.0, 2.0, 3.0, 5.0])
 def test_the_loss_of_iwan_laws_and_joints_is_a_power_over_their_decades(decades):
     end = 10.0**-decades

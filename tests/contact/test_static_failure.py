@@ -76,6 +76,7 @@ def test_a_peak_is_not_that_of_another_load(study):
     )
 
 
+@pytest.mark.slow
 def test_an_optimal_curve_has_no_peak_there(study):
     loads = np.array([200.0, 400.0, 500.0, 600.0, 1000.0])
     curve = study.optimal_curve(loads, frequency=INTERVAL, check=False)

@@ -122,6 +122,7 @@ def test_reduced_state_agrees_with_the_certified_one():
         assert np.abs(found.force - certified).max() < tolerance * certified.max()
 
 
+@pytest.mark.slow
 def test_map_of_the_contact(tmp_path):
     s = study()
     contact = s.static(1000.0)
@@ -166,6 +167,7 @@ def test_a_misfit_shrinks_the_contact_and_closes_under_load():
     assert bad.static(2e5).contact_area["left"] > area[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ask", [
     lambda s: s.peak(1000.0), lambda s: s.frequency_response(1000.0, (300.0, 330.0)),
     lambda s: s.optimal_curve((1000.0, 2000.0), 2, check=False),
@@ -329,6 +331,7 @@ def test_stiffness_per_area():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("angle", "locks"), [(20.0, False), (15.0, True)])
 def test_every_answer_about_a_self_locking_wedge_says_so(angle, locks):
     """By tan(alpha) <= mu with mu = 0.3."""

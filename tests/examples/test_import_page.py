@@ -233,6 +233,7 @@ def write_nastran(body, elements):
     op4.OP4(debug=False).write_op4("sector.op4", full, is_binary=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("program", RECIPES)
 def test_recipes(program, tmp_path, monkeypatch):
     """Each reads what its program would have written: matrices, elements with their type, sets."""

@@ -26,6 +26,7 @@ def test_one_mass(page):
     assert 2 * np.pi * page["peak"].frequency == pytest.approx(1.1086214, abs=6e-8)
 
 
+@pytest.mark.slow
 def test_blade_on_the_ground(page):
     """Known from two independent programs."""
     curve = page["ground_curve"]

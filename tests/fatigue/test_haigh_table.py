@@ -218,6 +218,7 @@ def test_margins_at_the_temperature_of_each_point(study, peak, material, tmp_pat
     margins.plot(tmp_path / "haigh.png")
 
 
+@pytest.mark.slow
 def test_margins_along_a_curve(study, material):
     curve = study.frequency_response(200.0, (285.0, 360.0))
     degrees = {"root": 20.0, "root point 2": 450.0}
@@ -227,6 +228,7 @@ def test_margins_along_a_curve(study, material):
     np.testing.assert_allclose(along.factor, expected, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_temperature_without_the_table_is_refused(study, peak, material):
     for settings in ({}, {"line": "goodman"}, {"line": "table", "criterion": "findley"}):
         with pytest.raises(SettingError, match="temperature: expected line='table' with"):

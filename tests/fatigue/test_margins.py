@@ -93,6 +93,7 @@ def test_a_table_that_is_cut_keeps_the_worst_points_and_counts_the_others():
     assert f" {factors.names[factors.critical]} " in f"{first} "
 
 
+@pytest.mark.slow
 def test_what_a_blade_keeps_scales_the_vibration(study, peak):
     """The largest period is a fifth above the balance: so is the vibration, and the margin on it a sixth smaller."""
     kept = TimeResponse(1.1e-6, 1e-6, 1.2 * peak.amplitude, peak.frequency, 200.0, peak.amplitude)
@@ -131,6 +132,7 @@ def test_all_harmonics_count(study, peak):
     assert np.abs(cycle.coefficients[..., 3]).max() > 0.0
 
 
+@pytest.mark.slow
 def test_along_a_curve_the_margin_is_that_of_each_point_and_continuous_over_folds(study, curve):
     margins = study.margin(curve, AISI_1050)
     assert isinstance(margins, MarginCurve) and len(margins) == len(curve)
@@ -169,6 +171,7 @@ def test_a_free_curve_has_the_stress_of_all_modes_under_the_excitation_alone(stu
     np.testing.assert_allclose(gauge[i], cycle.coefficients[0, 0], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_stuck_curve_has_the_stress_of_a_bonded_contact(study):
     """By the equations of that law; linear in the excitation, the same for all coefficients of friction."""
     bonded = study.replace(friction_law="bonded", constraint_planes=False)

@@ -135,6 +135,7 @@ def test_stress_of_one_mode_by_hand_and_of_the_excitation_on_the_others(model):
     np.testing.assert_allclose(blade.stress({}, nothing, w), bare.modes[5] @ pull, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_set_without_contact_vectors_and_centrifugal_stress_says_so(model):
     study = study_of(model)
     peak = study.peak(PRELOAD)

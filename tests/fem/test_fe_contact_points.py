@@ -24,6 +24,7 @@ def bodies(fe, points):
     yield fe.blade, right.turned(turn(-g.pitch))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("points", GRIDS)
 def test_rigid_motion_is_averaged_exactly(fe, points):
     for body, patches in bodies(fe, points):
@@ -33,6 +34,7 @@ def test_rigid_motion_is_averaged_exactly(fe, points):
         np.testing.assert_allclose(mean.reshape(-1, 3, 6), exact, atol=1e-13)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("points", GRIDS)
 def test_quadratic_field_on_the_face_is_averaged_exactly(fe, points):
     """Mean of x^2 over a rectangle of width b about c is c^2 + b^2/12; of x y the product of the means."""

@@ -41,6 +41,7 @@ def test_rotation_of_everything_opens_no_contact(fe):
     np.testing.assert_allclose(fe.blade_contact(left, right) @ rotation[0], damper, atol=1e-14)
 
 
+@pytest.mark.slow
 def test_patches_stand_at_the_contact_points(fe, model):
     """Mean positions of the patches along the contact axes, which do not change where points and axes turn together."""
     left, right = (wedge_patches(fe.geometry, side, 9) for side in ("left", "right"))

@@ -199,6 +199,7 @@ def test_flexibility_and_contact_stiffness_at_a_speed_that_the_model_does_not_kn
     check_model(over_speed.at_speed(450.0))
 
 
+@pytest.mark.slow
 def test_residual_flexibility_stays_positive_and_hardly_changes(over_speed):
     speed = over_speed.bodies["blade"].bases[5].speed
     rest, top = speed.residual(0.0), speed.residual(600.0)

@@ -40,6 +40,7 @@ def test_models_pass_the_checks(small_rig, small_blade):
         assert model.n_blades == 1
 
 
+@pytest.mark.slow
 def test_blade_frequencies_are_close_to_those_of_the_disk(small_rig, small_blade):
     """A stiff foundation raises the first bending mode by less than 2 %."""
     disk = bd.reference_model(contact_points=9).bodies["blade"].bases[5].omega2[0]

@@ -126,6 +126,7 @@ def test_frequencies_of_65_blades():
         assert np.all(error < limits), d
 
 
+@pytest.mark.slow
 def test_without_the_blades_own_matrix_only_the_strain_of_the_root_is_missing(annulus, model):
     """Tuned wheels are the same; blades clamped at their roots are; deviations of 5 % move family 1 by 0.05 % less."""
     part, exact = annulus.part, model.bodies["blade"].local

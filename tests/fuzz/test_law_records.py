@@ -115,6 +115,7 @@ def outcome(make):
         return None
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(300 + CASES)
 @pytest.mark.filterwarnings("ignore")
 def test_records(file):

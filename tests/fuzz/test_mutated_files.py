@@ -447,6 +447,7 @@ def test_mutated_files(folder, part):
         assert outcome["valid"] > 0  # mutations that only break everything would prove little
 
 
+@pytest.mark.slow
 def test_unchanged_files_are_valid(folder):
     """The seeds themselves are read, so that the cases start from something."""
     for name, reader in READERS:

@@ -99,6 +99,7 @@ class Clock:
         monkeypatch.setattr(continuation.Follower, "record", accept)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at", [1, 30])
 @pytest.mark.parametrize(
     "work",
@@ -295,6 +296,7 @@ def test_a_gap_between_known_solutions_is_filled():
     assert not uncovered(pieces, 1.0, 3.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("gap", "status"), [(0.9e-3, "complete"), (1.1e-3, "incomplete")])
 def test_what_was_not_followed_is_data(gap, status, tmp_path):
     """A path that ended in a tangle, a gap beyond it, a path that broke off: each is left out, with its place."""
@@ -406,6 +408,7 @@ def reference_study(**settings):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("preload", "interval"), [(25e3, (320.0, 400.0)), (5.0, (340.0, 420.0))])
 def test_no_point_runs_backward_where_there_is_no_fold(preload, interval):
     """The last point and walks at one frequency included."""
@@ -431,6 +434,7 @@ def test_points_run_backward_between_two_folds():
     np.testing.assert_array_equal(curve.backward[regular], expected[regular])
 
 
+@pytest.mark.slow
 def test_maximum_in_the_step_that_leaves_the_interval():
     """The last step goes from 438 to 450 Hz, the maximum lies at 439.4 Hz."""
     s = plain_study(
@@ -451,6 +455,7 @@ def test_maximum_in_the_step_that_leaves_the_interval():
     assert s.peak(preload, interval).amplitude == pytest.approx(fine.peak.amplitude, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bound", [353.47, 354.0, 354.3])
 def test_a_branch_that_turns_outside_the_interval_comes_back_into_it(bound):
     """At 3 kN the reference model folds at 354.34 Hz; the peak at 353.23 Hz lies behind the fold.
@@ -470,6 +475,7 @@ def test_a_branch_that_turns_outside_the_interval_comes_back_into_it(bound):
     assert peak.lower_bound == pytest.approx(curve.peak.amplitude, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "preload", "band", "amplitude"),
     [

@@ -64,6 +64,7 @@ def test_case_02_walking_is_reported_and_one_plane_loads():
     assert np.ptp(curve.frequency[at[:2]]) < 1e-9 * curve.frequency[at[0]]
 
 
+@pytest.mark.slow
 def test_case_02_without_planes_there_is_no_solution_and_it_says_so():
     curve = study(constraint_planes=False).frequency_response(50.0, (300.0, 310.0))
     # it is tracked as far as it can be, to where the damper walks off along its axis
@@ -75,6 +76,7 @@ def test_case_02_without_planes_there_is_no_solution_and_it_says_so():
     assert study().frequency_response(50.0, (300.0, 310.0)).complete  # with planes there is
 
 
+@pytest.mark.slow
 def test_case_02_the_equations_hold_wherever_a_damper_has_walked():
     """A ten-thousandth of force and preload, 15 nm of vibration: 0.1 mm along TZ change no force, so that a walk does
     not end where rounding of a large displacement exceeds the tolerance."""

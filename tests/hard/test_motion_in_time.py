@@ -51,6 +51,7 @@ def test_kind_of_response(stop, omega, repeats):
     assert {1: "periodic", 2: "2-periodic", None: "irregular"}[repeats] in found.summary()
 
 
+@pytest.mark.slow
 def test_energy_from_the_contacts_is_an_error_of_the_time_steps():
     """A stop returns no more than it stores; with 32 steps it gives most of the energy, and 0.67 m instead of 0.357 m."""
     said = r"the time steps change its energy by \d+ % per period; use steps_per_period=512"
@@ -199,6 +200,7 @@ def test_a_stable_solution(study, curve):
     assert found.plot().axes[0].get_xlabel() == "Period of the excitation"
 
 
+@pytest.mark.slow
 def test_without_an_index_it_is_the_peak(study, curve):
     found = study.motion_in_time(curve)
     assert (

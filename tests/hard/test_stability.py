@@ -270,6 +270,7 @@ def test_coupled_law_of_a_study():
     ].any()
 
 
+@pytest.mark.slow
 def test_curves_carry_stability(tmp_path):
     study = plain_study(
         acyclic_model(1),

@@ -53,6 +53,7 @@ def test_the_preload_is_mass_times_radius_times_squared_speed(study):
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.7, 1.5])
 def test_another_preload_at_a_speed_is_a_lighter_or_heavier_damper(study, factor):
     """Rotation displaces the faces whatever the preload; in proportion to it, forces differ by 15 % at 0.7 of the load."""
@@ -336,6 +337,7 @@ def test_stress_and_margin_of_a_contradiction_repeat_it_in_the_headline(quick):
     assert all("2000 N; possibly 0.418 times the damper mass" in said(result) for result in results)
 
 
+@pytest.mark.slow
 def test_an_optimum_that_contradicts_the_speed_of_the_study_is_named_once(quick, peak):
     """The range of preloads contains the load."""
     at, curves = quick.at_speed(SPEED), []
@@ -352,6 +354,7 @@ def test_a_preload_that_contradicts_another_speed_is_named_once(quick, peak, nam
     doubted(lambda: ask(quick, quick.at_speed(SPEED), peak), load, found)
 
 
+@pytest.mark.slow
 def test_a_preload_that_contradicts_the_speed_of_the_engine_order_is_in_the_answer(quick, peak):
     turning = 2.0 * np.pi * peak.frequency / 5.0
     load = preload_at(quick.problem, turning)

@@ -141,6 +141,7 @@ def test_the_mass_of_the_only_damper_has_its_load():
     ) > 0.1 * abs(named)
 
 
+@pytest.mark.slow
 def test_a_heavier_damper_is_one_with_more_inertia_and_more_preload():
     """The recipe of the manual: 50 % more mass and load is the inertia alone at 1.5 times the preload."""
     one = whole_study("bladed_disk")[0].replace(harmonics=1)

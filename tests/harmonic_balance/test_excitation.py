@@ -102,6 +102,7 @@ def test_two_engine_orders_in_the_balance_of_a_bonded_contact(study):
         )
 
 
+@pytest.mark.slow
 def test_the_response_at_other_places_needs_no_other_solution(study):
     curve, other = (
         study.free(BAND),

@@ -76,6 +76,7 @@ def cyclic_deck(folder):
     return "\n".join(lines)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is not installed")
 def test_frequencies_and_free_response_of_calculix(folder, built, study, around):
     """The free response is the sum over the travelling waves of CalculiX, of unit modal mass over the sector."""

@@ -183,6 +183,7 @@ def test_decks_and_instances_give_the_same_model_on_the_command_line(tmp_path, m
     assert one.locations["tip"].position == pytest.approx(other.locations["tip"].position)
 
 
+@pytest.mark.slow
 def test_a_shroud_and_two_dampers_on_the_command_line(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     main(["decks", "shroud"])

@@ -65,6 +65,7 @@ def test_a_file_of_modes_limits_them(bodies):
     assert _diameters(36, Reduction(), alone)[0] == (0, 4)
 
 
+@pytest.mark.slow
 def test_the_report_names_them_and_nine_harmonics_run(bodies):
     """A study with nine harmonics finds all that it needs."""
     tip = int(bodies[0].numbers[bodies[0].nodes[:, 1].argmax()])
@@ -80,6 +81,7 @@ def test_the_report_names_them_and_nine_harmonics_run(bodies):
     assert len(study.problem.bases) == 10
 
 
+@pytest.mark.slow
 def test_a_wave_that_travels_backward_has_the_diameter_of_the_one_forward(bodies):
     """Of 6 blades the engine orders 5 and 8 repeat from blade to blade as 1 and 2 do, one backward, one forward."""
     forward, folded = (
@@ -123,6 +125,7 @@ def opened(body, share):
     )
 
 
+@pytest.mark.slow
 def test_a_sector_of_almost_one_pitch_passes_with_a_word_of_the_deviation(bodies):
     """30.015 degrees are 5e-4 more than 360/12; CalculiX takes up to 1 %."""
     blade = opened(bodies[0], 5e-4)
@@ -158,6 +161,7 @@ def test_engine_orders_that_are_none(bodies, order, words):
     assert words in str(error.value)
 
 
+@pytest.mark.slow
 def test_steps_are_named_and_counted(bodies, capsys, monkeypatch):
     monkeypatch.setattr("bdamper.util.progress.FIRST_LINE", 0.0)
     settings = {**SETTINGS, "nodal_diameters": (0, 2)}
@@ -199,6 +203,7 @@ class Watched(Steps):
             self.most_columns = max(self.most_columns, force[0].size)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stored", [500e6, 0.0])
 def test_each_long_pass_is_reported_until_its_end(bodies, monkeypatch, stored):
     """No solution for many right-hand sides is outside of a pass, and each pass ends at its total."""
@@ -261,6 +266,7 @@ def test_an_interruption_leaves_nothing_half_written(bodies, tmp_path, monkeypat
     assert (tmp_path / "model.h5").read_bytes() == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("given", [None, 120, 119])
 def test_number_of_sectors_does_not_depend_on_the_grading_of_skewed_faces(given):
     """Faces 3 degrees apart with different meshes have centres 2.971 degrees apart, nearer to 121 sectors than to 120."""

@@ -63,6 +63,7 @@ def force(model, excitation, engine_order):
     ]  # on the modes; each excitation has residual vectors of its own behind them
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine_order", [5, 60], ids=["forward", "backward"])
 def test_a_field_is_the_sum_of_its_forces(model, engine_order):
     axes = ("tangential", "radial", "axial")
@@ -81,6 +82,7 @@ def test_a_field_is_the_sum_of_its_forces(model, engine_order):
     )
 
 
+@pytest.mark.slow
 def test_it_follows_units_and_axes_of_the_file(given):
     """The same forces in millimetres and tonnes about another axis."""
     blade, damper, numbers = given
@@ -132,6 +134,7 @@ def test_a_bad_first_line_is_no_line_of_names(tmp_path):
         number_rows(path, 7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("field", "message"),
     [

@@ -82,6 +82,7 @@ def test_a_damper_drawn_anywhere_is_moved_between_the_first_two_blades(bodies, p
     assert "sectors away" not in str(plain)
 
 
+@pytest.mark.slow
 def test_what_the_user_says_in_numbers_moves_along(fe, bodies):
     """Patches, and the sector of the other face."""
     blade, damper = bodies
@@ -97,6 +98,7 @@ def test_what_the_user_says_in_numbers_moves_along(fe, bodies):
     same(built.model, build(blade, damper, **{**SETTINGS, "contacts": given}).model)
 
 
+@pytest.mark.slow
 def test_contacts_may_be_given_from_the_blade(bodies, plain):
     """Which of two faces is named first does not matter where the model has the damper first."""
     swapped = [

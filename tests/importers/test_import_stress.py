@@ -32,6 +32,7 @@ needs_ccx = pytest.mark.skipif(
 )
 
 
+@pytest.mark.slow
 @needs_ccx
 @pytest.mark.parametrize(
     "kind", ["C3D4", "C3D6", "C3D8", "C3D8R", "C3D8I", "C3D10", "C3D15", "C3D20", "C3D20R"]
@@ -271,6 +272,7 @@ def test_modes_have_the_stress_of_calculix(imported):
         assert size == pytest.approx(1000.0**-0.5, rel=1e-4)  # their modal mass is one tonne
 
 
+@pytest.mark.slow
 @needs_ccx
 def test_a_unit_contact_force_and_rotation_have_the_stress_of_calculix(imported):
     """Of nodal diameter 0: what modes and the contact vectors carry together, and the centrifugal load."""

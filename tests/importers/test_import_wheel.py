@@ -54,6 +54,7 @@ def test_a_set_of_nodes_makes_the_local_basis(fe, bodies):
     assert few.n == 16
 
 
+@pytest.mark.slow
 def test_all_nodal_diameters_share_a_factorisation_on_one_thread(bodies, monkeypatch):
     """One for the modes and one for the disk; threads of a BLAS cost more than they bring."""
     threads, plain = [], sector_inside.factorise
@@ -71,6 +72,7 @@ def test_all_nodal_diameters_share_a_factorisation_on_one_thread(bodies, monkeyp
     assert set(threads) == {1, None}
 
 
+@pytest.mark.slow
 def test_shapes_for_pictures_are_those_of_the_excited_wave(bodies):
     settings = {**SETTINGS, "nodal_diameters": None, "engine_order": 4, "harmonics": 1}
     model = build(*bodies, **settings).model
@@ -81,6 +83,7 @@ def test_shapes_for_pictures_are_those_of_the_excited_wave(bodies):
     assert list(every) == [0, 1, 2, 3]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("wheel", "words"),
     [

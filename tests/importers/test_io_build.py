@@ -126,6 +126,7 @@ def test_gives_the_reference_model(built, reference):
     np.testing.assert_allclose(ours.load.generalised[:6], theirs.load.generalised[:6], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_given_rectangles_are_those_of_the_reference(bodies, reference, fe):
     g = fe.geometry
     pairs = [
@@ -141,6 +142,7 @@ def test_given_rectangles_are_those_of_the_reference(bodies, reference, fe):
     assert_same(model, reference, ("left", "right"))
 
 
+@pytest.mark.slow
 def test_swapped_sector_faces_are_noticed(bodies, built):
     other = built_with(*bodies, faces=("HIGH", "LOW"))
     assert "the sets were exchanged" in said(other)
@@ -256,6 +258,7 @@ def test_fixed_nodes_may_be_missing_from_the_matrices(bodies, built, fe):
     assert_same(model, built.model)
 
 
+@pytest.mark.slow
 def test_own_axes_of_nodes(bodies, built):
     """Displacements of some nodes in axes of their own."""
     blade, damper = bodies
@@ -277,6 +280,7 @@ def test_own_axes_of_nodes(bodies, built):
     assert_same(model, built.model, tolerance=1e-7)
 
 
+@pytest.mark.slow
 def test_sector_faces_are_found_from_the_geometry(bodies, built):
     """Without their sets and without the number of blades, which the rotation tells."""
     found = built_with(*bodies, n_blades=None, faces=None)
@@ -470,6 +474,7 @@ BAD_BLADES = [
 ]
 
 
+@pytest.mark.slow
 @each(("change", "message"), BAD_BLADES, ids=[m[:40] for _, m in BAD_BLADES])
 def test_bad_blade(bodies, change, message):
     with pytest.raises(BdamperError, match=message) as caught:
@@ -748,6 +753,7 @@ def test_frequencies_off_by_a_factor_are_named(bodies, built, factor, words):
         built_with(*bodies, expected_frequencies=expected, strict=True)
 
 
+@pytest.mark.slow
 def test_a_comparison_that_fails_warns_and_keeps_the_model(bodies, built):
     expected = {ND: built.frequencies[ND][:4] / 1.31}
     message = r"blade, nodal diameter 5: .* ratios 1.31 to 1.31 \(checks=Checks\(strict=True\) makes this an error\)"
@@ -763,6 +769,7 @@ def test_a_comparison_that_fails_warns_and_keeps_the_model(bodies, built):
         built_with(*bodies, expected_frequencies={7: [1.0]})
 
 
+@pytest.mark.slow
 def test_expected_frequencies_that_agree(bodies, built):
     expected = {ND: built.frequencies[ND][:4] * 1.002}
     other = built_with(*bodies, expected_frequencies=expected)

@@ -128,6 +128,7 @@ def test_wrong_nodal_diameter_is_noticed(fe, bodies):
         build(given, damper, **SETTINGS | {"nodal_diameters": (ND + 1,)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("factor", "found"), [(1e-4, r"0\.02\d+"), (1e6, r"2\.\d+e\+08")])
 def test_frequencies_that_no_machine_has_are_said(fe, bodies, factor, found):
     """Of modes without matrices nothing else shows their unit: the lowest of the sector is some 280 Hz."""
@@ -147,6 +148,7 @@ def test_frequencies_that_no_machine_has_are_said(fe, bodies, factor, found):
     assert not build(*given, check_units=False, **SETTINGS).failed
 
 
+@pytest.mark.slow
 def test_damper_from_mass_properties(fe, bodies, built):
     """Without matrices: rigid from mass, centre and inertia; contact stiffness of the user goes into the model."""
     blade, damper = bodies
@@ -188,6 +190,7 @@ BAD = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("change", "message"), BAD, ids=[m for _, m in BAD])
 def test_bad_modes(fe, bodies, change, message):
     blade, damper = bodies

@@ -321,6 +321,7 @@ def test_a_decay_by_coulomb_friction():
     assert mode.frequency == pytest.approx(np.full(len(mode.amplitude), 50.0), rel=2e-4)
 
 
+@pytest.mark.slow
 def test_a_decay_ends_where_noise_begins():
     x = 1e-3 * np.exp(-0.01 * OMEGA * T) * np.cos(OMEGA * T)
     noisy = x + 1e-5 * np.random.default_rng(0).standard_normal(len(x))
@@ -346,6 +347,7 @@ def two_modes(time):
     return decaying(time, 2.0, 0.004, 40.0) + decaying(time, 9.0, 0.003, 410.0, 1.0)
 
 
+@pytest.mark.slow
 @each(("band", "damping", "frequency"), [((20, 80), 0.004, 40.0), ((300, 550), 0.003, 410.0)])
 @each("waiting", [0, 2000])
 def test_a_band_separates_the_modes_of_a_blow(band, damping, frequency, waiting):
@@ -365,6 +367,7 @@ def test_a_band_separates_the_modes_of_a_blow(band, damping, frequency, waiting)
     assert 0.3 * largest < mode.amplitude[0] < largest
 
 
+@pytest.mark.slow
 def test_a_record_with_several_modes_proposes_bands():
     t = np.arange(0.0, 4.0, 1.0 / 4096.0)
     record = {"time (s)": t, "acceleration (m/s^2)": two_modes(t)}
@@ -383,6 +386,7 @@ def test_a_record_with_several_modes_proposes_bands():
     assert mode.damping_ratio == pytest.approx(np.full(len(mode.amplitude), 0.004), rel=0.1)
 
 
+@pytest.mark.slow
 @each("band", [None, (25.0, 100.0)])
 def test_clipped_peaks_are_named(band):
     t = np.arange(0.0, 4.0, 1.0 / 4096.0)

@@ -81,6 +81,7 @@ def test_matrices_of_a_speed_above_standstill_give_the_same_model(bodies, rotati
     assert high.model.bodies["blade"].spin.theory == "stiffened"
 
 
+@pytest.mark.slow
 def test_a_stiffness_without_spin_softening_is_noticed(fe, bodies, rotation):
     blade, damper = bodies
     stiff = Rotation(rotation.per_squared_speed + spin_softening(fe.blade))

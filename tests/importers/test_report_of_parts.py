@@ -22,6 +22,7 @@ def fe():
     return small_sector(6)
 
 
+@pytest.mark.slow
 def test_the_report_of_a_coarse_sector_names_the_error(bodies):
     """Two rows of elements on the faces: bonded faces and parts of them are stiffer than with all vectors."""
     given = SIX_BLADES | {"n_modes": 4, "contacts": contacts(9)}
@@ -87,6 +88,7 @@ def test_models_without_friction_faces_have_no_such_row(monkeypatch):
     assert not report.checks and not report.missing
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("needed", [True, False])
 def test_the_imported_model_has_the_choice(bodies, monkeypatch, needed):
     monkeypatch.setattr(module, "_needs_partial_contact", lambda *given: needed)

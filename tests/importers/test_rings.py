@@ -104,6 +104,7 @@ class TestCalculix:
         ]
         return "\n".join(lines)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("d", [0, 1, 2, 4, 12])
     def test_free_ring(self, bodies, tmp_path, d):
         """CalculiX lists each frequency of a cyclic model twice; the rigid motions are near 0 Hz there."""
@@ -141,6 +142,7 @@ class TestCalculix:
         np.testing.assert_allclose(ours, theirs[:2], rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_rigid_motions(built, bodies):
     """Along and about the axis at nodal diameter 0, across it and tilting at 1, with exact modal mass over a sector."""
     ring = build(bodies, nodal_diameters=[0, 1, 2]).model.bodies["ring"]
@@ -205,6 +207,7 @@ def test_load_of_a_rotor_speed(built):
     )
 
 
+@pytest.mark.slow
 def test_peaks_over_the_preload(built, split):
     """Friction along the circumference: free below, stuck above, and far lower between them."""
     around = (900.0, 1200.0)

@@ -119,6 +119,7 @@ def test_a_sector(fe, built, nodes, d):
     assert alone.max() > 0.05 and alone.min() > 0.01
 
 
+@pytest.mark.slow
 def test_a_study_counts_modes_and_residual_vectors_apart(built):
     """Two places, each with a vector; the static shapes of the model are no modes."""
     asked = study(built.model, PAIRS[0], 2)

@@ -85,6 +85,7 @@ def same(a, b):
     )
 
 
+@pytest.mark.slow
 def test_the_tuned_wheel_is_no_higher_than_its_sector(study):
     found = mistuned_sample(
         study, 0.0, 300.0, 1, audit=0.0, options=DiskPeakOptions(least=8, most=8, climbs=1)
@@ -253,6 +254,7 @@ def test_stars_and_bands_of_the_stored_wheels_are_explained():
     assert first_known == [500.0, 500.0, 1000.0, 1000.0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seen", [True, False])
 def test_tails_of_the_stored_wheels_are_drawn(seen):
     """Of amplitudes that are as rare as those of an exponential distribution the fit sees no bound."""

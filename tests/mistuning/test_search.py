@@ -20,6 +20,7 @@ SIX = np.array([0.001, -0.001, 0.0, 0.0, 0.002, 0.0])
 """Deviations of a wheel whose curve at 300 N goes on through some ninety folds beyond its first maximum."""
 
 
+@pytest.mark.slow
 def test_a_held_peak_solves_the_equations_with_its_springs():
     wheel = BladedDisk(study(), PATTERN)
     top = wheel.peak(300.0, options=FEW)

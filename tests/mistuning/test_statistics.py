@@ -75,6 +75,7 @@ def test_intervals_of_shares():
     assert np.allclose(share(3, 50), [0.01255, 0.06, 0.16548], atol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_tail_at_the_quantiles_of_a_weibull_distribution_is_that_distribution():
     """At the least shape, 1, bound and scale have a closed form: the highest value, and its distance to the mean."""
     values = weibull_max.ppf((np.arange(3000) + 0.5) / 3000, 3.0, 2.5, 0.8)

@@ -74,6 +74,7 @@ def test_springs_pull_the_mean_of_dampers_to_their_place_at_rest():
     assert not pulled[..., :n].any()
 
 
+@pytest.mark.slow
 def test_a_part_of_a_step_is_taken_where_the_whole_leads_further_away():
     """Near a peak Newton's method with whole steps fails, and so it does with those that reduce the residual."""
     system = BladedDisk(study(), PATTERN).system(PRELOAD).structure.held(0.1)

@@ -89,6 +89,7 @@ def amplification(structure, order, deviations):
     return top[1:] / top[0], frequency[1:]
 
 
+@pytest.mark.slow
 def test_random_wheels_keep_the_bound():
     """400 wheels of eight blades: orders, couplings and deviations of all sizes."""
     rng = np.random.default_rng(5)

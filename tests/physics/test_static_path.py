@@ -108,6 +108,7 @@ def exact(system, load_per_preload, size):
     return [rates.to(load, size) for load in load_per_preload][-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [1, 8, 80, 800])
 @pytest.mark.parametrize(("gap", "load"), [(0.9, 1.0), (0.5, 3.0)])
 def test_friction_begins_where_a_gap_closes(gap, load, steps):
@@ -191,6 +192,7 @@ def test_a_wedge_with_a_gap_at_one_face(gap, mu, load_per_preload):
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-6 * 1000.0)
 
 
+@pytest.mark.slow
 def test_a_loose_wedge_lands_in_the_same_way_with_any_number_of_steps():
     """Gaps at all faces: the damper has no equilibrium until it touches, so its path jumps as the load begins.
 

@@ -48,6 +48,7 @@ def test_a_small_load_next_to_a_large_one(preload):
     check(shrouded(2000.0, mu=0.5, load_per_preload={"front": 1.0, "rear": 0.6}), preload, 2000.0)
 
 
+@pytest.mark.slow
 def test_the_default_interval_comes_from_the_asked_preload(monkeypatch):
     """The free response needs the state without a preload."""
     study = shrouded(500.0, harmonics=1)

@@ -126,6 +126,7 @@ class TestIndependentCheck:
             assert np.abs(r * scale).max() <= 1.01e-9 + 1e-10
         return curve
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("harmonics", [1, 3])
     def test_wedge(self, harmonics):
         study = wedge_study(harmonics=harmonics, excitation=bd.Excitation("tip", amplitude=40.0))

@@ -290,6 +290,7 @@ def test_numbers_of_blades_lie_beyond_the_tips_and_not_on_each_other(highest):
     plt.close("all")
 
 
+@pytest.mark.slow
 def test_a_failed_check_is_in_the_name_of_the_optimum():
     names = [" ".join(text.get_text().split()) for text in failed_checks().plot().axes[0].texts]
     (name,) = [name for name in names if "not verified" in name]
@@ -302,6 +303,7 @@ def test_an_incomplete_peak_says_why():
     assert " ".join(title.split()).endswith("incomplete: the sweep has a gap")
 
 
+@pytest.mark.slow
 def test_contact_states_are_those_of_the_shares():
     """The areas over time are the shares of the cycle, and a face that never touches is named."""
     study, peak = bladed_disk(), made("peak")

@@ -189,6 +189,7 @@ def test_what_cannot_be_answered_is_one_line(answering):
     assert len(until_done(queue)) == 3, "the thread goes on"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("harmonics", "begun_at_all"), [(3, [1, 3, 1, 3]), (1, [1, 1, 3])])
 def test_a_newer_question_ends_the_work_and_takes_the_place_of_what_waits(
     monkeypatch, harmonics, begun_at_all, answering

@@ -100,6 +100,7 @@ def test_status_agrees_with_the_curve_and_with_itself(solved):
     assert np.column_stack([np.mean(normal == 0.0, axis=1)] * 2) == pytest.approx(opened, abs=3e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "settings",
     [

@@ -114,6 +114,7 @@ class TestCurves:
 
 
 class TestOptimalCurves:
+    @pytest.mark.slow
     def test_end_of_the_range(self, study):
         ax, _ = study.optimal_curve((3e3, 2e4), 3, frequency=INTERVAL, check=False).plot().axes
         texts = [" ".join(text.get_text().split()) for text in ax.texts]
@@ -242,6 +243,7 @@ def test_names_of_near_runs_lie_on_no_other_run():
 
 
 class TestSurfaces:
+    @pytest.mark.slow
     @pytest.mark.parametrize("name", ["bladed_disk", "blade_to_ground", "test_rig"])
     def test_models_have_a_scale_and_directions(self, name):
         ax = bd.reference_model(name).plot().axes[0]
@@ -374,6 +376,7 @@ class TestStyle:
         ) and ax.get_ylabel() == "Amplitude (µm)"
         assert {"100", "200", "500"} <= {t.get_text() for t in ax.get_xticklabels()}
 
+    @pytest.mark.slow
     def test_legends_lie_beside_what_is_drawn(self, study):
         curves = [study.frequency_response(load, (330.0, 365.0)) for load in (500.0, 2000.0)]
         ax = plot_curves([study.free(INTERVAL), *curves])
@@ -384,6 +387,7 @@ class TestStyle:
         assert upper.get_ylabel() == "Equivalent contact\nstiffness (kN/m)"
         assert lower.get_ylabel() == "Equivalent damping\nratio (%)"
 
+    @pytest.mark.slow
     def test_many_preloads_have_a_colour_bar(self, study):
         ax = plot_curves(
             [
@@ -453,6 +457,7 @@ def test_a_limit_bears_its_name_within_the_axes_at_a_known_point():
     assert all(text.get_window_extent().x1 <= ax.bbox.x1 for text in ax.texts)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["bladed_disk", "paper_disk", "turbine_blade", "blade_to_ground"])
 def test_numbers_of_the_pressure_of_a_shipped_model_do_not_touch(name):
     """The turbine blade has faces three times as long as high."""

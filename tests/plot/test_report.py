@@ -111,6 +111,7 @@ def test_the_first_screen_says_what_by_whom_and_when(curve, tmp_path):
     assert curve.report(tmp_path / "today.html").read_text().count(date.today().isoformat()) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("words_alone")
 def test_settings_that_are_not_given_have_their_meaning(curve, tmp_path):
     said = " ".join(Page(curve.report(tmp_path / "review.html").read_text()).said.split())
@@ -184,6 +185,7 @@ def colours(curve, name):
     return found
 
 
+@pytest.mark.slow
 def test_an_optimum_at_the_end_of_the_range_is_red(study, curve):
     assert colours(curve, "Optimum within the range") == "green"
     end = study.optimal_curve((150.0, 300.0), 4, check=False)
@@ -287,6 +289,7 @@ def test_what_is_open_is_red(curve):
     assert colours(replace(curve, optimum=best), "Search for the optimum") == "red"
 
 
+@pytest.mark.slow
 def test_mistakes(study, curve, tmp_path):
     with pytest.raises(bd.SettingError, match="a result of this study"):
         curve.report(tmp_path / "review.html", study.replace(friction_coefficient=0.5))

@@ -250,6 +250,7 @@ def test_a_nominal_amplitude_of_the_other_kind_is_refused(measured):
         bd.MeasuredResponse(data, **{nominal: 2.0})
 
 
+@pytest.mark.slow
 def test_a_printed_optimum_names_the_acceleration():
     """An acceleration of 1 m/s2 is no newton, so preloads do not scale with it."""
     contact = bd.Contact(0, 1, kt=1.0, kn=1.0, mu=0.5)

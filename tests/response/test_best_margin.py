@@ -131,6 +131,7 @@ def test_the_margin_is_asked_for_after_the_time_integration(study, curve, monkey
         assert found.interrupted == (not margins)
 
 
+@pytest.mark.slow
 def test_ctrl_c_in_the_margins_keeps_what_was_computed(study, curve, monkeypatch, tmp_path):
     """Before those of the curve are known the curve alone, later their largest."""
 

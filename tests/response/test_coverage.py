@@ -26,6 +26,7 @@ def test_a_piece_that_is_not_the_first_is_dropped_where_the_last_one_arrives():
     ] == 3.0
 
 
+@pytest.mark.slow
 def test_a_branch_that_comes_back_on_the_way_out_of_the_interval_ends_there():
     """It turns above 761 Hz and comes back at the limit, which its path leaves at once."""
     study = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, 0.3, harmonics=3)

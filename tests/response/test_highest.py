@@ -450,6 +450,7 @@ def test_an_error_at_one_preload_leaves_the_others(study, monkeypatch):
     assert kept[100.0][0] == pytest.approx(expected[100.0], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_curve_of_closed_branches_alone_has_no_peak(study, monkeypatch):
     """The peak says so, and a sweep keeps its other points."""
     module = sys.modules["bdamper.response.highest_peak"]
@@ -487,6 +488,7 @@ def test_the_lower_bound_of_a_curve_is_called_so(study):
     assert row[-1].startswith("incomplete: lower bound ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("preload", "share", "ratio", "noted"),
     [

@@ -95,6 +95,7 @@ def test_interrupted_before_anything_is_known():
         optimal_curve(new_study().problem, **ASKED, executor=Here(1))
 
 
+@pytest.mark.slow
 def test_an_interrupted_curve_has_the_values_that_were_finished(whole, tmp_path):
     curve = optimal_curve(new_study().problem, **ASKED, executor=Here(4))
     known = np.isfinite(curve.amplitude)

@@ -84,6 +84,7 @@ def test_faces_of_a_damper_keep_their_rule():
     )
 
 
+@pytest.mark.slow
 def test_stuck_at_a_rotor_speed_has_the_preload_of_the_damper():
     study = bd.Study(
         bd.reference_model("turbine_blade"),
@@ -98,6 +99,7 @@ def test_stuck_at_a_rotor_speed_has_the_preload_of_the_damper():
     np.testing.assert_array_equal(stuck.amplitude, at.stuck((600.0, 700.0), at.preload).amplitude)
 
 
+@pytest.mark.slow
 def test_a_limit_prints_no_preload():
     """The preload of the stuck limit closes the points; its size, by default 1 N, is not one of the response."""
     study = plain_study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, harmonics=1)

@@ -61,6 +61,7 @@ def test_results_name_it_beside_the_first_harmonic(oscillator, peak, name):
         assert "in the first harmonic" in str(result).split("\n")[0]
 
 
+@pytest.mark.slow
 def test_an_optimal_curve_names_it():
     """A soft contact bears the preload; its closing changes little, so the preload is the normal load."""
     contact = bd.Contact(0, {1: 1.0}, kt=STIFFNESS, kn=1.0, mu=1.0)

@@ -53,6 +53,7 @@ def test_a_poor_curvature_does_not_lead_far_away(study, peak, beside):
     assert found.amplitude == pytest.approx(peak.amplitude, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("curvature", [-1.0, 1.0])
 def test_the_search_leaves_a_minimum_uphill(curvature):
     """Between the two peaks at 18.94 N the amplitude has a minimum, where the slope vanishes too."""

@@ -65,6 +65,7 @@ class TestOptimalCurve:
             assert a == pytest.approx(curve.peak.amplitude, rel=1e-6)
             assert f == pytest.approx(curve.peak.frequency, rel=1e-6)
 
+    @pytest.mark.slow
     def test_every_point_solves_the_equations(self, study, result):
         for p, u, f in zip(result.preload, result.unknowns, result.frequency):
             system = study.problem.system(p)
@@ -130,6 +131,7 @@ def test_jumps_at_low_preload_are_found():
 
 
 class TestSensitivities:
+    @pytest.mark.slow
     @pytest.mark.parametrize("name", PARAMETERS)
     def test_against_finite_differences(self, study, peak, name):
         found = study.peak_sensitivities(peak, [name])[name]
@@ -435,6 +437,7 @@ def test_a_scan_that_ends_among_folds_is_made_again_from_the_ends():
     )
 
 
+@pytest.mark.slow
 def test_a_picture_marks_what_is_not_known(result):
     import matplotlib as mpl
 
@@ -490,6 +493,7 @@ def test_preloads_within_an_amplitude(result):
         curve.preloads_within(0.9e-4)
 
 
+@pytest.mark.slow
 def test_a_robust_optimum_follows_peaks_to_its_lowest_preload(study):
     """As the single peak there does, while a preload within the range takes its own curve."""
     single = study.peak(25.0, INTERVAL)
@@ -562,6 +566,7 @@ def test_one_table_has_all_preloads_that_were_computed(study, tmp_path):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slope", [1.0, np.nan])
 def test_the_least_just_above_the_preloads_that_rattle_is_found(study, monkeypatch, slope):
     """The amplitude falls with the preload until steady responses end at 70 N, between two preloads of the range."""

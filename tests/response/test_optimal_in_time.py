@@ -164,6 +164,7 @@ def test_the_ends_of_the_range_on_request(study, monkeypatch, tmp_path):
     assert not plain.range_in_time and "higher than the minimum" not in said(plain)
 
 
+@pytest.mark.slow
 def test_the_range_is_named_a_result_of_harmonic_balance(curve, tmp_path):
     assert (
         ": amplitude within 20 % of the lowest, by harmonic balance" in row(curve, "Preload").remark

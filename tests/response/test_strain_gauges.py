@@ -124,6 +124,7 @@ def test_strain_is_read(unit, factor):
     np.testing.assert_allclose(data.displacement, factor * np.array([4.0, 5.0, 6.0]), rtol=1e-15)
 
 
+@pytest.mark.slow
 def test_strains_are_fitted():
     """A sum of degrees of freedom as strain: 40 1/m times the motion of an oscillator."""
     frequency = np.linspace(0.6, 1.0, 21)

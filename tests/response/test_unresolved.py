@@ -18,6 +18,7 @@ def oscillator(force, damping_ratio=0.0, stiffness=1.0, **settings):
     return lumped(1.0, 2.0 * damping_ratio, 1.0, contacts=[contact], forces={0: force}, **settings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("excess", [1.005, 1.1, 1.26, 5.0])
 @pytest.mark.parametrize("interval", [None, INTERVAL])
 def test_above_the_limit_of_friction_the_response_is_unbounded(excess, interval):

@@ -29,6 +29,7 @@ def found():
     return study, study.optimal_curve((40.0, 60.0, 90.0), frequency=(300.0, 380.0), check=False)
 
 
+@pytest.mark.slow
 def test_what_is_kept_is_that_of_the_curve_at_the_preload(found, tmp_path):
     study, curve = found
     out = study.with_time_response(study.with_time_response(curve, [90.0]), [60.0])
@@ -81,6 +82,7 @@ def test_an_interruption_keeps_the_curve_and_says_so(found, monkeypatch):
         study.with_time_response(curve, 60.0)
 
 
+@pytest.mark.slow
 def test_the_number_of_threads_changes_no_digit(found):
     study, curve = found
     results = []
@@ -183,6 +185,7 @@ def test_steps_and_curve_are_those_of_the_search(found, monkeypatch):
             study.time_response(replace(peak, amplitude=off * peak.amplitude))
 
 
+@pytest.mark.slow
 def test_what_cannot_be_integrated_says_why_beside_what_can(found, monkeypatch):
     """By rising preload; without preloads at the optimum and at 1.35 times its preload."""
     study, curve = found

@@ -77,6 +77,7 @@ def study_of(model, order, friction, **given):
     )
 
 
+@pytest.mark.slow
 def test_one_mass_that_opens_its_contact():
     """Beside the fold, where the branch bends to lower frequencies: from the balance to the motion in time."""
     study = one_mass(normal=0, kn=0.5 * W0**2, preload=5.0).replace(harmonics=5)

@@ -100,6 +100,7 @@ def test_a_sweep_keeps_its_branch_up_to_the_fold(separating, up):
     np.testing.assert_allclose(found.amplitude[calm], expected[calm], rtol=0.03)
 
 
+@pytest.mark.slow
 def test_periods_before_an_interruption_are_the_result(linear, monkeypatch):
     whole = linear.frequency_sweep(0.0, BAND)
     settling = -(-round(frequency_sweep.SETTLING * whole.memory * BAND[0]) // CRITERIA.look)
@@ -115,6 +116,7 @@ def test_periods_before_an_interruption_are_the_result(linear, monkeypatch):
         linear.frequency_sweep(0.0, BAND)
 
 
+@pytest.mark.slow
 def test_periods_before_the_processor_time_is_spent_are_the_result(linear, monkeypatch):
     whole = linear.frequency_sweep(0.0, BAND)
     settling = -(-round(frequency_sweep.SETTLING * whole.memory * BAND[0]) // CRITERIA.look)

@@ -86,6 +86,7 @@ def test_points_at_rest_between_two_resonances_need_no_integration(monkeypatch):
     }
 
 
+@pytest.mark.slow
 def test_interrupted_labels_keep_what_was_judged(monkeypatch):
     study = bd.lumped(
         [[1.0]],
@@ -151,6 +152,7 @@ def test_resting_contacts_on_springs_that_only_resist():
     assert not rests(system, curve.unknowns[i])
 
 
+@pytest.mark.slow
 def test_the_verdict_and_the_amplitude_are_of_the_same_periods():
     """The reason gives the mean over its periods relative to the solution, and the result has this mean."""
     study = bd.lumped(

@@ -138,6 +138,7 @@ def test_steps_beside_a_dense_newton(sectors, laws, light):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("light", [0, 2])
 def test_it_is_the_explicit_integration_in_many_small_steps(light):
     """Twice the steps, a quarter of the difference from central differences in 1,200 steps."""
@@ -220,6 +221,7 @@ def test_patterns_that_are_rounding_are_left_out():
         assert ring.effort[0] < 100
 
 
+@pytest.mark.slow
 def test_stiff_contacts_that_open_and_close_take_whole_steps():
     """Their forces are those of a dense Newton method.
 
@@ -253,6 +255,7 @@ def test_an_integration_ends_when_its_time_is_spent():
         ring.integrate(state(ring, 8), 1.3, 64, 1)
 
 
+@pytest.mark.slow
 def test_an_integration_comes_to_an_end_or_fails_by_name():
     """From fifty starts (seed 49), of which some overflowed."""
     ring, done = stiff(8, 2, 300.0), 0
@@ -582,6 +585,7 @@ def test_tractions_to_start_from():
         np.testing.assert_allclose(moved[:, pulled], w[:, pulled], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_larger_ring_repeats_the_smaller_one():
     """Twelve blades of sixty at engine order 10: the motion of six blades twice, and diameters that these do not have."""
     study = bd.Study(

@@ -72,6 +72,7 @@ def test_the_contacts_of_an_imported_sector_supply_no_energy(imported, radius):
     assert energy_error(found) < 0.005 and not step_error(found)
 
 
+@pytest.mark.slow
 def test_a_free_blade_bounds_the_amplitude_of_an_imported_sector(imported):
     free = imported.free((950.0, 1010.0))
     omega, highest = tau * free.frequency[free.amplitude.argmax()], free.amplitude.max()
@@ -189,6 +190,7 @@ def bent():
     return study, study.frequency_response(0.0, (9.0, 14.0))
 
 
+@pytest.mark.slow
 def test_too_long_time_steps_are_divided_by_four(bent, monkeypatch):
     study, curve = bent
     own = time_response.step_error

@@ -378,6 +378,7 @@ def test_single_periods_widen_the_range(scatter):
     assert not doubt
 
 
+@pytest.mark.slow
 @each(("share", "settled"), [(0.5, True), (1.02, True), (1.3, False)])
 def test_a_higher_motion_from_another_start_belongs_to_the_range(
     bent, found, monkeypatch, share, settled
@@ -423,6 +424,7 @@ def test_an_interruption_leaves_the_highest_motion_so_far(bent, monkeypatch):
         assert not known or (found.frequency > F0 and found.lowest < found.mean < found.highest)
 
 
+@pytest.mark.slow
 @each(("call", "status", "missing"), [
     (2, "not found", "before a motion settled"),
     (4, "not found", "before a motion settled"),
@@ -450,6 +452,7 @@ def test_a_spent_processor_time_leaves_what_was_computed(bent, monkeypatch, call
     assert np.isfinite([found.mean, found.lowest, found.highest]).all() == known
 
 
+@pytest.mark.slow
 def test_a_motion_after_the_processor_time_has_the_periods_until_then(bent, monkeypatch):
     study, curve = bent
     whole = study.motion_in_time(curve)
@@ -531,6 +534,7 @@ def test_a_contact_without_friction_that_opens():
     assert found.mean == pytest.approx(curve.peak.amplitude, rel=0.02)
 
 
+@pytest.mark.slow
 def test_long_transients_take_more_periods():
     """With 0.1 % of damping a transient is seen in part within 40 periods."""
     contact = bd.Contact(normal=0, kn=0.5 * W0**2, preload=5.0)

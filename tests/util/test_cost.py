@@ -67,6 +67,7 @@ def test_no_part_counts_time_in_which_the_thread_waits(crowded):
     assert wall > 2.0 * own, "the fixture leaves the thread to itself"
 
 
+@pytest.mark.slow
 def test_integration_in_time_is_a_part_of_its_own(crowded):
     study = plain_study(models.wedge_model(1), bd.Excitation("tip", amplitude=5.0), engine_order=2)
     cost = study.motion_in_time(

@@ -48,6 +48,7 @@ def test_the_damping_ratio_is_the_one_of_the_response(study):
     assert row(str(study.replace(damping_ratio=0.0037)), "modal damping ratio") == "0.0037"
 
 
+@pytest.mark.slow
 def test_mass_and_radius_are_those_of_the_centrifugal_load():
     """The preload at a speed is m r Omega^2."""
     at = bd.Study(turning_disk((0, 5), spin=True), bd.Excitation("tip"), 5, harmonics=1).at_speed(

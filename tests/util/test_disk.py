@@ -297,6 +297,7 @@ except bd.BdamperError as error:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="no limits of this kind on this system")
 def test_a_lack_of_memory_does_not_blame_the_file(tmp_path):
     path, small = tmp_path / "model.h5", tmp_path / "small.h5"

@@ -260,6 +260,7 @@ class TestDamaged:
 
 
 class TestWriting:
+    @pytest.mark.slow
     @each("name", [name for name in RESULTS if name not in WITHOUT_TABLE])
     def test_what_is_written_is_read(self, tmp_path, name, answers):
         result = through_a_file(

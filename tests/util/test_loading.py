@@ -45,6 +45,7 @@ def test_each_format_is_read_by_its_module():
     assert results | others == FORMATS
 
 
+@pytest.mark.slow
 def test_a_curve_is_read_without_the_analyses_and_matplotlib(study, tmp_path):
     path = tmp_path / "curve.h5"
     study.frequency_response(0.0, (0.1, 0.3)).save(path)

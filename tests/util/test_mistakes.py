@@ -1032,6 +1032,7 @@ DOUBTED = {
 }
 
 
+@pytest.mark.slow
 @each("mistake", DOUBTED)
 def test_an_unlikely_unit_is_named(study, mistake):
     ask, messages = DOUBTED[mistake]
@@ -1162,6 +1163,7 @@ def test_at_least_150_mistakes_are_listed():
     assert len(REFUSED) + len(DOUBTED) + len(NAMES) + 2 * len(FILES) >= 150
 
 
+@pytest.mark.slow
 def test_speeds_in_revolutions_per_minute(study):
     turn = np.pi / 30.0
     with warnings.catch_warnings():

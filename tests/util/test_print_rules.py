@@ -23,6 +23,7 @@ def test_checks_have_a_header_and_the_effects_not_covered_are_last():
     assert "Finding" in statement.html and not Statement(["Verdict"]).text.count("Check")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RESULTS)
 def test_a_failed_check_has_a_remedy_and_a_verdict_that_says_so(name):
     statement = result(name)._statement()

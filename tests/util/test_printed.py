@@ -157,6 +157,7 @@ class TestShortTexts:
 class TestBottomLine:
     """What is printed begins with what a designer can act on."""
 
+    @pytest.mark.slow
     def test_of_an_optimal_curve(self, study):
         curve = study.optimal_curve((200.0, 5e3), 6, frequency=INTERVAL, check=False)
         curve = replace(curve, model_doubts=())  # tests/harmonic_balance/test_rolling.py
@@ -337,6 +338,7 @@ class TestBottomLine:
         known = "1.3" if status == "complete" else "1"  # a peak that was not found is not covered
         assert f"friction coefficients outside 0.7 to {known} times 0.4" in said(curve)
 
+    @pytest.mark.slow
     def test_friction_coefficients_of_points(self, study):
         points = {"left": np.array([0.0, 0.5, 0.2]), "right": 0.3}
         curve = study.optimal_curve((200.0, 5e3), 4, frequency=INTERVAL, check=False)
@@ -355,6 +357,7 @@ class TestBottomLine:
         ]
         assert check.colour == "red" and check.found == "0.8 at 1 kN"
 
+    @pytest.mark.slow
     def test_an_uncertain_preload_is_named_in_all_places(self, study, tmp_path):
         """Print, check and warnings contain the same words."""
         curve = study.optimal_curve((200.0, 5e3), 4, frequency=INTERVAL, check=False)
@@ -380,6 +383,7 @@ class TestBottomLine:
         assert text.startswith("Not for design: the time integration is incomplete: some steps f")
         assert "Time integration 8 to 10 µm 300 Hz, mean 9 µm Harmonic balance 20 µm" in text
 
+    @pytest.mark.slow
     def test_harmonics_that_are_not_known_have_no_range(self, study):
         curve = study.optimal_curve((200.0, 5e3), 4, frequency=INTERVAL, check=False)
         first = HarmonicPeak(3, curve.optimum.amplitude, 1.0)

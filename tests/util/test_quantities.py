@@ -51,6 +51,7 @@ def study():
     )
 
 
+@pytest.mark.slow
 @each("unit", PER_HERTZ)
 def test_frequencies_are_converted_through_turns(study, unit):
     asked = tuple(Q(PER_HERTZ[unit] * end, unit) for end in BAND)

@@ -239,6 +239,7 @@ class TestQuantities:
 
 
 class TestNotebook:
+    @pytest.mark.slow
     def test_a_table_with_units_and_a_picture(self, study, curve):
         for shown, line in ((curve, f"{1e6 * curve.peak.amplitude:.3g} µm"), (study, "1 N at tip")):
             page = shown._repr_html_()
