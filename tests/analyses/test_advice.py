@@ -86,6 +86,7 @@ def test_work_is_that_of_the_equations_without_the_effect(full, advice):
     assert advice["harmonics beyond 1"].work < 0.4 < advice["rotation X"].work < 1.0
 
 
+@pytest.mark.slow
 def test_what_is_left_out_changes_no_more_than_the_tolerance(full, advice):
     assert advice.negligible
     lean = full.replace(**advice.significant)

@@ -35,6 +35,7 @@ def test_blade_on_the_ground(page):
     assert curve.peak.amplitude == pytest.approx(1.2703, abs=6e-5)
 
 
+@pytest.mark.slow
 def test_wedges(page):
     """Outward sliding everywhere: N = P/(2 (sin + mu cos)); a symmetric wedge is two halves."""
     normal = 1.0 / (2.0 * (np.sin(np.pi / 4) + 0.3 * np.cos(np.pi / 4)))

@@ -122,6 +122,7 @@ def test_what_a_blade_keeps_scales_the_vibration(study, peak):
         study.margin(peak, AISI_1050, time_response=replace(kept, preload=202.0))
 
 
+@pytest.mark.slow
 def test_all_harmonics_count(study, peak):
     cycle = study.stress(peak)
     theta = np.array([0.3, 2.0])

@@ -152,6 +152,7 @@ def test_a_set_without_contact_vectors_and_centrifugal_stress_says_so(model):
     assert not [note for note in study.stress(own).notes if "has no" in note]
 
 
+@pytest.mark.slow
 def test_a_gauge_reads_the_tensor_along_its_direction(model):
     study = study_of(model)
     curve = study.frequency_response(500.0, (300.0, 301.0))
@@ -191,6 +192,7 @@ def test_a_gauge_reads_the_tensor_along_its_direction(model):
             study.gauge_stress(peak, *given)
 
 
+@pytest.mark.slow
 def test_a_gauge_is_near_a_point_or_refused(model):
     """Nearest points up to a twentieth of the largest coordinate are taken, farther ones are not."""
     study, points = study_of(model), model.stress["blade"].points
@@ -206,6 +208,7 @@ def test_a_gauge_is_near_a_point_or_refused(model):
         study.gauge_stress(peak, far, "axial")
 
 
+@pytest.mark.slow
 def test_the_wave_the_other_way_round_is_the_conjugate(model):
     there, back = (
         _Rows.make(study_of(model, engine_order=e).problem, model.stress["blade"], 1)
@@ -221,6 +224,7 @@ def test_the_wave_the_other_way_round_is_the_conjugate(model):
     assert np.abs(ours.imag).max() > 0.01 * np.abs(ours).max()
 
 
+@pytest.mark.slow
 def test_the_dampers_share_of_the_mean_comes_with_the_solution_and_is_counted_once(model):
     """At rest but for the vibration: the mean is that of the preload on the faces; rotation adds its own."""
     study = study_of(model)
@@ -240,6 +244,7 @@ def test_the_dampers_share_of_the_mean_comes_with_the_solution_and_is_counted_on
     np.testing.assert_allclose(*means, rtol=1e-3, atol=1e-4 * np.abs(means[0]).max())
 
 
+@pytest.mark.slow
 def test_fewer_contact_points_carry_the_same_forces(model):
     coarse = study_of(model, contact_points=1).problem.coupling.model.stress["blade"]
     fine = model.stress["blade"]
@@ -249,6 +254,7 @@ def test_fewer_contact_points_carry_the_same_forces(model):
         np.testing.assert_allclose(coarse.contact[5][..., 3 * k : 3 * k + 3], every, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_points_near_patches_are_known(fe):
     g = fe.geometry
     left = wedge_patches(g, "left", 9)
@@ -259,6 +265,7 @@ def test_points_near_patches_are_known(fe):
     )
 
 
+@pytest.mark.slow
 def test_stress_of_a_linear_displacement_is_exact():
     """A block under uniform strain: every node, every element."""
     grid = np.stack(
@@ -278,6 +285,7 @@ def test_stress_of_a_linear_displacement_is_exact():
     np.testing.assert_allclose(found, np.tile(expected, (len(found), 1)), rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is not installed")
 def test_stress_is_that_of_calculix(fe, rows, tmp_path):
     """Centrifugal load on the sector, held at the bore and with its cut faces free: nodal stress of both programs."""

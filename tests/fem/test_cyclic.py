@@ -60,6 +60,7 @@ def sector():
     return body, match_faces(body.nodes, left, right, N), clamped_nodes(body)
 
 
+@pytest.mark.slow
 def test_full_ring_has_the_same_frequencies(ring, sector):
     body, free = ring
     full = scipy.linalg.eigh(

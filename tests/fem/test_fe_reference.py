@@ -26,12 +26,14 @@ def test_model_passes_its_checks(model):
     assert model.contact == {}
 
 
+@pytest.mark.slow
 def test_needed_nodal_diameters():
     assert needed_nodal_diameters(65, 5, 7) == (0, 5, 10, 15, 20, 25, 30)
     assert needed_nodal_diameters(65, 5, 13)[-1] == 30
     assert needed_nodal_diameters(1, 3, 7) == (0,)
 
 
+@pytest.mark.slow
 def test_rotation_of_everything_opens_no_contact(fe):
     rotation = [
         (np.cross([0.0, 0.0, 1.0], n)).ravel() for n in (fe.blade.nodes, fe.damper.body.nodes)
@@ -57,6 +59,7 @@ def test_patches_stand_at_the_contact_points(fe, model):
         )
 
 
+@pytest.mark.slow
 def test_flexibility_is_hermitian_and_more_than_its_modes(model):
     for body in ("blade", "damper"):
         for basis in model.bodies[body].bases.values():
@@ -68,6 +71,7 @@ def test_flexibility_is_hermitian_and_more_than_its_modes(model):
             assert rest[0] > 0.0
 
 
+@pytest.mark.slow
 def test_points_frames_and_gaps(model, fe):
     left, right = model.interfaces["left"], model.interfaces["right"]
     half = turn(-0.5 * fe.geometry.pitch)
@@ -85,6 +89,7 @@ def test_points_frames_and_gaps(model, fe):
         assert np.all(face.gap == fe.geometry.end_gap)
 
 
+@pytest.mark.slow
 def test_load_of_the_damper(model):
     load = model.bodies["damper"].load
     assert np.linalg.norm(load.direction) == pytest.approx(1.0, abs=1e-14)
@@ -101,6 +106,7 @@ def test_another_grid_uses_the_same_modes(model, fe):
     assert other.interfaces["left"].n_points == 6
 
 
+@pytest.mark.slow
 def test_surface_quadrilaterals_run_around_their_faces(model):
     for mesh in model.meshes.values():
         p = mesh.points[mesh.quads]

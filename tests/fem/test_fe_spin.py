@@ -208,6 +208,7 @@ def test_residual_flexibility_stays_positive_and_hardly_changes(over_speed):
     assert 1e-3 < np.linalg.norm(top - rest) / np.linalg.norm(rest) < 0.02
 
 
+@pytest.mark.slow
 def test_displacement_by_rotation(fe, over_speed):
     spin = over_speed.bodies["blade"].spin
     assert spin.theory == "linear"

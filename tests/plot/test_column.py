@@ -274,6 +274,7 @@ def test_no_text_lies_on_another_one_or_is_cut(name):
     plt.close("all")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("highest", [2, 3, 17, 47, 58, 63])
 def test_numbers_of_blades_lie_beyond_the_tips_and_not_on_each_other(highest):
     ax = disk_peak(blade=highest).plot_wheel(bladed_disk().model).axes[0]

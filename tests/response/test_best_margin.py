@@ -151,6 +151,7 @@ def test_ctrl_c_in_the_margins_keeps_what_was_computed(study, curve, monkeypatch
     assert bd.load(tmp_path / "stopped.h5").interrupted
 
 
+@pytest.mark.slow
 def test_ctrl_c_in_a_peak_with_other_friction_is_an_interruption(study, curve, monkeypatch):
     """In the middle of the check, before the margins."""
     monkeypatch.setattr(optimal_curve, "optimal_curve", lambda *_, **__: replace(curve, margins=()))
