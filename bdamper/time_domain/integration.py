@@ -488,8 +488,10 @@ class AllSectors:
         motion, _, _ = self.system.contact(np.asarray(u))  # (n_points, 3, 2 H + 1)
         amplitude = float(np.abs(motion[:, :2, 1:]).sum(axis=2).max(initial=0.0))
         peak_to_peak = max(2.0 * amplitude, 1e-300)
+        # motion over one period, (n_steps, 2 n_coordinates)
         instants = [step * TWO_PI / omega / n_steps for step in range(n_steps)]
-        q = np.array([self.state(u, omega, t)[0] for t in instants])
+        states = [self.state(u, omega, instant) for instant in instants]
+        q = np.array([coordinates for coordinates, _ in states])
         for _ in range(MOST_PERIODS):
             before = w.copy()
             self.core.follow(q, w)
@@ -635,13 +637,15 @@ class AllSectors:
         if self.system.structure.points.own is not None:
             return float("inf")
         arrays = self.wide.structure.arrays
-        kt = arrays["kt"]
-        kn = arrays["kn"]
+        kt = arrays["kt"]  # (n_points, 2)
+        kn = arrays["kn"]  # (n_points,)
         law = arrays["law"]
         z = _as_complex(motion.q)
         # displacements (n_sectors, n_points, 3) of all points
         x = np.tile(np.asarray(arrays["shift"]), (self.n, 1, 1))
         for basis, block in zip(self._bases, self.blocks):
+            # complex amplitude (n_points, 3) of the wave in the first sector; every other sector has
+            # its phase
             of_first_sector = np.asarray(basis.G) @ z[block.part]
             x += np.tensordot(block.phases, of_first_sector, axes=0).real
         tangential = x[..., :2]
@@ -699,7 +703,10 @@ class AllSectors:
         # factors of the cosine of the first order
         cosine, _ = factors[list(orders).index(1)]
         force = vibrates * np.abs(_as_complex(cosine))
-        response = vibrates * np.abs(self.rows[:, :n] - 1j * self.rows[:, n:])
+        # rows of real and imaginary parts as complex ones, (n_blades, n_coordinates): the response
+        # is Re[r z]
+        complex_rows = self.rows[:, :n] - 1j * self.rows[:, n:]
+        response = vibrates * np.abs(complex_rows)
 
         # identical blades respond most to a force in one wave; the wave with the least damping bounds
         # all of them
@@ -881,26 +888,30 @@ def transfer(source: AllSectors, motion: Motion, target: AllSectors) -> Motion:
     Modes that the source does not have are at rest, and so are the residual modes, because they
     differ between structures.
     """
-    source_block = dict(zip(source.families, source.blocks))  # by nodal diameter
-    # indices of the modes of the target, and of the same modes of the source
-    to: list[int] = []
-    of: list[int] = []
-    for d, block in zip(target.families, target.blocks):
-        if d not in source_block:
+    source_blocks = dict(zip(source.families, source.blocks))  # by nodal diameter
+    # indices of the coordinates of the same modes in both
+    in_target: list[int] = []
+    in_source: list[int] = []
+    for diameter, target_block in zip(target.families, target.blocks):
+        if diameter not in source_blocks:
             continue
-        begin_in_source = source_block[d].part.start
-        source_modes = source.wide.structure.bases[source_block[d].harmonic].coordinates
-        target_modes = target.wide.structure.bases[block.harmonic].coordinates
-        place_in_source = {(mode.body, mode.index): i for i, mode in enumerate(source_modes)}
-        for i, mode in enumerate(target_modes):
+        source_block = source_blocks[diameter]
+        source_modes = source.wide.structure.bases[source_block.harmonic].coordinates
+        target_modes = target.wide.structure.bases[target_block.harmonic].coordinates
+        # body and number identify a mode
+        place_in_source = {}
+        for place, mode in enumerate(source_modes):
+            place_in_source[mode.body, mode.index] = source_block.part.start + place
+        for place, mode in enumerate(target_modes):
             name = (mode.body, mode.index)
             if mode.body != RESIDUAL and name in place_in_source:
-                to.append(block.part.start + i)
-                of.append(begin_in_source + place_in_source[name])
+                in_target.append(target_block.part.start + place)
+                in_source.append(place_in_source[name])
 
     def transferred(x: NDArray) -> NDArray:
+        """Return coordinates or velocities (2 n_coordinates,) of the target."""
         z = np.zeros(target.n_coordinates, complex)
-        z[to] = _as_complex(x)[of]
+        z[in_target] = _as_complex(x)[in_source]
         return _as_real(z)
 
     return Motion(transferred(motion.q), transferred(motion.v), motion.w)
@@ -913,9 +924,11 @@ def every_diameter(problem: Problem) -> Problem:
     up to :data:`MOST_HARMONIC`.
     """
     order = int(problem.engine_order)
-    blades = problem.model.n_blades
-    sectors = blades // gcd(blades, order) if order else 1
-    highest = sectors // 2 if sectors <= MOST_SECTORS else MOST_HARMONIC
+    n_blades = problem.model.n_blades
+    # number of sectors after which the excitation repeats; one for order 0
+    n_sectors = n_blades // gcd(n_blades, order) if order else 1
+    # as many harmonics as these sectors have nodal diameters
+    highest = n_sectors // 2 if n_sectors <= MOST_SECTORS else MOST_HARMONIC
     present = set(problem.harmonic_numbers)
     missing = set(range(1, highest + 1)) - present
     if problem.settings.fundamental_modes_only or not missing:
@@ -926,7 +939,7 @@ def every_diameter(problem: Problem) -> Problem:
     def with_harmonics(harmonics: set[int]) -> Problem | None:
         """Return the problem with these harmonics, or None if the model lacks the modes."""
         try:
-            # about methods that replace residual modes
+            # without the warning about methods that replace residual modes
             with quiet():
                 wide = problem.replace(
                     harmonics=tuple(sorted(harmonics)), contact_forces=contact_forces
@@ -991,24 +1004,25 @@ def _without_time_limit(problem: Problem, preload: float, blades: int | None) ->
     expected = "a response relative to the base"
     found = "an absolute one; integrate study.replace(response=bd.Response(location, direction))"
     validation.check(is_relative, "time integration", expected, found)
-    N = problem.model.n_blades
+    n_blades = problem.model.n_blades
     order = int(problem.engine_order)
     system = problem.system(preload)
-    least = N // gcd(N, order) if order else 1
+    # smallest number after which the excitation repeats; one for order 0
+    least = n_blades // gcd(n_blades, order) if order else 1
     if blades is None or blades == least:
         same_order = every_diameter(problem)
         wide = system if same_order is problem else same_order.system(preload)
-        return AllSectors(system, N, order, wide=wide)
-    if not order or N % blades or blades % least:
-        sizes = [n for n in range(least, N + 1, least) if N % n == 0]
+        return AllSectors(system, n_blades, order, wide=wide)
+    if not order or n_blades % blades or blades % least:
+        sizes = [n for n in range(least, n_blades + 1, least) if n_blades % n == 0]
         raise validation.invalid(
             "blades",
-            f"one of {sizes}, rings that repeat on {N} blades at engine order {order}",
+            f"one of {sizes}, rings that repeat on {n_blades} blades at engine order {order}",
             blades,
         )
 
     # an engine order that distinguishes all sectors of the larger disk
-    distinguishing = N // blades
+    distinguishing = n_blades // blades
     larger = problem.replace(
         engine_order=distinguishing,
         harmonics=tuple(range(1, blades // 2 + 1)),
@@ -1020,4 +1034,6 @@ def _without_time_limit(problem: Problem, preload: float, blades: int | None) ->
     if contact.residual is not None and residual is not None:
         residual = replace(residual, flexibility=contact.residual.flexibility, _bases={})
     larger = larger.given(contact=replace(contact, residual=residual))
-    return AllSectors(system, N, order, wide=larger.system(preload), wide_order=distinguishing)
+    return AllSectors(
+        system, n_blades, order, wide=larger.system(preload), wide_order=distinguishing
+    )
