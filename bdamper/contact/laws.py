@@ -394,22 +394,24 @@ class ContactLaw:
         decades : float
             Number of decades of amplitude below macroslip over which the law holds.
         """
-        F = validation.number("strength", strength, above=0.0, unit="N")
-        K = validation.number("stiffness", stiffness, above=0.0, unit="N/m")
+        strength = validation.number("strength", strength, above=0.0, unit="N")
+        stiffness = validation.number("stiffness", stiffness, above=0.0, unit="N/m")
         chi = validation.number("chi", chi, above=-1.0, most=0.0)
         beta = validation.number("beta", beta, least=0.0)
         decades = validation.number("decades", decades, least=1.0, most=12.0)
         if n is not None:
             n = validation.integer("n", n, least=2, most=400)
 
+        # stiffness of the elements, and their slip displacements in units of macroslip
         share, slip = power_law_sliders(chi + 1.0, decades, n)
-        macroslip = F * (1.0 + beta) / (K * (beta + (chi + 1.0) / (chi + 2.0)))
+        # displacement (m) at which the last element slips: the strength is the sum of all slip forces
+        macroslip = strength * (1.0 + beta) / (stiffness * (beta + (chi + 1.0) / (chi + 2.0)))
 
-        # the last element slips at macroslip
-        k = np.append(share, beta) * K / (1.0 + beta)
+        # the last element has the fraction beta and slips at macroslip
+        k = np.append(share, beta) * stiffness / (1.0 + beta)
         limit = k * np.append(slip, 1.0) * macroslip
-        stiff = k > 0.0
-        law = cls.jenkins(k[stiff], limit[stiff], kn=kn)
+        has_stiffness = k > 0.0
+        law = cls.jenkins(k[has_stiffness], limit[has_stiffness], kn=kn)
         return replace(law, name="iwan", resolution=10.0**-decades * macroslip)
 
     @classmethod
@@ -631,7 +633,7 @@ class OwnLaws:
         return [point for point in self.points if point is not None]
 
     @property
-    def held(self) -> NDArray:
+    def compiled(self) -> NDArray:
         """Whether each point has a compiled law, (n_points,) bool."""
         return np.array([point is not None for point in self.points])
 
@@ -652,14 +654,14 @@ class OwnLaws:
         # by law and interface
         largest: dict[str, float] = {}
         resolution: dict[str, float] = {}
-        for point, x in zip(self.points, moved.tolist()):
+        for point, amplitude in zip(self.points, moved.tolist()):
             if point is not None:
-                largest[point.where] = max(x, largest.get(point.where, 0.0))
+                largest[point.where] = max(amplitude, largest.get(point.where, 0.0))
                 resolution[point.where] = point.law.resolution
-        for where, x in largest.items():
-            if x < resolution[where]:
+        for where, amplitude in largest.items():
+            if amplitude < resolution[where]:
                 warn(
-                    f"{where} moves by at most {x:.3g} m at the highest point, "
+                    f"{where} moves by at most {amplitude:.3g} m at the highest point, "
                     f"less than the {resolution[where]:.3g} m that the law resolves: "
                     "its dissipation is wrong there; increase its decades"
                 )

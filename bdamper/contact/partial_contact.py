@@ -108,24 +108,28 @@ def partial_contact(coupling: Coupling, options: ResidualModes) -> PartialContac
     basis = coupling.basis(1)
     elastic = basis.omega2 > RIGID * basis.omega2.max()
     free = np.sqrt(np.sort(basis.omega2[elastic]))
-    numbers = np.arange(3 * coupling.n_points).reshape(-1, 3)
+    # row of each component (n_points, 3) in stacked vectors
+    row_of_component = np.arange(3 * coupling.n_points).reshape(-1, 3)
     shifts: tuple[float, ...] = (0.0,)
     errors = {}
     for part, points in bonded_parts(coupling).items():
-        rows = numbers[points][active[points]]
+        rows = row_of_component[points][active[points]]
         bonded = _bonded(basis, complete, rows)
         if part == WHOLE:
             relative = bonded[:SHOWN_SHIFTS] / free[:SHOWN_SHIFTS] - 1.0
             shifts = tuple(relative.tolist())
-        exact = bonded[0] - free[0]
-        if exact > LEAST_SHIFT * free[0]:
-            found = _bonded(basis, represented, rows)[0] - free[0]
-            errors[part] = float(found / exact - 1.0)
+        # shift of mode 1 (rad/s); small shifts have no meaningful error
+        exact_shift = bonded[0] - free[0]
+        if exact_shift > LEAST_SHIFT * free[0]:
+            shift = _bonded(basis, represented, rows)[0] - free[0]
+            errors[part] = float(shift / exact_shift - 1.0)
     return PartialContact(shifts, errors)
 
 
 def _represented(coupling: Coupling, options: ResidualModes) -> tuple[NDArray, NDArray]:
-    """Return the possible force components, and the flexibility that residual modes represent."""
+    """Return the possible force components (n_points, 3) bool, and the flexibility (3 n_points,
+    3 n_points) that residual modes represent.
+    """
     friction = np.full(coupling.n_points, FRICTION)
     residual = ResidualSet.make(coupling, friction, options)
     modes = residual.basis(1)
@@ -137,17 +141,21 @@ def _represented(coupling: Coupling, options: ResidualModes) -> tuple[NDArray, N
 def _bonded(basis: HarmonicBasis, flexibility: NDArray, rows: NDArray) -> NDArray:
     """Return the frequencies (rad/s), ascending, with rows bonded and rigid bodies without mass."""
     of_rows = flexibility[np.ix_(rows, rows)]
+    # F F^H is the stiffness of the contact, so the structure has K + G^H F F^H G
     F = force_patterns(of_rows, "flexibility of a part", RESOLVED_HIGHER)
-    G = F.conj().T @ basis.G.reshape(-1, basis.n_modes)[rows]
-    stiffness = np.diag(basis.omega2) + G.conj().T @ G
+    motion_of_rows = basis.G.reshape(-1, basis.n_modes)[rows]
+    in_patterns = F.conj().T @ motion_of_rows
+    stiffness = np.diag(basis.omega2) + in_patterns.conj().T @ in_patterns
     rigid = basis.omega2 <= RIGID * basis.omega2.max()
     # a part may leave motions of a rigid body free
     stiffness[rigid, rigid] += GROUND
     mass = np.diag(np.where(rigid, 0.0, 1.0))
     # the eigenvalues of M x = mu K x are 1 / omega^2, and 0 for coordinates without mass
     mu = scipy.linalg.eigh(mass, stiffness, eigvals_only=True)
+    # descending, so that frequencies ascend; one for each coordinate with mass
     n_elastic = int((~rigid).sum())
-    return np.asarray(mu[::-1][:n_elastic] ** -0.5)
+    largest_first = mu[::-1]
+    return np.asarray(largest_first[:n_elastic] ** -0.5)
 
 
 def coupling_of_default(model: Model, nodal_diameter: int) -> Coupling | None:
@@ -156,13 +164,18 @@ def coupling_of_default(model: Model, nodal_diameter: int) -> Coupling | None:
     It is None for a model without friction faces, or if a body lacks the nodal diameter or its
     flexibility.
     """
-    moving = [body for body in model.bodies.values() if body.kind != "ground" and body.ports]
-    for body in moving:
+    in_contact = [body for body in model.bodies.values() if body.kind != "ground" and body.ports]
+    for body in in_contact:
+        # a free body has the same modes at all nodal diameters
         diameters = (0,) if body.kind == "free" else (0, nodal_diameter)
-        if any(d not in body.bases or body.bases[d].flexibility is None for d in diameters):
-            return None
-    constrained = [body for body in model.bodies.values() if body.kind == "constrained"]
-    available = [basis.n_natural for body in constrained for basis in body.bases.values()]
-    modes = retained_modes(model, min([DEFAULT_MODES, *available]), dict.fromkeys(model.bodies, 0))
+        for diameter in diameters:
+            if diameter not in body.bases or body.bases[diameter].flexibility is None:
+                return None
+    n_modes = DEFAULT_MODES
+    for body in model.bodies.values():
+        if body.kind == "constrained":
+            n_modes = min([n_modes, *(basis.n_natural for basis in body.bases.values())])
+    # free bodies are rigid
+    modes = retained_modes(model, n_modes, dict.fromkeys(model.bodies, 0))
     coupling = Coupling(model, tuple(model.interfaces), modes, nodal_diameter)
     return coupling if coupling.friction_faces else None

@@ -300,8 +300,10 @@ def _faded(energy: NDArray, in_points: NDArray, least: float) -> NDArray:
     ratio, combination = scipy.linalg.eigh(energy, in_points)
     # log(1 + exp(x)) is smooth; it is nearly 0 above the limit and x below
     increase = least * np.logaddexp(0.0, FADING * (1.0 - ratio / least))
-    coordinates = in_points @ combination
-    return np.asarray(energy + (coordinates * increase) @ coordinates.conj().T)
+    # the combinations are orthonormal in in_points, so this is the inverse of their transposed
+    # matrix: energy = inverse diag(ratio) inverse^H
+    inverse = in_points @ combination
+    return np.asarray(energy + (inverse * increase) @ inverse.conj().T)
 
 
 def _stuck_static(
@@ -334,14 +336,16 @@ def _independent(vectors: NDArray, most: int) -> NDArray:
 
     The columns of ``vectors`` have unit length.
     """
+    _, n_columns = vectors.shape
     chosen: list[int] = []
     # columns without their parts along the chosen ones
     remainder = vectors.copy()
-    for k in range(vectors.shape[1]):
-        size = np.linalg.norm(remainder[:, k])
+    for column in range(n_columns):
+        size = np.linalg.norm(remainder[:, column])
+        # less than a thousandth of its unit length is left of a dependent column
         if size > 1e-3:
-            chosen.append(k)
-            unit = remainder[:, k] / size
+            chosen.append(column)
+            unit = remainder[:, column] / size
             remainder = remainder - np.outer(unit, unit.conj() @ remainder)
         if len(chosen) == most:
             break
@@ -531,29 +535,30 @@ class ResidualSet:
 
     def _point_share(self, harmonic: int) -> float:
         """Return the largest fraction of the flexibility under force vectors that the diagonal has."""
-        parts = self._force_vectors(harmonic)
-        W = parts.vectors
-        D = self.flexibility.ravel()[self.active.ravel()]
-        # W^H D W v = fraction W^H R W v
-        in_diagonal = W.conj().T @ (D[:, None] * W)
-        fractions = scipy.linalg.eigh(in_diagonal, parts.energy, eigvals_only=True)
-        largest = fractions[-1]
-        return float(largest)
+        force_vectors = self._force_vectors(harmonic)
+        W = force_vectors.vectors
+        diagonal = self.flexibility.ravel()[self.active.ravel()]
+        # for a combination v of the vectors, W^H D W v = fraction W^H R W v
+        in_diagonal = W.conj().T @ (diagonal[:, None] * W)
+        fractions = scipy.linalg.eigh(in_diagonal, force_vectors.energy, eigvals_only=True)
+        # they ascend
+        return float(fractions[-1])
 
     def basis(self, harmonic: int) -> HarmonicBasis:
         """Return the residual coordinates of one harmonic as a basis."""
         if harmonic in self._bases:
             return self._bases[harmonic]
-        parts = self._force_vectors(harmonic)
-        W = parts.vectors
+        force_vectors = self._force_vectors(harmonic)
+        W = force_vectors.vectors  # (n_active, n)
         active = self.active.ravel()
-        D = self.flexibility.ravel()
+        diagonal = self.flexibility.ravel()
 
         # motion (3 n_points, n) under the force vectors that the diagonal does not contain, also at
         # axial stops: friction forces move them
-        columns = (parts.flexibility - np.diag(D))[:, active] @ W
-        in_diagonal = _hermitian(W.conj().T @ (D[active][:, None] * W))
-        energy = parts.energy
+        remainder = force_vectors.flexibility - np.diag(diagonal)
+        motion = remainder[:, active] @ W
+        in_diagonal = _hermitian(W.conj().T @ (diagonal[active][:, None] * W))
+        energy = force_vectors.energy
         # at higher harmonics the diagonal may contain the complete flexibility under a force vector
         if harmonic > 1 and self._fades:
             energy = _faded(energy, in_diagonal, least=1.0 / (1.0 - MARGIN))
@@ -563,15 +568,16 @@ class ResidualSet:
         represented = fraction > 0.5 * MARGIN
         V = V[:, represented] / np.sqrt(fraction[represented])
 
-        n = V.shape[1]
+        _, n = V.shape
         mass = np.zeros(n)
         damping = np.zeros(n)
         if self.options.inertia and harmonic > 0:
             omitted, omega2, ratio = self.coupling.left_out_modes(harmonic)
-            # V^H W^H R_2 W V = P P^H
-            P = (W @ V).conj().T @ omitted[active] / omega2
-            # coordinates with a diagonal mass matrix
-            mass, rotation = np.linalg.eigh(P @ P.conj().T)
+            # response (n, n_omitted) of the omitted modes to the forces W V, at rest; its square is
+            # the mass of the coordinates
+            response = (W @ V).conj().T @ omitted[active] / omega2
+            # rotate to coordinates with a diagonal mass matrix
+            mass, rotation = np.linalg.eigh(response @ response.conj().T)
             mass = np.where(mass > ROUNDING * mass.max(initial=0.0), mass, 0.0)
             V = V @ rotation
             if len(ratio):
@@ -580,7 +586,7 @@ class ResidualSet:
         # equal stiffness makes these coordinates similar in size to modal coordinates
         bodies = self.coupling.basis(harmonic)
         stiffness = float(bodies.omega2.max())
-        G = (columns @ V * np.sqrt(stiffness)).reshape(-1, 3, n).astype(complex)
+        G = (motion @ V * np.sqrt(stiffness)).reshape(-1, 3, n).astype(complex)
         self._bases[harmonic] = HarmonicBasis(
             coordinates=tuple(Coordinate(RESIDUAL, i, f"residual {i + 1}") for i in range(n)),
             omega2=np.full(n, stiffness),

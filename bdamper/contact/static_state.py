@@ -195,7 +195,7 @@ def _forces(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDAr
 
     if system.own is not None:
         # points with a compiled law
-        compiled = system.own.held
+        compiled = system.own.compiled
         # one motion (n_points, 3) at a time
         for i in np.ndindex(x.shape[:-2]):
             law_force, derivative, _ = system.own.step(x[i], memory)
@@ -290,7 +290,7 @@ def _jacobian(
         # the diagonal entries of both tangential directions
         tangent[:, [0, 1], [0, 1]] += 3.0 * system.cubic * x[:, :2] ** 2
     if system.own is not None and x is not None and w is not None:
-        compiled = system.own.held
+        compiled = system.own.compiled
         _, derivative, _ = system.own.step(x, w[:, 2:])
         tangent[compiled] = derivative[compiled]
     by_coordinates = (tangent @ system.G).reshape(len(G), -1)
@@ -481,7 +481,7 @@ class _LoadStep:
         """Solve for the states by Newton iteration with line search from the given states."""
         # the slip of compiled laws is unknown: start from stick
         if self.system.own is not None:
-            closed = self.system.own.held[:, None] & (status != OPEN)
+            closed = self.system.own.compiled[:, None] & (status != OPEN)
             status = np.where(closed, STICK, status)
         q = self.linear_solution(status)
         (r,), (status,) = self.residuals(q)
@@ -639,7 +639,7 @@ def _together(system: StaticSystem, load: float) -> StaticSystem:
     """
     pressed = (system.n0 > 0.0) & (system.kn > 0.0)
     if system.own is not None:  # compiled laws include the interference
-        pressed &= ~system.own.held
+        pressed &= ~system.own.compiled
 
     # interference as a displacement, which the load scales
     constant_shift = np.array(np.broadcast_to(system.constant_shift, (len(pressed), 3)))
@@ -792,7 +792,7 @@ class _LoadPath:
         # bonded points and compiled laws have no changes of state on a straight line
         free = np.logical_not(system.bonded)
         if system.own is not None:
-            free = free & ~system.own.held
+            free = free & ~system.own.compiled
         self.frictional = replace(
             system, kt=system.kt * free[..., None], kn=system.kn * free, n0=system.n0 * free
         )

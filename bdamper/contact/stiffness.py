@@ -415,6 +415,7 @@ def _unit_tractions(coupling: Coupling) -> dict[str, ContactStiffness]:
 def _with_residual_modes(
     coupling: Coupling, options: ResidualModes, friction: NDArray
 ) -> ContactModel:
+    """Return residual modes, with the inverse of their diagonal as stiffness of the points."""
     bodies = coupling.model.bodies.values()
     has_load = any(body.load is not None and np.any(body.load.generalised) for body in bodies)
     # "all" needs no force vectors from statics
@@ -426,8 +427,9 @@ def _with_residual_modes(
     # components without friction keep the stiffness under a uniform traction
     stiffness = {}
     for name, uniform in _unit_tractions(coupling).items():
-        diagonal = residual_set.flexibility[coupling.rows(name)]
-        k = np.divide(1.0, diagonal, out=uniform.stiffness.copy(), where=diagonal > 0.0)
+        flexibility = residual_set.flexibility[coupling.rows(name)]
+        has_friction = flexibility > 0.0
+        k = np.divide(1.0, flexibility, out=uniform.stiffness.copy(), where=has_friction)
         stiffness[name] = ContactStiffness(k, "residual_modes")
     return ContactModel(stiffness, residual_set)
 
@@ -435,6 +437,7 @@ def _with_residual_modes(
 def _user_values(
     coupling: Coupling, value: float | PerArea | Mapping[str, NDArray]
 ) -> dict[str, ContactStiffness]:
+    """Return the stiffness that a user has given, one value for all interfaces or one for each."""
     interfaces = coupling.model.interfaces
     if isinstance(value, Mapping):
         validation.mapping("contact_stiffness", value, interfaces, "interfaces")

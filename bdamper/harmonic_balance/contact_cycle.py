@@ -196,7 +196,7 @@ def _integrate_user_laws(system: Equations[SectorData], X: NDArray, F: NDArray) 
         before = memory
         for k in range(X.shape[2]):
             forces, _, memory = laws.step(X[..., k], memory)
-            F[laws.held, :, k] = forces[laws.held]
+            F[laws.compiled, :, k] = forces[laws.compiled]
         change = np.abs(memory - before)
         if (change <= 1e-9 * np.abs(memory).max(axis=0)).all():
             break
