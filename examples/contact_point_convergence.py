@@ -2,8 +2,9 @@
 
     python examples/contact_point_convergence.py [--mesh faces] [--points 9 24 48 96 192] [--figure points.png]
 
-Reduces one finite element model of the bladed disk for each number of contact points a face.  Two points on an element make
-the flexibility singular: the mesh "faces" is fine at the contact faces and coarse elsewhere; "coarse" does for 24 points.
+The finite element model of the bladed disk is reduced for each number of contact points per face.
+Two points on one element make the flexibility singular, so the mesh "faces" is fine at the contact
+faces and coarse elsewhere; the mesh "coarse" suffices for 24 points.
 """
 
 from __future__ import annotations
@@ -38,9 +39,10 @@ SETTINGS: dict[str, Any] = {"blade_modes": 10, "harmonics": 1}
 class Row:
     """Results of one number of contact points.
 
-    ``stiffness`` is the normal stiffness of the left face under unit traction, N/m; ``normal`` and ``area`` those
-    of the left face in the static state, N per newton of load and share; ``bonded`` in full and ``reduced``, both bonded
-    at the points, Hz; ``peak`` in m; ``seconds`` for all of it.
+    ``stiffness`` is the normal stiffness of the left face under unit traction, N/m; ``normal`` (N
+    per newton of load) and ``area`` (fraction) are its normal force and contact area in the static
+    state. ``bonded`` and ``reduced`` (Hz) are the frequencies of the full and the reduced model
+    with bonded contact points. ``peak`` is in m, and ``seconds`` is the total time.
     """
 
     points: int
@@ -57,7 +59,7 @@ class Row:
 def convergence(
     points: tuple[int, ...], mesh: str = "coarse", preload: float = 4000.0
 ) -> Iterator[Row]:
-    """One row for each number of points; meshes, factors and modes are those of the first."""
+    """Compute one row for each number of points, with the same mesh, factorisations and modes."""
     fe = SectorFE(density=FACES if mesh == "faces" else MeshDensity.preset(mesh))
     for n in points:
         start = time.perf_counter()
@@ -98,7 +100,7 @@ def convergence(
 
 
 def main() -> None:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--mesh", default="faces", choices=("coarse", "faces", "reference"))
     parser.add_argument("--points", type=int, nargs="+", default=[9, 24, 48, 96, 192])

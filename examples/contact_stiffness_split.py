@@ -1,12 +1,13 @@
-"""What stays at the contact points and what goes into residual modes: effect on slip.
+"""Flexibility at the contact points and in residual modes: effect on slip.
 
     python examples/contact_stiffness_split.py [--points 9] [--figure split.png]
     python examples/contact_stiffness_split.py --microslip [--points 24] [--figure microslip.png]
 
-Tracks the first mode of the reference bladed disk at three preloads for several numbers of force patterns and shares of the
-point flexibility, and prints peak amplitude, frequency and shares of stick, slip and separation at the peak.  The other
-methods of contact stiffness stand beside them.  With ``--microslip``: static force along the axis of the damper against its
-displacement at 1000 N, first loading up to sliding.
+The script computes the resonance of the first mode of the reference bladed disk at three preloads,
+for several numbers of force vectors and fractions of the point flexibility. It prints peak
+amplitude, frequency, and fractions of stick, slip and separation at the peak, together with the
+results of the other methods for the contact stiffness. With ``--microslip``, it computes the static
+force along the damper axis against displacement at 1000 N, for first loading up to sliding.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ PRELOADS = (1500.0, 4000.0, 10000.0)
 
 
 def bonded(n_vectors: int, share: float) -> bd.ResidualModes:
-    """Force vectors of bonded faces alone: with those of partial contact stiff combinations fade out."""
+    """Return residual modes with the force vectors of bonded faces only, because stiff combinations
+    fade out in partial contact.
+    """
     return bd.ResidualModes(n_vectors, share, partial_contact=False)
 
 
@@ -70,7 +73,7 @@ class Row:
 
 
 def name_of(choice: str | bd.ResidualModes) -> str:
-    """Text for a table."""
+    """Return the name of a choice in a table."""
     if isinstance(choice, str):
         return {"unit_traction": "unit tractions", "cigeroglu2009": "equation (4)"}[choice]
     return f"{choice.n_vectors} vectors, share {choice.contact_share:g}"
@@ -81,7 +84,7 @@ def split_study(
     preloads: tuple[float, ...] = PRELOADS,
     choices: tuple[str | bd.ResidualModes, ...] = CHOICES,
 ) -> list[Row]:
-    """Peaks for every choice and preload."""
+    """Compute the peaks for every choice and preload."""
     model = bd.reference_model("bladed_disk", points)
     rows = []
     for choice in choices:
@@ -114,7 +117,9 @@ def split_study(
 def microslip_study(
     points: int = 24, choices: tuple[str | bd.ResidualModes, ...] = MICROSLIP_CHOICES
 ) -> dict[str, SweepResult]:
-    """First loading along the axis for every choice; "all" patterns are the whole flexibility."""
+    """Compute the first loading along the axis for every choice; "all" force vectors represent the
+    complete flexibility.
+    """
     model = bd.reference_model("bladed_disk", points)
     curves = {}
     for choice in choices:
@@ -131,14 +136,18 @@ def microslip_study(
 
 
 def loading(found: SweepResult) -> tuple[np.ndarray, np.ndarray]:
-    """Forces (N) up to that under which the damper slides, and the displacement (m) under each."""
+    """Return the forces (N) up to the force at which the damper slides, and the displacement (m)
+    under each.
+    """
     displacement = found.array("displacement")
     known = np.isfinite(displacement)
     return np.array([point["force"] for point in found.points])[known], displacement[known]
 
 
 def print_microslip(points: int, figure: str | None) -> None:
-    """Table of the curves: stiffness of three chords, displacement at three forces, largest force."""
+    """Print a table of the curves: three secant stiffnesses, displacement at three forces, and
+    largest force.
+    """
     curves = microslip_study(points)
     last = MICROSLIP_FORCES[-1]
     at = (150.0, 270.0, 300.0)
@@ -174,7 +183,7 @@ def print_microslip(points: int, figure: str | None) -> None:
 
 
 def main() -> None:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--points", type=int, default=9, choices=(9, 24, 48))
     parser.add_argument(

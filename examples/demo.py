@@ -1,7 +1,9 @@
-"""The damper that a turbine blade should have: the preload of least resonance, how far it is checked, and pictures of it.
+"""Optimal damper of a turbine blade: the preload with the lowest resonance, its checks, and
+figures.
 
-Prints what the study, its optimal curve and the response at the optimum come to, and writes ``optimum.png`` and
-``response.png``, the pictures of the README and of the first page (``python examples/demo.py --figures docs/images``).
+The script prints the study, its optimal curve and the response at the optimum, and writes
+``optimum.png`` and ``response.png``, the figures of the README and of the first page (``python
+examples/demo.py --figures docs/images``).
 """
 
 from __future__ import annotations
@@ -18,11 +20,13 @@ from bdamper.response.response_curve_result import ResponseCurve
 
 BAND = (610.0, 710.0)
 FACTORS = (0.6, 1.0, 2.0, 5.0)
-"""Preloads of response curves, over that of the optimum."""
+"""Preloads of the response curves, relative to the optimum."""
 
 
 def random(optimal: OptimalCurve, curves: list[ResponseCurve]) -> str:
-    """What the pictures show, in four digits, to be kept beside them: they are as old as this text."""
+    """Return the values shown in the figures with four digits, as a text that is stored with them
+    and shows their age.
+    """
     o = optimal.optimum
     numbers = {
         "optimum": [o.preload, o.amplitude, o.frequency], "free": optimal.free.amplitude,
@@ -41,7 +45,9 @@ def main(
     n: int = 12,
     check: str | bool = "time",
 ) -> tuple[OptimalCurve, list[ResponseCurve]]:
-    """Run the demonstration; returns the optimal curve and the response curves, the limits first."""
+    """Run the demonstration, and return the optimal curve and the response curves, the limits
+    first.
+    """
     figures.mkdir(parents=True, exist_ok=True)
     started = time.perf_counter()
     study = bd.Study(

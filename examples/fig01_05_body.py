@@ -2,7 +2,7 @@
 The body: contact model, axes, contact stiffness, finite element models and modes (Figs 1 to 5)
 ================================================================================================
 
-Drawn from the shipped model; nothing is computed but the contact stiffness.
+The figures are drawn from the shipped model; only the contact stiffness is computed.
 """
 
 from typing import Any
@@ -23,7 +23,7 @@ BLADE, DAMPER = "0.88", "0.72"
 
 
 def front_faces(model: bd.Model, body: str, rotation: np.ndarray) -> list[np.ndarray]:
-    """Faces (4, 2) of a body that look along the axis, seen from the front, in mm."""
+    """Return the faces (4, 2) of a body that point along the axis, seen from the front, in mm."""
     mesh = model.meshes[body]
     depth = mesh.points[mesh.quads, 2]
     front = mesh.quads[(np.ptp(depth, axis=1) < 1e-4) & (depth.mean(axis=1) > 0.0)]
@@ -33,7 +33,7 @@ def front_faces(model: bd.Model, body: str, rotation: np.ndarray) -> list[np.nda
 def draw_section(
     ax: Axes, model: bd.Model, rotation: np.ndarray, sectors: tuple[int, ...] = (0, 1)
 ) -> None:
-    """Blades and the dampers between them, seen along the axis."""
+    """Draw the blades and the dampers between them, seen along the axis."""
     pitch = 2.0 * np.pi / model.n_blades
     for k in sectors:
         there = rotation @ turn(k * pitch)
@@ -48,7 +48,7 @@ def draw_section(
 def arrow(
     ax: Axes, start: np.ndarray, direction: np.ndarray, name: str, length: float, **style: Any
 ) -> None:
-    """An axis with its name."""
+    """Draw an axis with its name."""
     end = start + length * direction
     ax.annotate(
         "", end, start, arrowprops={"arrowstyle": "-|>", "linewidth": 1.3, "color": "k", **style}
@@ -59,7 +59,7 @@ def arrow(
 def spring(
     ax: Axes, start: tuple[float, float], end: tuple[float, float], width: float, coils: int = 5
 ) -> None:
-    """A zigzag between two points."""
+    """Draw a spring between two points as a zigzag line."""
     a, b = np.array(start), np.array(end)
     along, across = b - a, np.array([a[1] - b[1], b[0] - a[0]]) / np.linalg.norm(b - a)
     where = np.concatenate(

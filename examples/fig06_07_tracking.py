@@ -2,13 +2,15 @@
 Response curves of the first two blade modes (Figs 6 and 7)
 ===========================================================
 
-A disk of 65 blades with a wedge damper between each two is driven by engine order 5 at the trailing-edge corner of the
-tip: with 1 N in the tangential direction for mode 1, with 12 N in the radial direction for mode 2, as in the paper.  (The
-middle of the tip lies on the line that does not move radially in mode 2.)  Every curve is followed through its folds;
-unstable parts are dashed.  On the right stands what the converged method says of the same body.
+A disk of 65 blades with a wedge damper between neighbouring blades is excited by engine order 5 at
+the trailing-edge corner of the tip: with 1 N in the tangential direction for mode 1, with 12 N in
+the radial direction for mode 2, as in the paper.  (The middle of the tip lies on a nodal line of
+the radial motion in mode 2.)  Every curve is followed through its folds; unstable parts are dashed.
+The right-hand figures show the converged results for the same model.
 
-With the preload the resonance moves to higher frequencies, and the amplitude falls to an optimum and rises to that of the
-stuck damper: holds.  Where in between the optimum lies, and how deep, is another matter: see Figs 8 and 9.
+The results confirm that with increasing preload the resonance moves to higher frequencies, and the
+amplitude decreases to an optimum and then rises to that of the stuck damper. The position and depth
+of the optimum are the subject of Figs 8 and 9.
 """
 
 from paper_disk import MODES, keep, plot_beside, print_curves, stored, study
@@ -19,7 +21,9 @@ paper, converged = {}, {}
 
 
 def tracking(mode: int) -> None:
-    """Curves at each preload with the settings of the paper, and stored ones; draws and prints both."""
+    """Compute the curves at each preload with the settings of the paper, load the stored converged
+    curves, and draw and print both.
+    """
     driven, asked, rich = MODES[mode], study(mode, **bd.CIGEROGLU_2009), study(mode)
     paper[mode] = [
         asked.frequency_response(preload, driven.band, stability=True)

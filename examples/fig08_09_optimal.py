@@ -2,7 +2,7 @@ r"""
 Optimal and frequency-shift curves of the first two blade modes (Figs 8 and 9)
 ==============================================================================
 
-The highest resonance amplitude and its frequency over preload, with the preload of least amplitude.
+Highest resonance amplitude and its frequency against preload, with the preload of lowest amplitude.
 
 ===========================  =======  =====================  ===========
 \                            paper    settings of the paper  converged
@@ -13,19 +13,22 @@ mode 1, frequency shift      17.2 %   17.3 %                 18.2 %
 mode 2, frequency shift      3.4 %    3.4 %                  2.5 %
 ===========================  =======  =====================  ===========
 
-* The body was made to have these four numbers with the settings of the paper.  Converged it keeps the ratio of mode 2 and
-  the shift of mode 1, not the other two.
-* Damping, measured as stuck over optimum amplitude, is more effective in mode 2: holds with the paper's approximations
-  only.
-* The decrease from the free amplitude is larger in mode 1: as a ratio it does not hold with the paper's approximations (4.5
-  against 5.6), it holds converged (16 against 5.1).
+* The model was designed to reproduce these four numbers with the settings of the paper. The
+  converged results retain the ratio of mode 2 and the shift of mode 1, but not the other two
+  numbers.
+* The statement that damping, measured by the ratio of stuck to optimum amplitude, is more effective
+  in mode 2 holds only with the approximations of the paper.
+* The statement that the reduction from the free amplitude is larger in mode 1 does not hold as a
+  ratio with the approximations of the paper (4.5 and 5.6), but holds for the converged results (16
+  and 5.1).
 
-A damper that only slips as a whole, with stiffness kd in parallel with k and under constant normal load, reaches at best an
-amplitude of pi F/kd; beside the stuck amplitude F/(2 zeta (k + kd)) that is the ratio
+A damper that only slips as a whole, with the stiffness kd in parallel with k and under constant
+normal load, reaches an amplitude of pi F/kd at best. The ratio of the stuck amplitude F/(2 zeta (k
++ kd)) to this amplitude is
 
 .. math:: \frac{1 - (f_{free}/f_{stuck})^2}{2 \pi \zeta},
 
-printed as "macroslip".  It is no bound where the normal load varies: mode 2 exceeds it.
+printed as "macroslip". It is not a bound if the normal load varies: mode 2 exceeds it.
 """
 
 import numpy as np
@@ -35,19 +38,23 @@ import bdamper as bd
 from bdamper.response.optimal_curve_result import OptimalCurve
 
 PUBLISHED = {1: (4.4, 17.2), 2: (5.5, 3.4)}
-"""Ratio and shift (%) of the paper."""
+"""Ratio and shift (%) in the paper."""
 paper, converged = {}, {}
 
 
 def macroslip_ratio(curve: OptimalCurve) -> float:
-    """Stuck over optimum amplitude of a damper that only slips as a whole, under a constant normal load."""
+    """Return the ratio of stuck to optimum amplitude for a damper that only slips as a whole, under
+    constant normal load.
+    """
     return (1.0 - (curve.free.frequency / curve.stuck.frequency) ** 2) / (
         2.0 * np.pi * DAMPING_RATIO
     )
 
 
 def optimal(mode: int) -> None:
-    """Optimal curve with the settings of the paper, and the stored one; draws and prints both."""
+    """Compute the optimal curve with the settings of the paper, load the stored converged curve,
+    and draw and print both.
+    """
     driven = MODES[mode]
     paper[mode] = study(mode, **bd.CIGEROGLU_2009).optimal_curve(
         driven.interval, 24, frequency=driven.band, check=False

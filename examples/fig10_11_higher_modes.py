@@ -5,8 +5,8 @@ Tracking and optimal curves of the third and the seventh blade mode (Figs 10 and
 Mode 3, 1210 Hz, is the second bending mode in the plane of rotation and is excited at the corner of the tip in the
 tangential direction; mode 7, 3131 Hz, is excited in the axial direction.  The paper gives no numbers for these modes.
 
-The amplitude falls to an optimum and rises to that of the stuck damper, and the resonance moves to the stuck frequency:
-holds.
+The results confirm that the amplitude decreases to an optimum and then rises to that of the stuck
+damper, and that the resonance moves to the stuck frequency.
 """
 
 from paper_disk import MODES, keep, plot_beside, plot_optimal_beside, print_curves, stored, study
@@ -17,7 +17,9 @@ paper, converged, optimal = {}, {}, {}
 
 
 def tracking_and_optimal(mode: int) -> None:
-    """Curves with the settings of the paper, and stored ones; draws and prints both."""
+    """Compute the curves with the settings of the paper, load the stored converged curves, and draw
+    and print both.
+    """
     driven, asked, rich = MODES[mode], study(mode, **bd.CIGEROGLU_2009), study(mode)
     paper[mode] = [
         asked.frequency_response(preload, driven.band, stability=True)

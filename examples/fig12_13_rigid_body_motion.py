@@ -2,7 +2,8 @@
 Rigid-body motion of the damper over preload, mean and vibratory (Figs 12 and 13)
 =================================================================================
 
-The paper plots modal coefficients of mass-normalised rigid-body modes at the resonance of mode 1, and so does this.
+As in the paper, the figures show the modal coefficients of mass-normalised rigid-body modes at the
+resonance of mode 1.
 """
 
 import matplotlib.pyplot as plt
@@ -16,9 +17,10 @@ NAMES = [f"{axis} {kind}" for kind in ("translation", "rotation") for axis in "X
 
 
 def plot_motion(quantity: str, title: str, name: str) -> None:
-    """Modal coefficients over preload, with the settings of the paper and converged; prints them as well.
+    """Draw and print the modal coefficients against preload, with the settings of the paper and
+    converged.
 
-    What is less than a fifty-thousandth of the largest is not drawn.
+    Values below a fifty-thousandth of the largest one are not drawn.
     """
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(1, 2, figsize=(8.0, 3.7), sharex=True, sharey=True)

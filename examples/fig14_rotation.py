@@ -1,13 +1,16 @@
 """
-What the rotation of the damper does (Fig. 14)
-==============================================
+Effect of the rotation of the damper (Fig. 14)
+===============================================
 
 Response curves with and without the rotational modes of the damper at four preloads.
 
-* Without rotation the amplitude is underestimated: holds at all four preloads, but the paper's approximations exaggerate
-  it.  They make it a factor of 8, 4.7 and 2 at 100, 200 and 1000 N; converged it is 1.5, 1.1 and 1.5.
-* Without rotation the frequency shift is overestimated: holds at all four, converged by 0.5 to 3 % instead of 4 to 11 %.
-* Without rotation there is no jump: holds from 200 N on with the settings of the paper, converged from 1 kN on.
+* The amplitude is underestimated without rotation. This holds at all four preloads, but the
+  approximations of the paper exaggerate the effect: they give factors of 8, 4.7 and 2 at 100, 200
+  and 1000 N; the converged factors are 1.5, 1.1 and 1.5.
+* The frequency shift is overestimated without rotation. This holds at all four preloads, with
+  converged values of 0.5 to 3 % instead of 4 to 11 %.
+* There is no jump without rotation. This holds from 200 N upward with the settings of the paper,
+  and from 1 kN upward for the converged results.
 """
 
 import matplotlib.pyplot as plt

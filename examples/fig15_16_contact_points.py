@@ -1,5 +1,5 @@
 """
-Number of contact points, and what each of them does over a period (Figs 15 and 16)
+Number of contact points, and their states over a period (Figs 15 and 16)
 ===================================================================================
 
 Response curves with 9, 24 and 48 points on each face, which are 3 x 3, 4 x 6 and 4 x 12 along the slope and along the
@@ -61,7 +61,7 @@ keep(figure, "fig15_contact_points")
 
 
 def plot_status(asked: bd.Study, preload: float, name: str) -> tuple[ContactStatus, ResponseCurve]:
-    """Bars of sample points and maps of both faces at the resonance."""
+    """Plot status bars of sample points and maps of both faces at the resonance."""
     curve = asked.frequency_response(preload, band)
     status = contact_status(asked, curve.peak.y[:-1], preload)
     chosen = [status.rows(side)[k] for side in ("left", "right") for k in (0, 3, 12, 21)]

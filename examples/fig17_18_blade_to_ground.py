@@ -2,10 +2,12 @@
 One against several harmonics: the blade rubs on the ground (Figs 17 and 18)
 ============================================================================
 
-As in the paper, the blade of the disk alone touches a rigid ground with the right underside of its platform; it is held at
-the bore and at the cut faces of its segment.  Normal loads at rest are prescribed, falling linearly along the axis, with a
-gap at the last row of points; they are scaled to six sums.  Equations (4) and (10) need the preload of a damper, so the
-contact stiffness of the paper's settings is that under uniform tractions.  Needs ``bdamper[fe]``.
+As in the paper, the blade of the disk alone touches a rigid ground with the right underside of its
+platform; it is fixed at the bore and at the cut faces of its segment. The normal loads at rest are
+prescribed. They decrease linearly along the axis, with a gap at the last row of points, and are
+scaled to six total loads.  Equations (4) and (10) need the preload of a damper, so the contact
+stiffness with the settings of the paper is computed from uniform tractions. The example requires
+``bdamper[fe]``.
 """
 
 from typing import Any
@@ -87,7 +89,9 @@ METHODS = {
 
 
 def differences(single: list, multiple: list) -> list[float]:
-    """Relative change of the resonance amplitude from one to five harmonics at each load."""
+    """Return the relative change of the resonance amplitude from one to five harmonics at each
+    load.
+    """
     return [b.peak.amplitude / a.peak.amplitude - 1.0 for a, b in zip(single, multiple)]
 
 

@@ -2,10 +2,10 @@
 A test rig with one blade and two dampers (Figs 19 to 22)
 =========================================================
 
-One test blade stands between two dummy blades without airfoil; two wedge dampers are pulled against the platforms by equal
-loads.  The three blades are one acyclic structure, so the interblade phase angle is zero.  In the paper, too, this is
-another blade than that of the disk; its measured points are in figures only and not available as numbers, and none are
-shown here.
+One test blade stands between two dummy blades without airfoil; two wedge dampers are pulled against
+the platforms by equal loads.  The three blades are one acyclic structure, so the interblade phase
+angle is zero.  In the paper, this blade also differs from the blade of the disk. Its measured
+points are published only in figures, not as numbers, and are not shown here.
 """
 
 import matplotlib.pyplot as plt
@@ -70,7 +70,9 @@ keep(model.plot(), "fig20_test_rig")
 
 
 def at_normalised_load(curve: OptimalCurve, load: float) -> tuple[float, float]:
-    """Amplitude over the stuck amplitude, and the share that slips, at a multiple of the optimum load."""
+    """Return the ratio of the amplitude to the stuck amplitude, and the fraction of slip, at a
+    multiple of the optimal load.
+    """
     k = int(np.argmin(np.abs(np.log(curve.preload / curve.optimum.preload / load))))
     return float(curve.amplitude[k] / curve.stuck.amplitude), float(curve.shares[k, 1])
 

@@ -1,9 +1,11 @@
-"""Compute what the paper's figures need and takes long, and store it in ``examples/converged``.
+"""Compute the converged results for the paper's figures, which take long, and store them in
+``examples/converged``.
 
     python examples/make_converged.py           what is missing
     python examples/make_converged.py mode_1    again what begins so
 
-Some six minutes of processor time in all, and each file its own.  Curves are stored without their unknowns.
+The computation takes about six minutes of processor time; each result has its own file. Curves are
+stored without their unknowns.
 """
 
 from __future__ import annotations
@@ -38,7 +40,7 @@ from bdamper.response.response_curve_result import ResponseCurve
 
 
 def tracking(preload: float, mode: int = 1, **settings: Any) -> ResponseCurve:
-    """A response curve without its unknowns."""
+    """Compute a response curve without its unknowns."""
     curve = study(mode, **settings).frequency_response(preload, MODES[mode].band)
     return replace(curve, unknowns=np.empty((len(curve), 0)))
 
@@ -46,14 +48,16 @@ def tracking(preload: float, mode: int = 1, **settings: Any) -> ResponseCurve:
 def optimal(
     asked: bd.Study, interval: tuple[float, float], n: int, band: tuple[float, float]
 ) -> OptimalCurve:
-    """An optimal curve without its unknowns."""
+    """Compute an optimal curve without its unknowns."""
     curve = asked.optimal_curve(interval, n, frequency=band, check=False)
     return replace(curve, unknowns=np.empty((len(curve), 0)))
 
 
 @cache
 def model(n: int) -> bd.Model:
-    """The disk with another grid of contact points, which needs the finite element model (``bdamper[fe]``)."""
+    """Return the disk with a different grid of contact points, which requires the finite element
+    model (``bdamper[fe]``).
+    """
     from bdamper.fem import MeshDensity, SectorFE, bladed_disk
     from bdamper.fem.meshes import paper_geometry
 
@@ -64,12 +68,12 @@ def model(n: int) -> bd.Model:
 
 
 def points(n: int, preload: float) -> ResponseCurve:
-    """A response curve with another number of contact points."""
+    """Compute a response curve with a different number of contact points."""
     return tracking(preload, model=model(n))
 
 
 def jobs() -> Iterator[tuple[str, Callable[[], Any]]]:
-    """Names of the files and what computes them."""
+    """Return the functions that compute the files, by file name."""
     lowest = POINTS_PRELOADS[0]
     for mode, driven in MODES.items():
         more = (*ROTATION_PRELOADS, lowest) if mode == 1 else ()
@@ -91,7 +95,7 @@ def jobs() -> Iterator[tuple[str, Callable[[], Any]]]:
 
 
 def save(result: Any, name: str) -> str:
-    """Writes a result and says what it is."""
+    """Write a result to its file, and print a description."""
     if isinstance(result, dict):
         np.savez_compressed(STORED / f"{name}.npz", **result)
         return f"{len(result)} arrays"
@@ -100,7 +104,7 @@ def save(result: Any, name: str) -> str:
 
 
 def main() -> None:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
         "name", nargs="?", default="", help="only the files whose names begin so, and those again"

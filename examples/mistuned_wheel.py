@@ -1,12 +1,14 @@
-"""A wheel of unequal blades: how much higher the worst blade is, and the preload that protects it.
+"""Mistuned bladed disk: amplification of the worst blade, and the preload that limits its
+amplitude.
 
     python examples/mistuned_wheel.py [--wheels 20] [--harmonics 1] [--figures figures]
 
-Amplification factor over the standard deviation of blade frequencies at three preloads, and the preload, of seven, at which
-the worst blade of 99 % of the wheels is lowest.  ``--harmonics 3`` asks with three harmonics; the contacts' flexibility is
-in the local basis of the model either way.  Finished wheels are kept in the folder of the figures, from which an
-interrupted run goes on.  A wheel at one preload takes half a minute of the processor, with three harmonics up to ten
-minutes.
+The script computes the amplification factor against the standard deviation of the blade frequencies
+at three preloads, and determines at which of seven preloads the 99th percentile of the largest
+blade amplitude is lowest. ``--harmonics 3`` uses three harmonics; the local basis of the model
+contains the flexibility of the contacts in both cases. Finished disks are stored in the folder of
+the figures, from which an interrupted run continues. A disk at one preload takes half a minute of
+processor time, and up to ten minutes with three harmonics.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ PRELOADS = (250.0, 350.0, 500.0, 700.0, 1000.0, 1400.0, 2000.0)
 
 
 def main(wheels: int, harmonics: int, folder: Path) -> None:
-    """Both samples, printed and drawn."""
+    """Print and draw both samples."""
     model = bd.reference_model("bladed_disk", contact_points=9)
     excitation = bd.Excitation("tip", direction="tangential", amplitude=1.0)
     study = bd.Study(model, excitation, 5, friction_coefficient=0.4, harmonics=harmonics)

@@ -1,4 +1,4 @@
-"""From the decks of a sector of your own to optimum, margin, crossing and mistuned wheel.
+"""From the decks of your own sector to optimum, margin, crossing and mistuned bladed disk.
 
 python examples/own_sector.py FOLDER        sector.inp and damper.inp in it, and what CalculiX stored of their matrices
 """
@@ -19,7 +19,7 @@ STEEL = Material(
 
 
 def main(folder: Path) -> tuple[bd.Study, bd.BladedDisk, float]:
-    """The study, the wheel, and the preload (N) of the least amplitude."""
+    """Return the study, the bladed disk, and the preload (N) with the lowest amplitude."""
     built = build_model(
         read_calculix(folder / "sector"), read_calculix(folder / "damper"),
         sector=Sector(36, ("LOW", "HIGH"), blade_nodes="BLADE", stress="FILLET"),

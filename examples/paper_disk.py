@@ -1,9 +1,10 @@
-"""The body of the paper's figures, with the settings of the paper and with converged ones.
+"""Model for the paper's figures, with the settings of the paper and with converged settings.
 
-The paper computes with stiffness equations (4) and (10), ten blade modes, six rigid modes of the damper and one harmonic.
-"Converged" stands for three harmonics, each with the modes of its own nodal diameter, and residual modes for what the ten
-blade modes leave out; ``studies.md`` shows what each of these steps is worth, what more harmonics change (6 % from
-300 N on, a fifth at 135 N), and that neither is converged in the number of contact points at low load.
+The paper uses the stiffness equations (4) and (10), ten blade modes, six rigid-body modes of the
+damper and one harmonic. "Converged" means three harmonics, each with the modes of its own nodal
+diameter, and residual modes for the flexibility that the ten blade modes omit. ``studies.md`` shows
+the effect of each of these steps and of more harmonics (6 % from 300 N upward, a fifth at 135 N),
+and that neither is converged in the number of contact points at low load.
 """
 
 from __future__ import annotations
@@ -34,8 +35,8 @@ DAMPING_RATIO = 0.0021
 
 @dataclass(frozen=True)
 class Mode:
-    """How a mode is driven at the trailing-edge corner of the tip, where its resonances lie (Hz), the preloads of its
-    response curves and the interval of its optimal curve (N).
+    """Excitation of a mode at the trailing-edge corner of the tip, frequency interval of its
+    resonances (Hz), preloads of its response curves, and interval of its optimal curve (N).
     """
 
     direction: str
@@ -46,7 +47,7 @@ class Mode:
 
     @property
     def name(self) -> str:
-        """What is driven."""
+        """Return the name of the excited mode."""
         return f"{self.force:g} N {self.direction}"
 
 
@@ -71,13 +72,17 @@ POINTS, POINTS_PRELOADS = (9, 24, 48), (100.0, 200.0, 1000.0, 25000.0)
 RIG_LOADS, RIG_BAND = (25.0, 1.5e5), (240.0, 380.0)
 RIG_PLAIN = {"contact_stiffness": "unit_traction", "harmonics": 1}
 CONVERGED = {"contact_stiffness": bd.ResidualModes(partial_contact=False)}
-"""Residual modes of the stored curves, with which ``studies.md`` compares: force vectors of bonded faces alone."""
+"""Residual modes of the stored curves, which ``studies.md`` uses for comparison: force vectors of
+bonded faces only.
+"""
 
 
 def study(
     mode: int, contact_points: int = 24, model: bd.Model | None = None, **settings: Any
 ) -> bd.Study:
-    """The disk driven in a mode, with other settings than the defaults if they are named (``**bd.CIGEROGLU_2009``)."""
+    """Return the study of the disk excited in a mode, with settings that differ from the defaults
+    if given (``**bd.CIGEROGLU_2009``).
+    """
     driven = MODES[mode]
     settings = CONVERGED | settings
     # the paper drives mode 2 radially, although the corner of the tip moves little in this direction
@@ -92,7 +97,7 @@ def study(
 
 
 def rig_study(**settings: Any) -> bd.Study:
-    """The test rig, driven by 1 N in the tangential direction at the tip."""
+    """Return the study of the test rig, excited by 1 N in the tangential direction at the tip."""
     settings = CONVERGED | settings
     return bd.Study(
         bd.reference_model("test_rig"), bd.Excitation("tip"), friction_coefficient=0.4, **settings
@@ -100,12 +105,12 @@ def rig_study(**settings: Any) -> bd.Study:
 
 
 def stored(name: str) -> Any:
-    """A converged result, as ``python examples/make_converged.py`` has made it."""
+    """Load a converged result that ``python examples/make_converged.py`` has computed."""
     return bd.load(STORED / f"{name}.h5")
 
 
 def keep(target: Axes | Figure, name: str) -> None:
-    """Write a figure to the folder ``figures`` as well, and leave it open for the gallery."""
+    """Write a figure to the folder ``figures``, and leave it open for the gallery."""
     FIGURES.mkdir(exist_ok=True)
     figure = np.ravel(np.asarray(target, object))[0].get_figure()
     with plt.rc_context(STYLE):
@@ -114,7 +119,7 @@ def keep(target: Axes | Figure, name: str) -> None:
 
 
 def motion_over_preload(asked: bd.Study, preloads: Sequence[float]) -> dict[str, np.ndarray]:
-    """Rigid-body motion of the damper at the resonance of mode 1 for each preload.
+    """Compute the rigid-body motion of the damper at the resonance of mode 1 for each preload.
 
     Returns
     -------
@@ -140,7 +145,7 @@ def motion_over_preload(asked: bd.Study, preloads: Sequence[float]) -> dict[str,
 
 
 def print_curves(name: str, curves: list[ResponseCurve]) -> None:
-    """A line of a table for each curve."""
+    """Print one line of a table for each curve."""
     print(f"{name}\n{'preload':>10}{'peak':>13}{'at':>12}{'folds':>7}{'open at the peak':>18}")
     for c in curves:
         peak, opened = c.peak, 100 * c.peak.shares[2]
@@ -154,7 +159,9 @@ def print_curves(name: str, curves: list[ResponseCurve]) -> None:
 def plot_beside(
     paper: Sequence[ResponseCurve], converged: Sequence[ResponseCurve], title: str
 ) -> Figure:
-    """Curves with the paper's settings on the left, converged ones on the right, on the same axes."""
+    """Plot the curves with the settings of the paper on the left and the converged curves on the
+    right, with the same axes.
+    """
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(1, 2, figsize=(8.0, 4.2), sharex=True, sharey=True)
         for ax, curves, name in zip(
@@ -170,7 +177,9 @@ def plot_beside(
 
 
 def plot_optimal_beside(paper: OptimalCurve, converged: OptimalCurve, title: str) -> Figure:
-    """Amplitude above frequency shift, the settings of the paper on the left, converged on the right, on the same axes."""
+    """Plot amplitude above frequency shift, with the settings of the paper on the left and
+    converged on the right, on the same axes.
+    """
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(
             2, 2, figsize=(8.2, 5.4), sharex=True, sharey="row", height_ratios=(2.0, 1.0)

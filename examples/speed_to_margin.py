@@ -1,9 +1,11 @@
 r"""From rotor speed to fatigue margin: dampers of three masses over the speed range of a bladed disk.
 
-Campbell diagram with damped crossings, the margin against fatigue over speed for each mass of the damper, and margin and
-tip amplitude over the mass at one speed, as a design review would use them.  Preload, frequencies, contact and mean
-stress are those of the speed; the margin is that of Goodman on the amplitude, at the points of the blade away from its
-contact faces, for a material like a steel.  The damper of the largest margin is lighter than that of the least amplitude.
+The script draws a Campbell diagram with damped crossings, the fatigue margin against speed for each
+damper mass, and margin and tip amplitude against the mass at one speed, as for a design review.
+Preload, frequencies, contact and mean stress belong to the respective speed. The margin is the
+factor on the amplitude by Goodman, at the points of the blade away from its contact faces, for a
+steel-like material. The damper with the largest margin is lighter than the damper with the lowest
+amplitude.
 
     python examples/speed_to_margin.py --harmonics 3
 """
@@ -25,16 +27,20 @@ from bdamper.plot import plot_campbell, plot_crossings, save_figure
 from bdamper.response.optimal_curve_result import OptimalCurve
 
 ORDERS, MASSES, SPEEDS = (4, 5, 6), (0.55, 0.8, 1.4), (200.0, 720.0)
-"""Engine orders, factors on the mass of the damper, and the range of speeds (rad/s)."""
+"""Engine orders, factors on the damper mass, and range of speeds (rad/s)."""
 ONE_SPEED, LOADS = 440.0, (0.28, 0.7)
-"""Speed (rad/s) at which margins are shown over the mass, and factors on the preload there of the nominal mass."""
+"""Speed (rad/s) at which margins are shown against the mass, and factors on the preload of the
+nominal mass at this speed.
+"""
 STEEL = Material(
     300e6, 900e6, 800e6, name="a steel", source="round figures; take those of your part"
 )
 
 
 def study(harmonics: int = 3) -> bd.Study:
-    """The shipped disk, which has data over speed and stress at its blade, with 60 N at the tip."""
+    """Return the study of the shipped disk, which has speed-dependent data and blade stresses, with
+    60 N at the tip.
+    """
     model = bd.reference_model("bladed_disk", 9)
     return bd.Study(
         model,
@@ -46,7 +52,9 @@ def study(harmonics: int = 3) -> bd.Study:
 
 
 def over_mass(asked: bd.Study) -> OptimalCurve:
-    """Highest peaks and their margins over the preload at one speed; the inertia stays that of the nominal damper."""
+    """Compute the highest peaks and their margins at several preloads at one speed, with the
+    inertia of the nominal damper.
+    """
     at = asked.at_speed(ONE_SPEED)
     loads = tuple(factor * at.preload for factor in LOADS)
     with warnings.catch_warnings():
@@ -56,7 +64,7 @@ def over_mass(asked: bd.Study) -> OptimalCurve:
 
 
 def plot_over_mass(curve: OptimalCurve, grams: float, ax: plt.Axes) -> None:
-    """Margin and tip amplitude over the mass of the damper, ``grams`` for each newton of preload."""
+    """Plot margin and tip amplitude against the damper mass, ``grams`` for each newton of preload."""
     (margins,) = curve.margins
     ax.plot(grams * margins.values, margins.margin, "k-", label="margin")
     ax.plot(
@@ -91,7 +99,9 @@ def plot_over_mass(curve: OptimalCurve, grams: float, ax: plt.Axes) -> None:
 
 
 def review(asked: bd.Study, found: SweepResult, curve: OptimalCurve) -> plt.Figure:
-    """Campbell diagram with damped crossings, margin over speed, and margin beside tip amplitude over the mass."""
+    """Draw the Campbell diagram with damped crossings, the margin against speed, and margin and tip
+    amplitude against mass.
+    """
     campbell = asked.campbell(SPEEDS, ORDERS, modes=1, damped=found)
     with plt.style.context("bdamper.plot.style"):
         figure, (left, middle, right) = plt.subplots(1, 3, figsize=(13.0, 4.0))

@@ -1,12 +1,14 @@
 """A bladed disk with wedge dampers, from CalculiX to a response curve.
 
-Three decks are written: the sector with its free faces and the damper, whose matrices CalculiX stores
-(``*FREQUENCY, SOLVER=MATRIXSTORAGE``), and the sector with cyclic symmetry, whose modes of nodal diameter 5 serve as a
-check.  From their results a model is built, reported, saved and tracked.
+Three decks are written: the sector with its free faces and the damper, whose matrices CalculiX
+stores (``*FREQUENCY, SOLVER=MATRIXSTORAGE``), and the sector with cyclic symmetry, whose modes of
+nodal diameter 5 serve as a check.  A model is built from their results and saved with its report,
+and its response curve is computed.
 
     python examples/calculix/bladed_disk.py [folder]
 
-needs the program ``ccx`` and the extra ``bdamper[fe]``, which makes the meshes here; with your own decks it does not.
+This requires the program ``ccx`` and the extra ``bdamper[fe]``, which generates the meshes and is not
+needed for your own decks.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ ENGINE_ORDER = 5
 
 
 def write_and_run(folder: Path, fe: SectorFE) -> None:
-    """The decks, and CalculiX on each of them."""
+    """Write the decks and run CalculiX on each of them."""
     blade, damper = decks.blade_sets(fe), decks.damper_sets(fe)
     decks.run_job(decks.matrix_input(fe.blade, blade, clamped="BORE"), folder, "sector")
     decks.run_job(decks.matrix_input(fe.damper.body, damper), folder, "damper")
@@ -36,7 +38,7 @@ def write_and_run(folder: Path, fe: SectorFE) -> None:
 
 
 def import_model(folder: Path, fe: SectorFE, points: int = 9, n_modes: int = 20) -> BuiltModel:
-    """The model, with the same contact points as the reference model."""
+    """Return the model with the same contact points as the reference model."""
     g = fe.geometry
     tip = [g.camber / 3.0, g.ridge_radius + g.platform_edge_thickness + g.airfoil_height, 0.0]
     return build_model(
@@ -64,7 +66,7 @@ def import_model(folder: Path, fe: SectorFE, points: int = 9, n_modes: int = 20)
 
 
 def tracking_curve(built: BuiltModel) -> ResponseCurve:
-    """First bending mode of the blade under 1 N at the tip and 200 N on the damper."""
+    """Compute the response of the first bending mode under 1 N at the tip and 200 N on the damper."""
     study = Study(
         built.model,
         Excitation("tip", amplitude=1.0),
@@ -78,7 +80,7 @@ def tracking_curve(built: BuiltModel) -> ResponseCurve:
 
 
 def main(folder: Path) -> tuple[BuiltModel, ResponseCurve]:
-    """Everything, in ``folder``."""
+    """Run all steps in ``folder``."""
     folder.mkdir(parents=True, exist_ok=True)
     fe = SectorFE(density=MeshDensity.preset("coarse"))
     write_and_run(folder, fe)

@@ -1,9 +1,9 @@
 """Decks of the meshes of bdamper.fem for CalculiX, an independent finite element program.
 
-The same nodes and elements (C3D20, whose local order of nodes differs), clamped nodes, and the two sector
-faces tied by cyclic symmetry.  A frequency does not depend on the direction in which the wave is counted, so
-it can be compared without any convention.  CalculiX lists each frequency of a cyclic model twice, for the
-real and the imaginary part.
+The decks contain the same nodes, elements (C3D20, with a different local node order) and clamped
+nodes, and the two sector faces tied by cyclic symmetry. Frequencies do not depend on the direction
+of the travelling wave, so they can be compared without any convention.  CalculiX lists each
+frequency of a cyclic model twice, for the real and the imaginary part.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from bdamper.fem.meshes import Discretisation, Geometry, local_order, turn
 
 
 def numbers_of(nodes: NDArray) -> str:
-    """Numbers from one on, sixteen to a line."""
+    """Return numbers counted from one, sixteen on each line."""
     text = [str(n + 1) for n in nodes]
     return "\n".join(", ".join(text[i : i + 16]) for i in range(0, len(text), 16))
 
 
 def deck_of(body: Discretisation) -> str:
-    """Nodes, elements and material of a body."""
+    """Return the nodes, elements and material of a body as text."""
     elements = body.elements[:, local_order()] + 1
     # The map from scikit-fem's cube may be a reflection, which CalculiX refuses; then turn the elements over.
     corner = body.nodes[elements[0, :8] - 1]
@@ -57,10 +57,11 @@ def sector_input(
     n_modes: int,
     omega: float = 0.0,
 ) -> str:
-    """Input file for ``n_modes`` different frequencies of one nodal diameter, each of which comes twice.
+    """Return the input file for ``n_modes`` different frequencies of one nodal diameter, each of
+    which occurs twice.
 
-    With a rotor speed ``omega`` (rad/s) they are those under the stress of a static step with the centrifugal load, which
-    brings stress stiffening and spin softening, as a perturbation step does in CalculiX.
+    If a rotor speed ``omega`` (rad/s) is given, a static step with the centrifugal load precedes
+    the frequency step, which is then a perturbation step with stress stiffening and spin softening.
     """
     # A degree of freedom of a clamped node must not be tied as well.
     left, right = (
@@ -110,15 +111,16 @@ def _steps(omega: float) -> list[str]:
 def matrix_input(
     body: Discretisation, sets: Mapping[str, NDArray], clamped: str | None = None
 ) -> str:
-    """Input file that makes CalculiX write its stiffness and mass matrix (``.sti``, ``.mas`` and ``.dof``).
+    """Return the input file with which CalculiX writes its stiffness and mass matrices (``.sti``,
+    ``.mas`` and ``.dof``).
 
     Parameters
     ----------
     body : Discretisation
     sets : mapping of name to (n,) int
-        Node sets, for the user of the matrices.
+        Node sets that are written to the file.
     clamped : str, optional
-        The set that is held; its nodes have no rows in the matrices.
+        Set of fixed nodes, which have no rows in the matrices.
     """
     lines = [deck_of(body)]
     for name, nodes in sets.items():
@@ -138,8 +140,9 @@ def _on_face_plane(nodes: NDArray, g: Geometry, side: str) -> NDArray:
 
 
 def blade_sets(fe: SectorFE) -> dict[str, NDArray]:
-    """Node sets of the sector: BORE (clamped), LOW and HIGH (sector faces toward -X and +X), and the two undersides
-    of the platform, of which RIGHT_UNDERSIDE touches the damper of this sector and LEFT_UNDERSIDE that of the one before.
+    """Return the node sets of the sector: BORE (clamped), LOW and HIGH (sector faces toward -X and
+    +X), and the two platform undersides. RIGHT_UNDERSIDE touches the damper of this sector, and
+    LEFT_UNDERSIDE the damper of the previous sector.
     """
     ahead = fe.blade.nodes @ turn(fe.geometry.pitch).T
     return {
@@ -152,7 +155,9 @@ def blade_sets(fe: SectorFE) -> dict[str, NDArray]:
 
 
 def damper_sets(fe: SectorFE) -> dict[str, NDArray]:
-    """Node sets of the damper: its contact faces LEFT and RIGHT, its end faces FRONT (+Z) and BACK."""
+    """Return the node sets of the damper: its contact faces LEFT and RIGHT, and its end faces FRONT
+    (+Z) and BACK.
+    """
     nodes, half = fe.damper.body.nodes, 0.5 * fe.geometry.face_width
     return {
         "LEFT": _on_face_plane(nodes, fe.geometry, "left"),
@@ -168,7 +173,7 @@ def run_job(text: str, folder: Path, job: str) -> str:
     Raises
     ------
     RuntimeError
-        If it fails; the message ends with its last lines of output.
+        If CalculiX fails; the message ends with the last lines of its output.
     """
     (folder / f"{job}.inp").write_text(text)
     done = subprocess.run(
