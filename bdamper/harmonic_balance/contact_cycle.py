@@ -77,14 +77,16 @@ def energies(
     damping = 0.0
     excitation = 0.0
     kinetic = 0.0
-    # l is the harmonic, with modal amplitudes q and excitation e
-    for l in range(1, system.n_harmonics + 1):
-        q = layout.amplitudes(u, l)
-        e = layout.amplitudes(system.structure.force, l)
-        basis = system.structure.bases[l]
-        excitation += np.pi * l * float((e * q.conj()).imag.sum())
-        damping += np.pi * l**2 * omega * float(basis.damping @ np.abs(q) ** 2)
-        kinetic += 0.5 * (l * omega) ** 2 * float(basis.mass @ np.abs(q) ** 2)
+    # modal amplitudes of motion and excitation, Re[q exp(i l omega t)] in harmonic l: a force f does
+    # the work pi l Im(f conj q) in a period of the fundamental
+    for harmonic in range(1, system.n_harmonics + 1):
+        q = layout.amplitudes(u, harmonic)
+        squared_amplitude = np.abs(q) ** 2
+        force = layout.amplitudes(system.structure.force, harmonic)
+        basis = system.structure.bases[harmonic]
+        excitation += np.pi * harmonic * float((force * q.conj()).imag.sum())
+        damping += np.pi * harmonic**2 * omega * float(basis.damping @ squared_amplitude)
+        kinetic += 0.5 * (harmonic * omega) ** 2 * float(basis.mass @ squared_amplitude)
 
     # coefficients: mean, then cosine and sine of each harmonic; complex amplitudes of motion and
     # force (n_points, 3, n_harmonics)
@@ -192,11 +194,13 @@ def _integrate_user_laws(system: Equations[SectorData], X: NDArray, F: NDArray) 
     laws = system.structure.points.own
     memory = system.structure.points.memory
     assert laws is not None and memory is not None
+    _, _, n_theta = X.shape
     for _ in range(MOST_PERIODS):
         before = memory
-        for k in range(X.shape[2]):
+        for k in range(n_theta):
             forces, _, memory = laws.step(X[..., k], memory)
             F[laws.compiled, :, k] = forces[laws.compiled]
+        # relative to the largest value of each stored number over the points
         change = np.abs(memory - before)
         if (change <= 1e-9 * np.abs(memory).max(axis=0)).all():
             break

@@ -310,19 +310,21 @@ class Rows:
         response."""
         omega = float(y[-1])
         u = y[:-1]
-        re, im = self.at(omega)
-        a = float(re @ u)
-        b = float(im @ u)
+        # rows (n_unknowns,) of the real and the imaginary part of the response
+        real_row, imaginary_row = self.at(omega)
+        real = float(real_row @ u)
+        imaginary = float(imaginary_row @ u)
         by_parameter = 0.0
         if self.moving:
             # derivatives of both parts with respect to the squared speed (omega / engine order)^2
             _, half = self.squares
             slopes = chebyshev.chebder(self.coefficients) / half
             polynomials = self.basis(omega, len(slopes))
-            da, db = np.tensordot(polynomials, slopes, 1) @ u
-            by_parameter = (a * float(da) + b * float(db)) * 2.0 * omega / self.engine_order**2
-        gradient = np.append(a * re + b * im, by_parameter)
-        return gradient, a * a + b * b
+            d_real, d_imaginary = np.tensordot(polynomials, slopes, 1) @ u
+            by_square = real * float(d_real) + imaginary * float(d_imaginary)
+            by_parameter = by_square * 2.0 * omega / self.engine_order**2
+        by_unknowns = real * real_row + imaginary * imaginary_row
+        return np.append(by_unknowns, by_parameter), real * real + imaginary * imaginary
 
 
 class Measure(Protocol):

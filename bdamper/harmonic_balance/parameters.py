@@ -359,18 +359,23 @@ def aligned(basis: HarmonicBasis, reference: HarmonicBasis) -> HarmonicBasis:
     expected = "a range in which contacts keep their residual modes"
     found = 'a range that changes them; give a shorter one, or contact_stiffness="unit_traction"'
     validation.check(basis.coordinates == reference.coordinates, "residual modes", expected, found)
-    residual = np.array([i for i, c in enumerate(basis.coordinates) if c.body == RESIDUAL], int)
+    is_residual = [coordinate.body == RESIDUAL for coordinate in basis.coordinates]
+    residual = np.flatnonzero(is_residual)
     if not len(residual):
         return basis
+    # modes of equal mass may be rotated against each other; the masses ascend
     mass = basis.mass[residual]
-    steps = np.flatnonzero(np.diff(mass) > EQUAL_MASS * mass.max()) + 1
+    first_of_group = np.flatnonzero(np.diff(mass) > EQUAL_MASS * mass.max()) + 1
     G = basis.G.copy()
-    for group in np.split(residual, steps):
+    for group in np.split(residual, first_of_group):
+        # (n_points, 3, n_group) as matrices (3 n_points, n_group)
         columns = basis.G[..., group].reshape(-1, len(group))
         target = reference.G[..., group].reshape(-1, len(group))
-        # unitary Procrustes rotation
-        U, _, V = np.linalg.svd(columns.conj().T @ target)
-        G[..., group] = (columns @ (U @ V)).reshape(*G.shape[:2], len(group))
+        # the rotation that brings the columns closest to the target (Procrustes): from the
+        # singular vectors of their product
+        left, _, right = np.linalg.svd(columns.conj().T @ target)
+        rotated = columns @ (left @ right)
+        G[..., group] = rotated.reshape(*G.shape[:2], len(group))
     return replace(basis, G=G)
 
 

@@ -398,11 +398,13 @@ class Problem:
             return None
         # a typical motion of the points: the static response in stick to the excitation
         basis = self.bases[1]
-        G = basis.G.reshape(-1, basis.n_modes)
+        # motion (3 n_points, n_modes) of the points, and the spring of each row
+        motion_rows = basis.G.reshape(-1, basis.n_modes)
         springs = self.point_stiffness.reshape(-1, 1)
-        K = np.diag(basis.omega2) + G.conj().T @ (springs * G)
-        q, *_ = np.linalg.lstsq(K, self.modal_force(1), rcond=None)
-        motion = np.abs(G @ q).reshape(-1, 3)
+        stiffness = np.diag(basis.omega2) + motion_rows.conj().T @ (springs * motion_rows)
+        # by least squares, because a rigid-body motion may be free
+        q, *_ = np.linalg.lstsq(stiffness, self.modal_force(1), rcond=None)
+        motion = np.abs(motion_rows @ q).reshape(-1, 3)
         length = max(float(motion[rows].max()) for rows, _, _ in user_laws)
         if length == 0.0:
             length = 1.0

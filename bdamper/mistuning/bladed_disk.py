@@ -226,46 +226,49 @@ class OneStructure:
     """
 
     def __init__(self, system: DiskSystem, blade: int) -> None:
-        scene = system.structure
-        s = scene.structure
-        N, n_coef, size = scene.shape
-        n = s.n
+        equations = system.structure
+        matrices = equations.structure
+        n_blades, n_coef, n_sector = equations.shape
+        n_blade = matrices.n
+        n_damper = matrices.n_damper
 
         # modes of all blades and the disk, with modal damping
-        mass = _all_sectors(s.mass, s.disk_mass)
-        stiffness = _all_sectors(s.stiffness, s.disk_stiffness)
+        mass = _all_sectors(matrices.mass, matrices.disk_mass)
+        stiffness = _all_sectors(matrices.stiffness, matrices.disk_stiffness)
         squares, phi = scipy.linalg.eigh(stiffness, mass)
-        damping_matrix = _all_sectors(np.zeros_like(s.mass), s.damping)
+        damping_matrix = _all_sectors(np.zeros_like(matrices.mass), matrices.damping)
         damping = np.einsum("ik,ik->k", phi, damping_matrix @ phi)
 
         # the unknowns are the coordinates of these modes, then those of all dampers; motion
-        # (n_blades, n_sector) of each of them
-        n_modes = N * n
-        n_unknowns = N * size
+        # (n_blades, n_sector) of each of them, with the blade before the damper of a sector
+        n_modes = n_blades * n_blade
+        n_unknowns = n_blades * n_sector
+        unit_dampers = np.eye(n_blades * n_damper).reshape(n_blades, n_damper, -1)
         self.system = system
-        self.modes = np.zeros((N, size, n_unknowns))
-        self.modes[:, :n, :n_modes] = phi.reshape(N, n, -1)
-        self.modes[:, n:, n_modes:] = np.eye(N * s.n_damper).reshape(N, s.n_damper, -1)
+        self.modes = np.zeros((n_blades, n_sector, n_unknowns))
+        self.modes[:, :n_blade, :n_modes] = phi.reshape(n_blades, n_blade, -1)
+        self.modes[:, n_blade:, n_modes:] = unit_dampers
         # (mass phi)^T is the inverse of the mass-normalised modes
         self.inverse = self.modes.copy()
-        self.inverse[:, :n, :n_modes] = (mass @ phi).reshape(N, n, -1)
+        self.inverse[:, :n_blade, :n_modes] = (mass @ phi).reshape(n_blades, n_blade, -1)
 
         of_unknowns = self.modes.transpose(2, 0, 1)
-        motion = np.stack([s.motion(x) for x in of_unknowns], axis=-1)
+        motion = np.stack([matrices.motion(x) for x in of_unknowns], axis=-1)
         basis = HarmonicBasis(
             coordinates=(),
-            omega2=np.append(squares, np.tile(s.damper_stiffness, N)),
+            omega2=np.append(squares, np.tile(matrices.damper_stiffness, n_blades)),
             damping_ratio=np.zeros(n_unknowns),
             G=motion.reshape(-1, 3, n_unknowns),
             nodal_diameter=0,
-            mass=np.append(np.ones(n_modes), s.damper_mass),
-            drag=np.append(damping, np.tile(s.damper_damping, N)),
+            mass=np.append(np.ones(n_modes), matrices.damper_mass),
+            drag=np.append(damping, np.tile(matrices.damper_damping, n_blades)),
         )
-        rows = np.einsum("i,bik->bk", scene.response_row, self.modes[:, :n])
-        force = self._projected(scene.force, self.modes)
+        # response of each blade to the unknowns, (n_blades, n_unknowns)
+        rows = np.einsum("i,bik->bk", equations.response_row, self.modes[:, :n_blade])
+        force = self._projected(equations.force, self.modes)
         # the same modes and the same response in the mean and in all harmonics
         n_bases = n_coef // 2 + 1
-        one = SectorData([basis] * n_bases, scene.points, force, [rows[blade]] * n_bases)
+        one = SectorData([basis] * n_bases, equations.points, force, [rows[blade]] * n_bases)
         # the coordinates are real, so that their imaginary parts do not respond
         rows_of_both_parts = np.hstack([rows, np.zeros_like(rows)])
         self.sectors = AllSectors(

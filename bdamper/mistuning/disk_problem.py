@@ -208,8 +208,8 @@ def disk_points(structure: DiskMatrices, dampers: DamperVariation) -> PointArray
     """Return the contact points of all sectors, sector by sector, with sliders at zero and no
     shift."""
     tuned = structure.tuned
-    N = structure.n_blades
-    n_points = len(structure.sector)
+    n_blades = structure.n_blades
+    n_points = len(structure.sector)  # of one sector
     on_damper = np.zeros(n_points, bool)
     if structure.n_damper:
         on_damper[:] = structure.rows[..., structure.n :].any(axis=(1, 2))
@@ -234,9 +234,9 @@ def disk_points(structure: DiskMatrices, dampers: DamperVariation) -> PointArray
         kn=kn.ravel(),
         mu=mu.ravel(),
         n0=(-kn * gap).ravel(),
-        slider=np.zeros((N * n_points, 2)),
-        law=np.tile(tuned.point_laws, N),
-        shift=np.zeros((N * n_points, 3)),
+        slider=np.zeros((n_blades * n_points, 2)),
+        law=np.tile(tuned.point_laws, n_blades),
+        shift=np.zeros((n_blades * n_points, 3)),
     )
 
 
@@ -291,39 +291,45 @@ def loaded(structure: DiskMatrices, preload: float, dampers: DamperVariation | N
         If no static state was found.
     """
     tuned = structure.tuned
-    N = structure.n_blades
-    n = structure.n
-    variation = DamperVariation.of(N) if dampers is None else dampers
+    n_blades = structure.n_blades
+    # coordinates (n_sector,) of a sector: the first belong to the blade, others to the damper
+    of_damper = slice(structure.n, None)
+    variation = DamperVariation.of(n_blades) if dampers is None else dampers
     pinned = variation.missing
     points = disk_points(structure, variation)
 
     # the preload of a damper is proportional to its mass
     modal_load, motion_by_load = tuned.damper_load
     mass_factor = np.where(pinned, 0.0, variation.mass)
-    # loads (n_blades, n_sector): the first n coordinates belong to the blade, others to the damper
-    load = np.tile(local_vector(structure, preload * modal_load, force=True), (N, 1))
-    load[:, n:] *= mass_factor[:, None]
+
+    def on_all_sectors(modal: NDArray, force: bool) -> NDArray:
+        """Return the same motion or force on each sector, (n_blades, n_sector)."""
+        return np.tile(local_vector(structure, modal, force), (n_blades, 1))
+
+    load = on_all_sectors(preload * modal_load, force=True)
+    load[:, of_damper] *= mass_factor[:, None]
     modal_constant, _ = tuned.fixed_load
-    constant = np.tile(local_vector(structure, modal_constant, force=True), (N, 1))
-    constant[pinned, n:] = 0.0
+    constant = on_all_sectors(modal_constant, force=True)
+    constant[pinned, of_damper] = 0.0
+    # motion (n_blades, n_points, 3) of the points without the coordinates
     shift = preload * mass_factor[:, None, None] * motion_by_load
 
     tuned_state = tuned.at(preload).equilibrium
-    mean = np.tile(local_vector(structure, tuned_state.q, force=False), (N, 1))
+    mean = on_all_sectors(tuned_state.q, force=False)
     if dampers is None:
-        slider = np.tile(tuned_state.slider, (N, 1))
-        force = np.tile(tuned_state.force, (N, 1))
+        slider = np.tile(tuned_state.slider, (n_blades, 1))
+        force = np.tile(tuned_state.force, (n_blades, 1))
     else:
-        mean[pinned, n:] = 0.0
+        mean[pinned, of_damper] = 0.0
         loading = Loading(load, constant, shift, tuned.settings.load_history)
         mean, slider, force = static_disk(structure, points, loading, pinned, alike=mean)
-    bonded = np.tile(tuned.bonded_points, N)
+    bonded = np.tile(tuned.bonded_points, n_blades)
     slider = np.where(bonded[:, None], 0.0, slider)
     return Loaded(
         points=replace(points, slider=slider, shift=shift.reshape(-1, 3)),
         load=load + constant,
         mean=mean,
-        force=force.reshape(N, -1, 3),
+        force=force.reshape(n_blades, -1, 3),
         missing=pinned,
     )
 

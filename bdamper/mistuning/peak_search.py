@@ -618,40 +618,44 @@ def family_shapes(structure: DiskMatrices, omega: float) -> NDArray:
     """
     tuned = structure.tuned
     local = structure.local
-    N = structure.n_blades
+    n_blades = structure.n_blades
     n = structure.n
-    modes = [local.modes(d) for d in range(N // 2 + 1)]
-    engine_order = int(tuned.engine_order) % N
-    squares_at_engine_order, _ = modes[min(engine_order, N - engine_order)]
+    modes = [local.modes(d) for d in range(n_blades // 2 + 1)]
+    engine_order = int(tuned.engine_order) % n_blades
+    squares_at_engine_order, _ = modes[min(engine_order, n_blades - engine_order)]
     n_below = int(np.searchsorted(np.sqrt(squares_at_engine_order), 1.001 * omega))
     family = max(n_below - 1, 0)
 
     # mean flexibility at omega over all waves, without the family, which responds in resonance
-    W = np.zeros((n, n))
+    flexibility = np.zeros((n, n))
     family_modes = []
     for d, (squares, phi) in enumerate(modes):
-        both_directions = 1.0 if 2 * d % N == 0 else 2.0
-        weight = both_directions / N
+        # a wave of 0 or N/2 nodal diameters is its own reverse
+        n_directions = 1.0 if 2 * d % n_blades == 0 else 2.0
+        weight = n_directions / n_blades
         difference = squares - omega**2
         difference[family] = np.inf
-        W += weight * ((phi / difference) @ phi.conj().T).real
+        flexibility += weight * ((phi / difference) @ phi.conj().T).real
         family_modes.append(phi[:, family].real)
         family_modes.append(phi[:, family].imag)
 
     # the common shape of the family is the first principal shape in the mass matrix
     mean_disk_mass = structure.disk_mass.mean(axis=0).real
-    M = structure.mass + np.pad(mean_disk_mass, (n - structure.n_root, 0))
-    L = np.linalg.cholesky(M)
-    principal, _, _ = np.linalg.svd(L.T @ np.array(family_modes).T, full_matrices=False)
-    family_shape = np.linalg.solve(L.T, principal[:, 0])
+    # the coordinates of the root, which the disk shares, are the last ones
+    mass = structure.mass + np.pad(mean_disk_mass, (n - structure.n_root, 0))
+    # with mass = L L^T, |L^T x|^2 is x^T mass x
+    lower = np.linalg.cholesky(mass)
+    principal, _, _ = np.linalg.svd(lower.T @ np.array(family_modes).T, full_matrices=False)
+    family_shape = np.linalg.solve(lower.T, principal[:, 0])
 
-    # static shapes of the principal loads on the contact springs
+    # static shapes of the principal loads on the contact springs: loads in units of the root of the
+    # spring, (3 n_points, n), and the largest eigenvalues last
     root_stiffness = np.sqrt(tuned.point_stiffness).reshape(-1, 1)
-    B = root_stiffness * structure.rows[..., :n].reshape(-1, n)
-    _, U = np.linalg.eigh(B @ W @ B.T)
-    contact_shapes = W @ B.T @ U[:, -SHAPES:]
+    springs = root_stiffness * structure.rows[..., :n].reshape(-1, n)
+    _, loads = np.linalg.eigh(springs @ flexibility @ springs.T)
+    contact_shapes = flexibility @ springs.T @ loads[:, -SHAPES:]
     shapes = np.column_stack([contact_shapes, family_shape])
-    modal_mass = np.einsum("ij,ik,kj->j", shapes, M, shapes)
+    modal_mass = np.einsum("ij,ik,kj->j", shapes, mass, shapes)
     return np.asarray(shapes / np.sqrt(modal_mass))
 
 
