@@ -216,7 +216,7 @@ def _peak_at_optimum(problem: Problem, curve: OptimalCurve) -> Peak:
     Raises
     ------
     BdamperError
-        If it was not found, or has another amplitude than the curve.
+        If it was not found, or its amplitude differs from the curve.
     """
     optimum = curve.optimum
     peak = highest_peak(problem, optimum.preload, tuple(curve.settings["frequency"]))

@@ -92,7 +92,7 @@ class EffectRow:
     def verdict(self) -> str:
         """Recommendation for this effect in the study."""
         if self.on:
-            return "keep" if self.significant else "leave out"
+            return "keep" if self.significant else "omit"
         return "switch on" if self.significant else "stays off"
 
 

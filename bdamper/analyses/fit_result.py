@@ -176,9 +176,8 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
         Raises
         ------
         SettingError
-            If the study has another model or other settings than the fit. Contact parameters
-            compensate for omitted modes, contact points and harmonics, and are wrong with different
-            settings.
+            If the study has a different model or different settings. Contact parameters compensate
+            for omitted modes, contact points and harmonics, and are wrong with different settings.
         """
         # the gain belongs to the rig
         settings = {

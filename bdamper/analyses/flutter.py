@@ -108,11 +108,13 @@ class Flutter(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-flut
         leaves_rest = bool(np.any(~self.stable & (self.amplitude == 0.0)))
         from_rest = ""
         if leaves_rest and stable.size:
-            from_rest = f"limit cycles from rest up to {amount(stable.max(), 'm')}"
+            from_rest = f"limit cycles of up to {amount(stable.max(), 'm')} from rest"
         if safe[least] == 0.0:
             verdict = f"Flutter from rest: {where}"
         elif np.isinf(safe[least]) and from_rest:
-            verdict = f"Bounded flutter: {from_rest}, below {highest} none grows without bound"
+            verdict = (
+                f"Bounded flutter: {from_rest}; no vibration below {highest} grows without bound"
+            )
         elif np.isinf(safe[least]):
             verdict = f"No flutter: vibration below {highest} stays bounded"
         else:

@@ -256,7 +256,7 @@ class Hysteresis(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-h
         active = np.isfinite(self.displacement[rows, 0, 0])
         rows = rows[active]
         validation.check(
-            len(rows), "where", "an active contact", f"{where!r}, which the settings leave out"
+            len(rows), "where", "an active contact", f"{where!r}, which the settings omit"
         )
         mean_over_face = np.average(self.displacement[rows, axis], axis=0, weights=self.area[rows])
         # the last angle repeats the first

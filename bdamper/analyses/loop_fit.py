@@ -206,7 +206,7 @@ def fit_loop(
         sense = np.roll(sense, -turns[0])
     used = sense != 0.0
     if not used.all():
-        notes += (f"fitted to {used.sum()} of {len(x)} points, those of periods of full amplitude",)
+        notes += (f"fitted to {used.sum()} of {len(x)} points, from periods with full amplitude",)
     cycles = _cycles(x, y, sense, noise)
     x = x[used]
     y = y[used]
@@ -337,7 +337,7 @@ def _without_drift(
         if share > DRIFT:
             values = values - slope * time
             notes += (
-                f"drift of the {name} by {percent(share)} of its range over the record removed",
+                f"removed a drift of the {name} by {percent(share)} of its range over the record",
             )
         corrected.append(values)
     return corrected[0], corrected[1], notes

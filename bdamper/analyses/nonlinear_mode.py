@@ -816,7 +816,7 @@ def _ending(branch: _Branch, y: NDArray, correlation: NDArray, mode: int) -> tup
         reason = f"{path.status}: {path.reason}"
         reason += _remedy(branch)
     if len(branch.pieces) > 1:
-        reason += f"; another branch from {place(branch.high)} down"
+        reason += f"; there is another branch below {place(branch.high)}"
     # least correlation of the same mode with the stuck mode
     same_mode = 0.5
     other_mode = correlation < same_mode
@@ -832,8 +832,8 @@ def _ending(branch: _Branch, y: NDArray, correlation: NDArray, mode: int) -> tup
     if overdamped.any():
         first = y[int(np.argmax(overdamped))]
         reason += (
-            f"; damping is above {high_damping:g} from {place(first[PARAMETER])} on, too high for a "
-            "periodic approximation"
+            f"; above {place(first[PARAMETER])} the damping ratio exceeds {high_damping:g}, which "
+            "is too high for a periodic approximation"
         )
     if path.status != COMPLETE or other_mode.any() or overdamped.any():
         return INCOMPLETE, reason

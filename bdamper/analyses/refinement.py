@@ -343,7 +343,10 @@ class _Search:
             left = LEFT[source]
             if left == 0.0 and error is None:
                 continue
-            reason = f"assumed part of the last change; {error.against if error else 'exhausted'}"
+            reason = (
+                "assumed fraction of the last change; "
+                f"{error.against if error else 'no further refinement'}"
+            )
             errors[source] = SourceError(
                 source,
                 amplitude=left * last.amplitude,

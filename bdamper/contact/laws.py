@@ -267,7 +267,7 @@ class ContactLaw:
     Raises
     ------
     SettingError
-        If the function has another type or signature, or if numbers are invalid.
+        If the function has the wrong type or signature, or if numbers are invalid.
     """
 
     function: Any = field(repr=False)

@@ -99,7 +99,7 @@ class ContactModel:
     method : name, ResidualModes, float, PerArea or mapping
         Method or values from which the stiffness was computed.
     note : str
-        Reason why another method than the default was used, if the model determined the method.
+        Reason why a method other than the default was used, if the model determined the method.
     """
 
     stiffness: dict[str, ContactStiffness]

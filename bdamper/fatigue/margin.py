@@ -494,7 +494,7 @@ def _caveats(cycle: StressCycle, factor: NDArray) -> tuple[str, ...]:
     left_out = ~cycle.counted
     if left_out.any():
         points = counted(int(left_out.sum()), "point")
-        note = f"left out: {points} on or next to contact faces"
+        note = f"omitted: {points} on or next to contact faces"
         n_smaller = int((factor[left_out] < factor[critical]).sum())
         if n_smaller:
             note += f", {n_smaller}{over_cycle.SMALLER}"

@@ -129,8 +129,8 @@ def match_faces(
 ) -> SectorFaces:
     """Pair the nodes of two sector faces with equal meshes.
 
-    A rotation by one pitch maps the nodes ``left`` onto ``right``.  A mesh with another
-    angle (rad) between its faces is paired by a rotation by ``angle``.
+    A rotation by one pitch maps the nodes ``left`` onto ``right``.  A mesh with a different angle
+    (rad) between its faces is paired by a rotation by ``angle``.
 
     Raises
     ------

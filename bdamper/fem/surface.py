@@ -92,10 +92,10 @@ one face shifted by one position has 0, the most distorted element of the refere
 
 
 def twisted(corners: NDArray, nodes: NDArray) -> NDArray:
-    """Return whether the corners of hexahedra or wedges have another order than usual.
+    """Return whether the corners of hexahedra or wedges are in an unusual order.
 
-    In another order, some face intersects itself or is bent by a right angle, so the normals at its
-    corners point to different sides.  Both senses of rotation are usual.
+    In an unusual order, some face intersects itself or is bent by a right angle, so the normals at
+    its corners point to different sides.  Both senses of rotation are usual.
 
     Parameters
     ----------

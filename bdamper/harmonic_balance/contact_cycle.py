@@ -119,7 +119,8 @@ def bodily_motion(system: Equations[SectorData], u: NDArray) -> NDArray:
     """Return the fundamental harmonic (n_points, 3) of the relative motion from the modes of the
     bodies, complex, m.
 
-    Residual modes are left out: they are the local elasticity in series with the contact elements.
+    Residual modes are omitted, because they are the local elasticity in series with the contact
+    elements.
     """
     basis = system.structure.bases[1]
     of_bodies = np.array([coordinate.body != RESIDUAL for coordinate in basis.coordinates])

@@ -22,7 +22,7 @@ one-sided springs,
 so a second point with the opposite normal is added, which costs little.  It carries no force unless
 the contact would open.  Friction acts under pressure only, ``|T| <= mu max(n0 + kn v, 0)``.  For a
 constant friction limit the core has laws that store the static normal load and have a two-sided
-normal spring.  Friction points that are open in the static state are left out.  Bonded points
+normal spring.  Friction points that are open in the static state are omitted.  Bonded points
 neither open nor slip and remain unchanged.
 """
 
@@ -296,7 +296,7 @@ def contact_of(settings: Settings, coupling: Coupling, friction: NDArray) -> Con
     contact = _contact_by(settings, coupling, friction, second_best)
     note = (
         f'contact stiffness "{contact.method}" instead of residual modes ({reason}); peaks may be '
-        "off by tens of per cent, which more blade modes would show"
+        "wrong by tens of per cent; compare with more blade modes"
     )
     warn(note)
     return replace(contact, note=note)

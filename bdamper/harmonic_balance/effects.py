@@ -38,7 +38,7 @@ ASSUMED = {
     "constraint_planes": "nothing limits the axial motion of the damper",
     "contact_points": "neighbouring patches slip and open together",
     "stability": "the part of a curve that runs back between two folds counts as unstable",
-    "blade_modes": "higher modes act through the contact stiffness and residual modes alone",
+    "blade_modes": "higher modes act only through the contact stiffness and residual modes",
 }
 """Settings that include effects, and the assumption made if the effect is off or reduced."""
 OFF: Mapping[str, Mapping[str, Any]] = {
@@ -113,7 +113,7 @@ class Effects(dict[str, Any]):
             setting = reduced.replace(" ", "_")
             changed = {setting: _at_most(self[setting], int(most))}
         else:
-            raise validation.invalid("effect", "the name of an effect that can be left out", name)
+            raise validation.invalid("effect", "the name of an effect that can be omitted", name)
         return Effects({**self, **changed})
 
     def __str__(self) -> str:
@@ -127,7 +127,8 @@ class Effects(dict[str, Any]):
         # contacts that open or change their friction limit are not symmetric over a cycle
         if missing_evens and self.get("variable_normal_load", True):
             lines.append(
-                f"harmonics {missing_evens} are left out although the variable normal load excites them"
+                f"harmonics {missing_evens} are omitted although the variable normal load excites "
+                "them"
             )
         return "\n".join(lines)
 

@@ -285,7 +285,7 @@ def _of_mass(problem: Problem, name: str, part: str, factor: float) -> Problem:
         raise SettingError(
             f"{MASS}: it needs a rotor speed, at which the load is proportional to the mass; use "
             f"study.at_speed(...). At a given preload, vary {each} (mass and load) or {INERTIA} "
-            "(mass alone)"
+            "(mass only)"
         )
     # without a speed the load of one body is its share of the preload
     loads = settings.given_loads("load_per_preload")

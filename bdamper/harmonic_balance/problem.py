@@ -760,7 +760,7 @@ class Problem:
         if not loaded:
             return "no body of the model carries a load"
         return (
-            f"the study leaves out the motions of {loaded} along the load "
+            f"the study omits the motions of {loaded} along the load "
             f"(rigid_modes={self.settings.rigid_modes})"
         )
 

@@ -302,8 +302,8 @@ class Settings(validation.Answering):
             wave = validation.integer(name, diameter, least=-n) % n
             finite = isinstance(value, (int, float, complex)) and np.isfinite(value)
             validation.check_value(finite, item, "a finite number", value)
-            twice = f"that of {diameter} twice"
-            validation.check(wave not in by_wave, item, "each wave once", twice)
+            twice = f"wave {diameter} twice"
+            validation.check(wave not in by_wave, item, "each wave only once", twice)
             # a real number is a damping ratio
             by_wave[wave] = value if isinstance(value, complex) else 1j * value
         return by_wave
@@ -358,7 +358,7 @@ class Settings(validation.Answering):
             harmonics[0] == 1,
             "excitation",
             "a force of the study's own engine_order",
-            f"harmonics {harmonics} alone",
+            f"only harmonics {harmonics}",
         )
 
     def at_base(self, excitation: Excitation) -> bool:

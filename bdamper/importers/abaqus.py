@@ -164,7 +164,8 @@ def read_calculix(
     Parameters
     ----------
     job : path-like
-        Name of the job, with or without ending; ``job.sti``, ``job.mas`` and ``job.dof`` are read.
+        Name of the job, with or without file extension; ``job.sti``, ``job.mas`` and ``job.dof``
+        are read.
     mesh : path-like, optional
         File with nodes and elements for :func:`read_body`; by default ``job.inp``, or ``job.frd``
         if it does not exist.
@@ -278,7 +279,7 @@ def _check_labels(code_of: Mapping[Any, int | None], deck: Deck, path: Path) -> 
     if internal:
         cure = (
             "*MATRIX GENERATE, STIFFNESS, MASS, PUBLIC NODES without contact and constraints "
-            "writes those of the deck alone"
+            "writes only those of the deck"
         )
         raise mismatch(str(path), f"nodes of the deck ({cure})", f"internal node {internal[0]}")
     if unknown:
@@ -296,8 +297,8 @@ def read_abaqus(job: FilePath, instance: str | None = None) -> FEBody:
     Parameters
     ----------
     job : path-like
-        Name of the job, with or without ending; ``job.inp`` and the only ``job_STIF*.mtx`` and
-        ``job_MASS*.mtx`` are read.
+        Name of the job, with or without file extension; ``job.inp`` and the only ``job_STIF*.mtx``
+        and ``job_MASS*.mtx`` are read.
     instance : str, optional
         Instance to read, which must not be coupled to others; by default all.  See :func:`read_inp`
         for the numbers of its nodes and the names of its sets.

@@ -65,7 +65,7 @@ _FULL, _RESULT = 4, 12
 _KINDS = {_FULL: "matrices (.full)", _RESULT: "results (.rst)"}
 _MODAL = 2  # number of a modal analysis
 _COMBINE = "combine the files of a distributed run: /AUX2, then COMBINE,"
-_ONE_STAGE = "solve a sector of each stage alone, with CYCLIC"
+_ONE_STAGE = "solve a sector of each stage separately, with CYCLIC"
 
 _SOLIDS = {"45": 8, "185": 8, "95": 20, "186": 20, "90": 20, "92": 10, "187": 10, "285": 4}
 
@@ -82,10 +82,10 @@ class _Binary:
         self.data = source.read_bytes()
         head = self.record(0, "standard header")
         is_header = len(head) >= 2 and head.dtype.kind == "i"
-        check(is_header, str(source), "a binary file of Ansys", "another beginning")
+        check(is_header, str(source), "a binary file of Ansys", "a different header")
         number = int(head[0])
         expected = f"a file of {_KINDS[kind]}: number {kind}"
-        found = f"{number}, {_KINDS.get(number, 'another kind')}"
+        found = f"{number}, {_KINDS.get(number, 'a different kind')}"
         check(number == kind, str(source), expected, found)
 
     def record(self, word: int, item: str) -> NDArray:
@@ -615,7 +615,9 @@ class _Archive:
     def _nodes(self) -> None:
         """Read a block of nodes: number, position and angles of the axes of each."""
         (is_whole, number_columns), *fields = self._fields("NBLOCK")
-        self.lines.require(is_whole, "a format that begins with a whole number", "another one")
+        self.lines.require(
+            is_whole, "a format that begins with a whole number", "a different format"
+        )
         real_columns = [columns for is_integer, columns in fields if not is_integer]
         left_justified = False
         while True:

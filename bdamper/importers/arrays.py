@@ -74,7 +74,7 @@ def read_mat(source: Path) -> dict[str, NDArray | sp.spmatrix]:
     Raises
     ------
     ModelError
-        If the file has another version or is damaged.
+        If the file has a different version or is damaged.
     """
     if h5py.is_hdf5(source):
         return _read_mat_73(source)
@@ -84,7 +84,7 @@ def read_mat(source: Path) -> dict[str, NDArray | sp.spmatrix]:
     order = "<" if data[126:128] == b"IM" else ">"
     version = struct.unpack_from(order + "H", data, 124)[0]
     if version != 0x0100:
-        raise mismatch(str(source), "a MATLAB file of version 5 to 7.3", "another version")
+        raise mismatch(str(source), "a MATLAB file of version 5 to 7.3", "a different version")
     matrices: dict[str, NDArray | sp.spmatrix] = {}
     room = MOST_BYTES
     for kind, content in _elements(data[128:], order, str(source)):
@@ -227,7 +227,7 @@ COMMENTS = ("#", "*", "%")
 
 @reader("a matrix as .npz, .npy, .mat or .mtx", library=True)
 def read_matrix(path: Path, name: str | None = None) -> sp.csr_matrix:
-    """Read a square matrix from a file, by the ending of its name.
+    """Read a square matrix from a file, whose type follows from its extension.
 
     Parameters
     ----------
@@ -249,7 +249,7 @@ def read_matrix(path: Path, name: str | None = None) -> sp.csr_matrix:
     """
     kind = path.suffix.lower()
     known = kind in (".npz", ".npy", ".mat", ".mtx")
-    check(known, str(path), "the ending .npz, .npy, .mat or .mtx", f"'{kind}'")
+    check(known, str(path), "the extension .npz, .npy, .mat or .mtx", f"'{kind}'")
     if kind == ".mtx":
         matrix = read_abaqus_matrix(path)[0]
     elif kind == ".mat":
@@ -337,7 +337,7 @@ def number_rows(
     Raises
     ------
     ModelError
-        If a row is not numeric or has another length; the message gives the line.
+        If a row is not numeric or has a different length; the message gives the line.
     """
     rows: list[list[float]] = []
     # exponents of Fortran begin with D

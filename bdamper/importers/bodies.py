@@ -123,7 +123,7 @@ def rotation_of(body: PreparedBody) -> Rotation | None:
     mass = body.structure.mass
     same_mass = norm(faster.structure.mass - mass) <= 1e-6 * norm(mass)
     item = f"mass matrix at {last:g} rad/s"
-    body.require(same_mass, item, "the mass matrix of the other speed", "another one")
+    body.require(same_mass, item, "the mass matrix of the other speed", "a different one")
     difference = faster.structure.stiffness - body.structure.stiffness
     per_squared_speed = (difference / (last**2 - first**2)).tocsr()
     softening = _spin_softening(body, per_squared_speed)
@@ -732,7 +732,7 @@ def ring_from_matrices(
     kind = "split ring" if split else "closed ring"
     body.passed(
         f"{body.name}: {kind} of {ring.faces.n_sectors} sectors, rigid-body motions at nodal "
-        "diameters 0 and 1 alone"
+        "diameters 0 and 1 only"
     )
     carries = "its hoop force is zero, the contacts carry its whole centrifugal load"
     if not split:

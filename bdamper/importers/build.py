@@ -830,7 +830,7 @@ def _inertia_forces(body: PreparedBody, n_blades: int) -> NDArray:
     The mass matrix couples held nodes and others, so that its held rows count.
     """
     whole = n_blades == 1 and body.has_matrices
-    found = "modes alone" if n_blades == 1 else f"{n_blades} sectors"
+    found = "only modes" if n_blades == 1 else f"{n_blades} sectors"
     validation.check(whole, "base", "a structure without sectors and with its matrices", found)
     n_nodes = len(body.nodes)
     # unit translations of all nodes along X, Y and Z as columns, (3 n_nodes, 3)
@@ -938,7 +938,7 @@ def _reduced(
                 sector.blade_nodes is None,
                 "blade_nodes",
                 "a sector of a cyclic structure with its matrices",
-                "modes alone",
+                "only modes",
             )
             reduced[name], pictures[name] = constrained_from_modes(body, wanted, ring)
     if laid.ports["ground"]:
@@ -1017,7 +1017,7 @@ def _needs_partial_contact(model: Model, nodal_diameter: int, report: ImportRepo
     )
     if is_needed:
         without = percent(abs(found.errors[found.worst_part]))
-        compared += f"; within {without} with the vectors of whole faces alone"
+        compared += f"; within {without} with only the vectors of whole faces"
     if chosen.accurate or not has_effect:
         report.checks.append(compared)
         return is_needed

@@ -62,7 +62,7 @@ class ContactFaces:
     Raises
     ------
     SettingError
-        If a value has another type or is out of range.
+        If a value has the wrong type or is out of range.
     """
 
     name: str

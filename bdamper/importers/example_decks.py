@@ -65,7 +65,7 @@ def read_job(deck: FilePath, instance: str | None = None) -> FEBody:
     Raises
     ------
     FileNotFoundError, ModelError
-        If a file does not exist or is damaged, or the deck has another ending.
+        If a file does not exist or is damaged, or the deck has a different file extension.
     """
     path = Path(deck)
     ending = path.suffix.lower()
@@ -73,7 +73,7 @@ def read_job(deck: FilePath, instance: str | None = None) -> FEBody:
         return read_ansys(path.with_suffix(".full"), path)
     if ending != ".inp":
         expected = "a deck .inp or .cdb (other files: bdamper.importers)"
-        raise mismatch(str(path), expected, f"the ending '{path.suffix}'")
+        raise mismatch(str(path), expected, f"the extension '{path.suffix}'")
     has_matrices_of_calculix = path.with_suffix(".sti").is_file()
     if instance is None and has_matrices_of_calculix:
         return read_calculix(path)

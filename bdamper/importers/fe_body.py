@@ -5,7 +5,7 @@ The readers fill :class:`FEBody` with numbers in the units, axes and node number
 
 Each reader is a function of a path decorated by :func:`reader`.  The decorator turns a failure into
 one ModelError with the file, its expected content and the content found.  :func:`read_body` selects
-a reader by the ending of the file name.
+a reader by the extension of the file name.
 
 :data:`BOUNDS` contains the limits of all plausibility checks of an import.
 """
@@ -390,7 +390,7 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 BODIES: dict[str, Callable[[FilePath], Any]] = {}
-"""Readers that return an FEBody, by the ending of the file name."""
+"""Readers that return an FEBody, by the extension of the file name."""
 
 # Exceptions that damaged input causes in parsers.  AttributeError and NameError are errors of this
 # package and pass unchanged, except from other packages (``library=True``).
@@ -463,7 +463,7 @@ def reader(
 
 
 def read_body(path: FilePath) -> Any:
-    """Read a body from a file of any program, by the ending of its name.
+    """Read a body from a file of any program, whose type follows from its extension.
 
     Parameters
     ----------
@@ -479,10 +479,10 @@ def read_body(path: FilePath) -> Any:
     Raises
     ------
     FileNotFoundError, ModelError
-        If the file does not exist, its ending is unknown, or its content is damaged.
+        If the file does not exist, its extension is unknown, or its content is damaged.
     """
     ending = as_path(path).suffix.lower()
-    expected = f"a name that ends in one of {sorted(BODIES)}"
+    expected = f"a file name with one of the extensions {sorted(BODIES)}"
     check(ending in BODIES, str(path), expected, f"'{ending}'")
     return BODIES[ending](path)
 

@@ -216,7 +216,7 @@ class Deck:
             return
         complete = all(len(words) > 1 for _, words in rows)
         expected = "an element or set and the label of a face in every line"
-        check(complete, item, expected, "another line")
+        check(complete, item, expected, "a different line")
         self.scope.surfaces[name] = [words[:2] for _, words in rows]
 
     def _begin_instance(self, name: str, parameters: dict[str, str], rows: Rows, item: str) -> None:
@@ -758,7 +758,7 @@ class Deck:
                     facets.setdefault(len(facet), []).append(numbers[facet])
             if n_left_out:
                 self.notes.append(
-                    f"*SURFACE {name}: {n_left_out} faces of elements that are not read left out"
+                    f"*SURFACE {name}: {n_left_out} faces of elements that are not read are omitted"
                 )
             if facets:
                 face_sets[name] = tuple(np.array(group) for group in facets.values())

@@ -150,7 +150,7 @@ def read_mode(
 
 
 def _name_of(path: str | PathLike[str] | Mapping[str, Any]) -> str:
-    """Return the name of a file without its ending, or "table"."""
+    """Return the name of a file without its extension, or "table"."""
     return "table" if hasattr(path, "keys") else Path(str(path)).stem
 
 

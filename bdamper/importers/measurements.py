@@ -485,7 +485,7 @@ def _decoded(path: Any) -> str:
         return raw.decode(encodings[-1])
     except UnicodeDecodeError as error:
         expected = "text in UTF-8, UTF-16 or Latin-1"
-        raise mismatch(str(path), expected, f"another encoding ({error})") from error
+        raise mismatch(str(path), expected, f"a different encoding ({error})") from error
 
 
 HEADER = re.compile(r"(.*?)\s*(?:[(\[](.*)[)\]])?")

@@ -98,7 +98,7 @@ def read_op4(path: Path) -> dict[str, sp.csr_matrix]:
         raise
     except (Exception, SystemExit) as error:
         # pyNastran raises almost anything, with texts of many lines
-        found = f"another or damaged one ({type(error).__name__})"
+        found = f"a different or damaged file ({type(error).__name__})"
         raise mismatch(str(path), "an OP4 file that pyNastran can read", found) from error
     matrices = {}
     for name, value in content.items():

@@ -112,7 +112,7 @@ class Sector(validation.Checked):
     Raises
     ------
     SettingError
-        If a value has another type or is out of range.
+        If a value has the wrong type or is out of range.
     """
 
     n_blades: validation.Count | None = None
@@ -197,7 +197,7 @@ class Reduction(validation.Checked):
     Raises
     ------
     SettingError
-        If a value has another type or is out of range.
+        If a value has the wrong type or is out of range.
     """
 
     engine_order: Annotated[int | Sequence[int], _orders] | None = None
@@ -229,7 +229,7 @@ class Checks(validation.Checked):
     Raises
     ------
     SettingError
-        If a value has another type or is out of range.
+        If a value has the wrong type or is out of range.
     """
 
     expected_frequencies: Annotated[Mapping[int, Sequence[float]], _frequencies] | None = None

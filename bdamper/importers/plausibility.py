@@ -182,8 +182,8 @@ def check_table(body: PreparedBody) -> None:
     share = 100.0 * float(loaded.mean())
     found = (
         f"forces on {share:.3g} % of the nodes away from fixed nodes under rigid-body motion: "
-        "rows in another order than the table (or than x, y, z of node after node), or positions "
-        "of other nodes"
+        "rows in an order different from the table (or from x, y, z of successive nodes), or "
+        "positions of other nodes"
     )
     expected = "rows in the order of the table of nodes and components"
     body.require(share <= 100.0 * BOUNDS.odd_ones, "stiffness matrix", expected, found)
@@ -215,7 +215,7 @@ def check_corners(body: PreparedBody) -> None:
             f"{n // 2} corners in turn around one face, "
             f"then the {n // 2} opposite ones in the same turn"
         )
-        found = f"another order in {len(wrong)} of {len(elements)}"
+        found = f"a different order in {len(wrong)} of {len(elements)}"
         raise body.error(f"elements, such as the one with nodes {corners}", expected, found)
 
 

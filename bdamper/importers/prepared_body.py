@@ -115,8 +115,8 @@ class PreparedBody:
     Raises
     ------
     ModelError
-        If the node numbers are not unique integers, or the positions are not finite or of another
-        shape.
+        If the node numbers are not unique integers, or the positions are not finite or have the
+        wrong shape.
     """
 
     name: str
@@ -288,7 +288,7 @@ class PreparedBody:
     def _faces_on(self, nodes: NDArray, item: str) -> Facets:
         """Return the outer faces of elements whose nodes are all among ``nodes`` (indices)."""
         expected = "faces, or a set of nodes of a body with elements"
-        self.require(bool(self.elements), item, expected, "nodes alone")
+        self.require(bool(self.elements), item, expected, "only nodes")
         facets = facets_on_nodes(self.boundary, nodes)
         expected = "nodes that include all nodes of at least one element face"
         self.require(len(facets) > 0, item, expected, "none")

@@ -53,7 +53,7 @@ def stress_rows(
     from bdamper.fem.element_stress import StressRows, near_patches
 
     expected = "a blade with its matrices"
-    found = "modes alone; give StressSet arrays instead"
+    found = "only modes; use StressSet arrays instead"
     validation.check(body.has_matrices, "stress", expected, found)
     if isinstance(sets, str):
         sets = {sets: sets}
@@ -115,7 +115,7 @@ def _away_from_cuts(
     body.require_sentence(len(inner) > 0, item, on_faces)
     n_left_out = len(nodes) - len(inner)
     if n_left_out:
-        body.report.missing.append(f"{item}: {n_left_out} nodes on the sector faces are left out")
+        body.report.missing.append(f"{item}: {n_left_out} nodes on the sector faces are omitted")
     nodes_of_elements = body.used if body.elements else np.empty(0, int)
     loose = np.setdiff1d(inner, nodes_of_elements)
     if len(loose):

@@ -55,7 +55,7 @@ def local_model(model: Model) -> Model:
 
     A study of it with all these ``blade_modes`` spans the same space as the bladed disk.  Mode
     shapes for plots, stress rows and the dependence on rotor speed refer to the replaced modes and
-    are left out.
+    are omitted.
 
     Raises
     ------

@@ -350,7 +350,7 @@ def _check_speed(basis: ModalBasis, speed: SpeedBasis, item: str) -> None:
     )
     if (speed.residual0 is None) != (speed.residual2 is None):
         missing = "residual0" if speed.residual0 is None else "residual2"
-        raise mismatch(f"{item}/{missing}", "residual0 and residual2, or neither", "one alone")
+        raise mismatch(f"{item}/{missing}", "residual0 and residual2, or neither", "only one")
 
     residual = speed.residual(speed.omega_ref)
     if residual is None or basis.flexibility is None:

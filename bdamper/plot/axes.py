@@ -572,7 +572,7 @@ def figure_of(
     if path is not None:
         validation.instance("path", path, (str, PathLike), "the name of a file")
         ending = Path(path).suffix.removeprefix(".")
-        validation.choice("ending of the path", ending, sorted(FigureCanvasBase.filetypes))
+        validation.choice("file extension", ending, sorted(FigureCanvasBase.filetypes))
     axes = draw(shown, kind, *arguments, **options)
     first = np.ravel(np.asarray(axes, object))[0]
     if path is not None:

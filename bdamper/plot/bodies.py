@@ -65,7 +65,7 @@ def export_modes(
     ----------
     model : Model
     path : path-like
-        Name of the file, with the ending ``.vtu``.
+        Name of the file, with the extension ``.vtu``.
     body : str, optional
         By default the first body with mode shapes.
     nodal_diameter : int, optional
@@ -111,7 +111,7 @@ def export_response(
 ) -> list[Path]:
     """Write the mean and the complex vibration of every body with a surface.
 
-    The mean is left out if the mesh has no mode shapes of nodal diameter 0.
+    The mean is omitted if the mesh has no mode shapes of nodal diameter 0.
 
     Parameters
     ----------

@@ -508,7 +508,7 @@ def plot_loops(
     """
     places = [where] if isinstance(where, (int, np.integer, str)) else list(where)
     if not places or (WHOLE in places and len(places) > 1):
-        raise validation.invalid("where", f'contact points and faces, or "{WHOLE}" alone', where)
+        raise validation.invalid("where", f'contact points and faces, or only "{WHOLE}"', where)
     of_whole = places == [WHOLE]
     energy: dict[Any, float] = {WHOLE: result.lost}
     energy |= result.by_interface

@@ -492,14 +492,14 @@ class ResultsFile:
         if not first.endswith(b"\n"):
             # a new file, or one of a run that was killed while it wrote the header
             if not json_line(self.header).startswith(first):
-                raise self._mismatch(self.expected, "a file of another kind")
+                raise self._mismatch(self.expected, "a file of a different kind")
             os.ftruncate(self.file, 0)
             self._write(json_line(self.header))
             return
         try:
             header = json.loads(first)
         except ValueError as error:
-            raise self._mismatch(self.expected, "a file of another kind") from error
+            raise self._mismatch(self.expected, "a file of a different kind") from error
         self._compare(header)
         # the last line of a killed run may be incomplete
         os.ftruncate(self.file, complete_bytes)
@@ -520,7 +520,7 @@ class ResultsFile:
     def _compare(self, stored: Any) -> None:
         """Raise BdamperError if the stored header belongs to other work."""
         if not isinstance(stored, dict) or stored.get("format") != self.header["format"]:
-            raise self._mismatch(self.expected, "a file of another kind")
+            raise self._mismatch(self.expected, "a file of a different kind")
         version = self.header.get("bdamper_version")
         stored_version = stored.get("bdamper_version")
         if version != stored_version:

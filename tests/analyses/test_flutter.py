@@ -28,10 +28,12 @@ def test_limit_cycles_are_those_of_the_closed_form(tmp_path):
     assert found.stable.tolist() == [False, True, False]
     assert found.safe == pytest.approx(closed_cycles()[1], rel=1e-9)
     assert found._headline().startswith(f"Flutter above {closed_cycles()[1]:.3g} m")
-    assert found._headline().endswith(f"; limit cycles from rest up to {closed_cycles()[0]:.3g} m")
+    assert found._headline().endswith(
+        f"; limit cycles of up to {closed_cycles()[0]:.3g} m from rest"
+    )
     # with amplitudes below the second cycle the first one bounds the motion
     below = oscillator(1).flutter(0.0, EXCITES, amplitude=(0.01, 2.5))
-    assert below._headline().startswith("Bounded flutter: limit cycles from rest up to")
+    assert below._headline().startswith("Bounded flutter: limit cycles of up to")
     quiet = oscillator(1).flutter(0.0, -0.005, amplitude=(0.01, 30.0))
     assert quiet.stable.tolist() == [True] and np.isinf(quiet.safe).all()
     assert quiet._headline().startswith("No flutter: ")

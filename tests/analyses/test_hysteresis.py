@@ -64,7 +64,7 @@ def test_points_that_never_slip_or_are_left_out(study):
     assert n - n[:, :1] == pytest.approx(kn[:, None] * (v - v[:, :1]), abs=1e-9 * n.max())
     assert np.flatnonzero(np.isnan(found.displacement[:, 0, 0])).tolist() == [0]
     assert found.energy[0] == 0.0 and not found.force[0].any()
-    with pytest.raises(bd.SettingError, match="which the settings leave out"):
+    with pytest.raises(bd.SettingError, match="which the settings omit"):
         found.loop(0)
     assert np.isfinite(found.loop("left")[0]).all()
 
@@ -159,7 +159,7 @@ def test_of_an_optimal_curve(study):
         (lambda s, c: s.hysteresis(c).loop("top"), "where: expected one of"),
         (
             lambda s, c: s.hysteresis(c).plot(where=["whole", "left"]),
-            'where: expected contact points and faces, or "whole"',
+            'where: expected contact points and faces, or only "whole"',
         ),
     ],
 )

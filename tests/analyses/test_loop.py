@@ -193,7 +193,7 @@ class TestRecords:
         assert [found.kt, found.mu, found.spread] == pytest.approx([KT, MU, 0.3], rel=0.02)
         assert found.status == "complete" and len(found.force) < 2000
         assert re.match(
-            rf"fitted to {len(found.force)} of 3000 points, those of periods of full",
+            rf"fitted to {len(found.force)} of 3000 points, from periods with full",
             found.notes[0],
         )
         x = 3.0 * REACH * np.sin(np.linspace(0.0, 6.0 * np.pi, 600))

@@ -187,7 +187,7 @@ def test_motions_that_damping_ends_at_once_are_named():
     found = mode.nonlinear_mode(0.0, 1, (2.0, 100.0))
     assert not found.complete and found.damping_ratio.max() > 0.5
     a = found.amplitude[np.argmax(found.damping_ratio > 0.5)]
-    assert f"damping is above 0.5 from {a:.6g} m on" in found.reason
+    assert f"above {a:.6g} m the damping ratio exceeds 0.5" in found.reason
     light = oscillator(1).nonlinear_mode(0.0, 1, (2.0, 100.0))
     assert light.complete and "damping" not in light.reason
 
@@ -292,9 +292,7 @@ def test_a_path_that_leaves_the_symmetric_motion_says_so_and_the_advice_helps():
     )
     mode = study.nonlinear_mode(0.0, 1, (1e-5, 2e-2))
     assert not mode.complete
-    advice = (
-        "and the path left it: compute it with harmonics=tuple(range(1, 16, 2)); another branch"
-    )
+    advice = "and the path left it: compute it with harmonics=tuple(range(1, 16, 2)); there is another branch"
     assert advice in mode.reason
     odd = study.replace(harmonics=tuple(range(1, 16, 2))).nonlinear_mode(0.0, 1, (1e-5, 2e-2))
     assert odd.complete

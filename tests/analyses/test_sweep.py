@@ -524,7 +524,7 @@ class TestResultsFile:
         for text in (b"notes of mine\n", b"notes", b'{"format": "other"}\n'):
             path = tmp_path / "notes.txt"
             path.write_bytes(text)
-            with pytest.raises(bd.BdamperError, match=r"found a file of another kind$"):
+            with pytest.raises(bd.BdamperError, match=r"found a file of a different kind$"):
                 self.run(study, path)
             assert path.read_bytes() == text
 

@@ -278,7 +278,7 @@ def test_the_headline_says_what_makes_the_least_margin_doubtful(study):
 
     plain = printed(near_contact=None)
     for margins in plain:
-        assert "Elements" not in said(margins) and "Left out" not in said(margins)
+        assert "Elements" not in said(margins) and "Omitted" not in said(margins)
     factor, critical = plain[0].factor, plain[0].critical
     numbered = {
         "nodes": np.array([215, 7, 88]),
@@ -293,8 +293,8 @@ def test_the_headline_says_what_makes_the_least_margin_doubtful(study):
     for margins in printed(
         near_contact=largest, spread=0.9 * largest
     ):  # the point with the largest factor, not with the least margin
-        assert "Elements" not in said(margins) and "Left out" not in said(margins)
-        assert "left out: 1 point on or next to contact faces" in margins.notes
+        assert "Elements" not in said(margins) and "Omitted" not in said(margins)
+        assert "omitted: 1 point on or next to contact faces" in margins.notes
     in_time = replace(
         plain[0],
         notes=("vibration scaled by 1.2", doubt.strip().replace("E", "e"), *margins.notes),
@@ -303,7 +303,7 @@ def test_the_headline_says_what_makes_the_least_margin_doubtful(study):
         replace(margins, in_time=(in_time,))
     )
     for margins in printed(near_contact=np.arange(3) == critical):
-        text = " Left out: 1 point on or next to contact faces, 1 of them with a smaller factor"
+        text = " Omitted: 1 point on or next to contact faces, 1 of them with a smaller factor"
         assert text in said(margins)
 
 

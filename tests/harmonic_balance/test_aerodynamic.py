@@ -76,7 +76,10 @@ def test_influence_coefficients_are_a_discrete_transform():
     [
         (-0.01, "aerodynamic_damping at nodal diameter 5: some modes have negative damping"),
         ({5: np.nan}, "aerodynamic_damping at nodal diameter 5: expected a finite number"),
-        ({5: 0.1, -60: 0.1}, "aerodynamic_damping at nodal diameter -60: expected each wave once"),
+        (
+            {5: 0.1, -60: 0.1},
+            "aerodynamic_damping at nodal diameter -60: expected each wave only once",
+        ),
         ({1.5: 0.1}, "aerodynamic_damping, nodal diameter 1.5: expected a whole number"),
     ],
 )

@@ -84,9 +84,7 @@ def test_errors_of_op4_files_have_no_text_of_another_package(tmp_path, monkeypat
     (tmp_path / "k.op4").write_bytes(b"\x00" * 40)
     with pytest.raises(ModelError) as caught:
         read_op4(tmp_path / "k.op4")
-    found = (
-        "expected an OP4 file that pyNastran can read, found another or damaged one (RuntimeError)"
-    )
+    found = "expected an OP4 file that pyNastran can read, found a different or damaged file (RuntimeError)"
     assert str(caught.value) == f"{tmp_path / 'k.op4'}: {found}"
 
 

@@ -86,7 +86,7 @@ def test_another_order_of_the_corners_is_named(block, n):
     assert "4 corners in turn around one face, then the 4 opposite ones in the same turn" in str(
         caught.value
     )
-    assert f"another order in {len(wrong)} of {len(wrong)}" in str(caught.value)
+    assert f"a different order in {len(wrong)} of {len(wrong)}" in str(caught.value)
 
 
 def test_both_senses_and_collapsed_elements_are_in_order(block):

@@ -147,7 +147,7 @@ def test_points_at_a_contact_face_and_on_the_cut_faces(fe, bodies):
     assert found.counted[np.flatnonzero(inner == tip)].all()
     assert found.near_contact[np.isin(inner, under)].all()
     assert (
-        f"stress 'root': {len(np.unique(given)) - len(inner)} nodes on the sector faces are left out"
+        f"stress 'root': {len(np.unique(given)) - len(inner)} nodes on the sector faces are omitted"
         in said(built)
     )
 
@@ -186,7 +186,7 @@ def inner_corners(hexahedra, n_nodes):
         ({"stress": "NOWHERE"}, "stress 'NOWHERE': expected one of the sets"),
         (
             {"stress": "LOW"},
-            "stress 'LOW': all nodes lie on the faces at which the sector repeats",
+            "stress 'LOW': all nodes lie on the sector faces",
         ),
         (
             {"stress": "RIGHT_UNDERSIDE", "elasticity": None},

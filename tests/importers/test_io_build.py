@@ -522,7 +522,7 @@ def test_rows_stand_in_the_order_of_the_table(bodies, which, elements):
     else:
         check_table(PreparedBody("blade", by_component(body), Placement()))
         mistaken = replace(by_component(body), dofs=None)
-    expected = r"expected rows in the order of the table .*, found forces on .*rows in another order than the table"
+    expected = r"expected rows in the order of the table .*, found forces on .*rows in an order different from the table"
     with pytest.raises(ModelError, match=expected) as caught:
         check_table(PreparedBody("blade", mistaken, Placement()))
     assert "\n" not in str(caught.value)

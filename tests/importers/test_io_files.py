@@ -170,7 +170,7 @@ BAD_TEXT = [
     ),
     ("k.npz", "no archive", "a matrix as .npz"),
     ("k.mat", "no MATLAB file", "a MATLAB file of version 5 to 7.3, found no such header"),
-    ("k.dat", "1 1 1.0", "the ending .npz, .npy, .mat or .mtx, found '.dat'"),
+    ("k.dat", "1 1 1.0", "the extension .npz, .npy, .mat or .mtx, found '.dat'"),
 ]
 
 
@@ -304,7 +304,8 @@ def test_the_reader_follows_from_the_ending(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"there is no file '.*none\.cdb'"):
         read_body(tmp_path / "none.cdb")
     with pytest.raises(
-        ModelError, match=r"a\.stp: expected a name that ends in one of \['\.bdf', .*found '\.stp'"
+        ModelError,
+        match=r"a\.stp: expected a file name with one of the extensions \['\.bdf', .*found '\.stp'",
     ):
         read_body(tmp_path / "a.stp")
 

@@ -56,8 +56,8 @@ def test_sets_of_elements_that_are_not_solids(elements, tmp_path):
     assert "OUTSIDE" not in body.face_sets
     assert [sorted(row) for row in body.face_sets["MIXED"][0].tolist()] == [[5, 6, 7, 8]]
     n = 2 if elements in ("triangles", "beams", "generated") else 1
-    assert f"*SURFACE OUTSIDE: {n} faces of elements that are not read left out" in body.notes
-    assert f"*SURFACE MIXED: {n + 1} faces of elements that are not read left out" in body.notes
+    assert f"*SURFACE OUTSIDE: {n} faces of elements that are not read are omitted" in body.notes
+    assert f"*SURFACE MIXED: {n + 1} faces of elements that are not read are omitted" in body.notes
 
 
 def test_the_deck_of_the_field():
@@ -129,7 +129,7 @@ def test_held_nodes_with_axes_of_their_own(tmp_path):
     np.testing.assert_allclose(np.sqrt(omega2[:6]) / (2.0 * np.pi), theirs, rtol=1e-6)
 
     run_job(start + PARTLY + matrices, tmp_path, "partly")
-    message = r"\*TRANSFORM in line 32: expected nodes of HELD held in all three .*found node \[1\]"
+    message = r"\*TRANSFORM in line 32: expected nodes of HELD fixed in all three .*found node \[1\]"
     with pytest.raises(ModelError, match=message):
         read_calculix(tmp_path / "partly")
 

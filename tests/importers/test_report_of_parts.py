@@ -64,8 +64,8 @@ def test_vectors_for_partial_contact_are_chosen_where_they_help(monkeypatch):
     assert is_needed and not report.missing
     assert report.checks[1] == (
         "residual modes for partial contact: the shift of mode 1 by bonded faces (8 %) agrees with all "
-        "vectors within 0 %, for parts within 2 % (inner third); within 15 % with the vectors of whole "
-        "faces alone"
+        "vectors within 0 %, for parts within 2 % (inner third); within 15 % with only the vectors of "
+        "whole faces"
     )
 
 

@@ -238,7 +238,7 @@ def test_from_deck_to_an_optimum_with_its_checks(bodies):
 def test_report_and_picture(built, tmp_path):
     text = said(built)
     assert (
-        "ring pass closed ring of 24 sectors, rigid-body motions at nodal diameters 0 and 1 alone"
+        "ring pass closed ring of 24 sectors, rigid-body motions at nodal diameters 0 and 1 only"
         in text
     )
     assert "ring pass its hoop stiffness carries a part of its centrifugal load" in text

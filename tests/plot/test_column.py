@@ -330,8 +330,8 @@ def test_a_path_is_a_file_of_a_known_kind(tmp_path):
     figure = made("free").plot(tmp_path / "free.pdf")
     assert (tmp_path / "free.pdf").read_bytes().startswith(b"%PDF") and isinstance(figure, Figure)
     for path, said in (
-        (tmp_path / "free.xyz", "ending of the path"),
-        ("amplitude", "ending"),
+        (tmp_path / "free.xyz", "file extension"),
+        ("amplitude", "extension"),
         (plt.gca(), "path"),
     ):
         with pytest.raises(bd.SettingError, match=said):

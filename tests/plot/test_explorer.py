@@ -34,7 +34,7 @@ from tests.chromium import MISSING, headless, is_installed
 SHORT = 60.0  # longest wait for an answer, s
 SIZES = {"desktop": (1280, 800), "phone": (390, 844)}
 HEADINGS = [
-    "Response over frequency",
+    "Response against frequency",
     "Highest peak against preload",
     "Contacts",
     "Motion over one cycle",

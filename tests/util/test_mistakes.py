@@ -276,7 +276,7 @@ REFUSED = {
     ),
     "an unknown ending": (
         lambda s: read_body("blade.xyz"),
-        "blade.xyz: expected a name that ends in one of ['.bdf', '.cdb', '.dat', '.frd', "
+        "blade.xyz: expected a file name with one of the extensions ['.bdf', '.cdb', '.dat', '.frd', "
         "'.inp', '.nas', '.rst'], found '.xyz'",
     ),
     "no path": (

@@ -386,7 +386,7 @@ def test_a_load_whose_motions_are_left_out_is_named(study):
     for ask in (lambda: still.static(10.0), lambda: still.optimal_curve((10.0, 100.0), 3)):
         with pytest.raises(
             bd.SettingError,
-            match=r"the study leaves out the motions of \['damper'\] along the load",
+            match=r"the study omits the motions of \['damper'\] along the load",
         ):
             ask()
     assert still.static(0.0).ok
