@@ -488,17 +488,17 @@ def exact(family: SpeedFamily, top: Peak) -> tuple[Peak, float]:
     error = system.error(top.y)
     options = PeakOptions()
     tolerance = max(options.tolerance, LOOSEST)
-    c = system.correct_at(
+    solution = system.correct_at(
         top.y[:-1], float(top.y[-1]), top.scale, tolerance, options.max_iterations
     )
-    if c.status != OK:
+    if solution.status != OK:
         return top, error
     peak = replace(
         top,
-        y=c.y,
-        amplitude=amplitude_at(system, c.y),
-        shares=np.array(c.shares),
-        residual=c.residual,
+        y=solution.y,
+        amplitude=amplitude_at(system, solution.y),
+        shares=np.array(solution.shares),
+        residual=solution.residual,
     )
     return peak, error
 

@@ -697,9 +697,9 @@ class _Swept:
         self.tolerance = options.tolerance
         self.most = 2 * options.max_iterations
 
-    def response(self, c: Correction) -> complex:
+    def response(self, solution: Correction) -> complex:
         """Return the complex amplitude (m) of the first harmonic at the response location."""
-        return complex(self.system.rows.value(c.y))
+        return complex(self.system.rows.value(solution.y))
 
     def jumps(self, frequency: float, within: float) -> bool:
         """Return whether the sweep jumps or ends within a relative distance of a frequency."""
@@ -854,59 +854,71 @@ class _Swept:
     def _turned(self, y: NDArray, angle: float) -> NDArray:
         """Return a point shifted in time by an angle of the first harmonic (rad)."""
         turned = np.array(y)
-        for l in range(1, self.system.n_harmonics + 1):
-            cosine, sine = self.system.layout.slices(l)
-            amplitude = self.system.layout.amplitudes(turned[:-1], l) * np.exp(1j * l * angle)
+        for harmonic in range(1, self.system.n_harmonics + 1):
+            cosine, sine = self.system.layout.slices(harmonic)
+            amplitude = self.system.layout.amplitudes(turned[:-1], harmonic) * np.exp(
+                1j * harmonic * angle
+            )
             turned[cosine] = amplitude.real
             turned[sine] = -amplitude.imag
         return turned
 
     def _nominal(self, frequency: float) -> Correction | None:
         """Return the solution on the branch of the sweep at a frequency (Hz) and nominal force."""
-        k = int(np.searchsorted(self.sense * self.sweep.frequency, self.sense * frequency))
-        if not 0 < k < len(self.sweep.point):
+        # number of the first point of the sweep beyond the frequency, in the sense of the sweep
+        beyond = int(np.searchsorted(self.sense * self.sweep.frequency, self.sense * frequency))
+        if not 0 < beyond < len(self.sweep.point):
             return None
-        f = self.curve.frequency
+        # index of this point on the curve, and of its neighbours on the other side of the frequency
+        # on the same branch
+        frequencies = self.curve.frequency
         branch = self.curve.branch
-        # the frequency lies between a point of the sweep and a neighbour on its branch
-        j = int(self.sweep.point[k])
-        neighbours = [
-            i
-            for i in (j - 1, j + 1)
-            if 0 <= i < len(f)
-            and branch[i] == branch[j]
-            and (f[i] - frequency) * (f[j] - frequency) <= 0.0
-        ]
+        point = int(self.sweep.point[beyond])
+        neighbours = []
+        for i in (point - 1, point + 1):
+            if not 0 <= i < len(frequencies) or branch[i] != branch[point]:
+                continue
+            if (frequencies[i] - frequency) * (frequencies[point] - frequency) <= 0.0:
+                neighbours.append(i)
         if not neighbours:
             return None
-        previous = int(self.sweep.point[k - 1])
-        i = min(neighbours, key=lambda i: abs(i - previous))
-        share = (frequency - f[i]) / (f[j] - f[i]) if f[j] != f[i] else 0.0
-        between = self.y[i] + share * (self.y[j] - self.y[i])
-        farthest = norm2((self.y[j] - self.y[i]) / self.scale) + self.tolerance
-        # interpolation fails at a corner between both points, so each of them is a guess
-        for guess, search in ((between, 0), (between, 1), (self.y[i], 1), (self.y[j], 1)):
+        # the one from which the sweep comes
+        previous = int(self.sweep.point[beyond - 1])
+        neighbour = min(neighbours, key=lambda i: abs(i - previous))
+        start, end = self.y[neighbour], self.y[point]
+        share = 0.0
+        if frequencies[point] != frequencies[neighbour]:
+            step = frequencies[point] - frequencies[neighbour]
+            share = (frequency - frequencies[neighbour]) / step
+        between = start + share * (end - start)
+        farthest = norm2((end - start) / self.scale) + self.tolerance
+        # interpolation fails at a corner between both points, so each of them is a guess; the
+        # second number is the line search
+        for guess, search in ((between, 0), (between, 1), (start, 1), (end, 1)):
             omega = 2.0 * np.pi * frequency
-            c = self.system.correct_at(
+            solution = self.system.correct_at(
                 guess[:-1], omega, self.scale, self.tolerance, self.most, search
             )
-            if c.status == OK and norm2((c.y - between) / self.scale) <= farthest:
-                return c
+            if solution.status != OK:
+                continue
+            # farther away it is another branch
+            if norm2((solution.y - between) / self.scale) <= farthest:
+                return solution
         return None
 
     def gap_and_tangent(
-        self, c: Correction, target: NDArray, units: NDArray
+        self, solution: Correction, target: NDArray, units: NDArray
     ) -> tuple[NDArray, NDArray]:
         """Return the vector from a measured point to a point of the curve, and the tangent there.
 
         Both are in logarithms of frequency and amplitude over ``units``.
         """
-        response = self.response(c)
-        along = c.tangent * self.scale
-        by_frequency = along[-1] / c.y[-1]
+        response = self.response(solution)
+        along = solution.tangent * self.scale
+        by_frequency = along[-1] / solution.y[-1]
         by_amplitude = (self.system.rows.value(along) / response).real
         tangent = np.array([by_frequency, by_amplitude]) / units
-        here = np.array([np.log(c.y[-1] / (2.0 * np.pi)), np.log(abs(response))]) / units
+        here = np.array([np.log(solution.y[-1] / (2.0 * np.pi)), np.log(abs(response))]) / units
         return here - target, tangent
 
     def nearest(self, target: NDArray, units: NDArray) -> Correction | None:
@@ -920,24 +932,24 @@ class _Swept:
         after = min(i + 1, len(logs) - 1)
         chord = (self.y[after] - self.y[before]) / self.scale
         longest = max(norm2(chord), 1e-300)
-        c = self.system.solve(
+        solution = self.system.solve(
             self.y[i], Plane(chord / longest), self.scale, self.tolerance, self.most
         )
         for _ in range(self.most):
-            if c.status != OK or c.y[-1] <= 0.0:
+            if solution.status != OK or solution.y[-1] <= 0.0:
                 return None
-            gap, tangent = self.gap_and_tangent(c, target, units)
+            gap, tangent = self.gap_and_tangent(solution, target, units)
             size = norm2(tangent)
             if size < EDGE:  # only the mean changes along the curve
                 return None
             step = -float(gap @ tangent) / size**2
             if abs(step) * size < EDGE:
                 break
-            move = float(np.clip(step, -longest, longest)) * c.tangent * self.scale
-            c = self.system.solve(
-                c.y + move, Plane(c.tangent), self.scale, self.tolerance, self.most
+            move = float(np.clip(step, -longest, longest)) * solution.tangent * self.scale
+            solution = self.system.solve(
+                solution.y + move, Plane(solution.tangent), self.scale, self.tolerance, self.most
             )
-        return c if c.status == OK else None
+        return solution if solution.status == OK else None
 
 
 def of_mode(varied: Variations, data: MeasuredMode, noise: float) -> Separation:

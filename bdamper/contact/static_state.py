@@ -484,17 +484,19 @@ class _LoadStep:
             closed = self.system.own.compiled[:, None] & (status != OPEN)
             status = np.where(closed, STICK, status)
         q = self.linear_solution(status)
-        (r,), (status,) = self.residuals(q)
+        # residual (n_modes,) and states of one vector of coordinates
+        (residual,), (status,) = self.residuals(q)
         stalls = 0
         most_iterations = 60
         for iteration in range(1, most_iterations + 1):
-            norm = float(np.abs(r).max())
+            norm = float(np.abs(residual).max())
             if norm <= EQUILIBRIUM * self.unit or stalls == STALLS:
                 return _Equilibrium(q, status, iteration, norm / self.unit)
             jacobian = _jacobian(self.system, self.G, status, self.motion(q), self.w)
-            q, r, status, reduced = self.line_search(q, _solve(jacobian, -r), norm)
+            q, residual, status, reduced = self.line_search(q, _solve(jacobian, -residual), norm)
+            # steps in succession without reduction
             stalls = 0 if reduced else stalls + 1
-        return _Equilibrium(q, status, iteration, float(np.abs(r).max()) / self.unit)
+        return _Equilibrium(q, status, iteration, float(np.abs(residual).max()) / self.unit)
 
     def line_search(
         self, q: NDArray, dq: NDArray, norm: float

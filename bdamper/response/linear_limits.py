@@ -64,12 +64,13 @@ def _linear(
     missing_ranges = []
     for pole in undamped:
         if low < pole < high:
-            f = pole / (2.0 * np.pi)
+            hertz = pole / (2.0 * np.pi)
             why = f"{UNBOUNDED}: no damping"
-            missing_ranges.append(LeftOut(f * (1.0 - NEAREST), f * (1.0 + NEAREST), why))
+            around_pole = LeftOut(hertz * (1.0 - NEAREST), hertz * (1.0 + NEAREST), why)
+            missing_ranges.append(around_pole)
 
-    def amplitude_at(w: float) -> float:
-        return float(abs(linear.response(w, springs) @ row))
+    def amplitude_at(omega_trial: float) -> float:
+        return float(abs(linear.response(omega_trial, springs) @ row))
 
     tops = []
     for top in _maxima(amplitude_at, omega):
@@ -86,11 +87,12 @@ def _linear(
         force = system.layout.amplitudes(system.structure.force, harmonic)
         cosine, sine = system.layout.slices(harmonic)
         # complex modal amplitudes (n, n_modes)
-        q = np.array([linear.response(w, springs, harmonic) for w in omega])
+        q = np.array([linear.response(at_point, springs, harmonic) for at_point in omega])
+        # Re[q exp(i l omega t)] has the cosine Re q and the sine -Im q
         u[:, cosine] = q.real
         u[:, sine] = -q.imag
-        for i, w in enumerate(omega):
-            residual = linear.matrix(w, springs, harmonic) @ q[i] - force
+        for i, at_point in enumerate(omega):
+            residual = linear.matrix(at_point, springs, harmonic) @ q[i] - force
             unbalanced[i] = np.maximum(unbalanced[i], np.abs(residual).max())
         largest_force = max(largest_force, float(np.abs(force).max()))
     return ResponseCurve(
@@ -103,7 +105,7 @@ def _linear(
         backward=np.zeros(n, bool),
         rank_deficiency=np.zeros(n, int),
         branch=np.zeros(n, int),
-        point_kind=tuple("maximum" if w in tops else "regular" for w in omega.tolist()),
+        point_kind=tuple("maximum" if top in tops else "regular" for top in omega.tolist()),
         preload=case.preload,
         status=INCOMPLETE if missing_ranges else COMPLETE,
         reason=", ".join(["linear", *(part.at_middle for part in missing_ranges)]),

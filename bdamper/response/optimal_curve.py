@@ -479,11 +479,11 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
         by_log.update(zip(logs, responses))
         return [sample(x) for x in logs if x in by_log]
 
-    def refine(a: Sample, b: Sample, x: float) -> float | None:
+    def refine(left: Sample, right: Sample, x: float) -> float | None:
         """Return the minimum between two samples; the guess ``x`` is not needed."""
-        tops = [by_log[a.x].top, by_log[b.x].top]
+        tops = [by_log[left.x].top, by_log[right.x].top]
         ends = [top.peak for top in tops if top is not None]
-        return smooth_minimum(curves.problem.system, ends, a, b, curves.options)
+        return smooth_minimum(curves.problem.system, ends, left, right, curves.options)
 
     samples, best = find_minimum([sample(x) for x in by_log], evaluate, refine)
     # the ends of the range of acceptable preloads are computed, not only interpolated
@@ -590,15 +590,19 @@ def _near_best(samples: Sequence[Sample], best: int) -> list[float]:
 
 
 def smooth_minimum(
-    family: Family, ends: Sequence[Peak], a: Sample, b: Sample, options: PeakOptions | None = None
+    family: Family,
+    ends: Sequence[Peak],
+    left: Sample,
+    right: Sample,
+    options: PeakOptions | None = None,
 ) -> float | None:
     """Return ln(parameter) of the minimum amplitude of a peak between two samples of it, or None.
 
     The minimum is found as a root of the derivative of the amplitude with respect to the parameter.
-    ``ends`` are the peaks of the samples ``a`` and ``b``.
+    ``ends`` are the peaks of the samples ``left`` and ``right``.
     """
     # peaks of this branch by ln(parameter)
-    peaks = dict(zip((a.x, b.x), ends))
+    peaks = dict(zip((left.x, right.x), ends))
 
     def slope(x: float) -> float:
         """Return d ln(amplitude)/d ln(parameter) of the peak, found between its neighbours."""
@@ -629,7 +633,7 @@ def smooth_minimum(
     # relative tolerance of the preload
     optimum_tolerance = 1e-7
     try:
-        root = find_root(slope, (a.x, a.slope), (b.x, b.slope), optimum_tolerance)
+        root = find_root(slope, (left.x, left.slope), (right.x, right.slope), optimum_tolerance)
     except FAILURES_AT_ONE_PRELOAD:
         return None
     return float(root.at)

@@ -330,10 +330,12 @@ class _Search:
         """Run Newton's method to the tolerance of the options or a larger one; None if it fails."""
         self.trials += 1
         tolerance = max(self.options.tolerance, tolerance)
-        c = self.system.solve(y, condition, self.scale, tolerance, self.options.max_iterations)
-        self.iterations += c.iterations
-        self.reason = STATUS_TEXT[c.status]
-        return c if c.status == OK else None
+        solution = self.system.solve(
+            y, condition, self.scale, tolerance, self.options.max_iterations
+        )
+        self.iterations += solution.iterations
+        self.reason = STATUS_TEXT[solution.status]
+        return solution if solution.status == OK else None
 
     def vibration(self, difference: NDArray) -> float:
         """Return the norm of a difference of two points in scaled unknowns without the mean."""
@@ -349,30 +351,30 @@ class _Search:
             tolerance=options.position_tolerance,
             max_step=0.5 * options.max_step,
         )
-        c = self.solve(y, condition)
-        if c is None:
+        top = self.solve(y, condition)
+        if top is None:
             return None
-        moved = self.vibration(c.y - y)
+        moved = self.vibration(top.y - y)
         if moved > min(self.reach, options.max_step):
             self.reason = FAR
             return None
         # distance to a peak, relative to the vibration, below which secants do not give its
         # curvature: an error of 0.3**3 on the reference disk from a guess at a distance of 1e-7
         short = 1e-3
-        at_corner = c.curvature < -JUMP
+        at_corner = top.curvature < -JUMP
         if moved > short or at_corner:
-            return c
-        slope_gradient, _ = self.system.slope_gradient(c.y, c.tangent, self.scale, DIFFERENCE)
-        c = replace(c, curvature=float(slope_gradient @ c.tangent))
+            return top
+        slope_gradient, _ = self.system.slope_gradient(top.y, top.tangent, self.scale, DIFFERENCE)
+        top = replace(top, curvature=float(slope_gradient @ top.tangent))
         # a minimum, or NaN
-        if not c.curvature < 0.0:
+        if not top.curvature < 0.0:
             return None
-        slope = slope_along(self.system, c.y, c.tangent, self.scale)
-        distance = abs(slope / c.curvature)
+        slope = slope_along(self.system, top.y, top.tangent, self.scale)
+        distance = abs(slope / top.curvature)
         if distance <= options.position_tolerance:
-            return c
-        with_curvature = replace(condition, tangent=c.tangent, curvature=c.curvature)
-        return self.solve(c.y, with_curvature)
+            return top
+        with_curvature = replace(condition, tangent=top.tangent, curvature=top.curvature)
+        return self.solve(top.y, with_curvature)
 
     def first(self, y: NDArray, tangent: NDArray | None) -> Correction | None:
         """Return a point of the curve near a guess, or None.
@@ -385,13 +387,13 @@ class _Search:
         # a starting point needs no smaller residual
         return self.solve(y, condition, tolerance=1e-6)
 
-    def in_local_units(self, c: Correction) -> Correction:
+    def in_local_units(self, point: Correction) -> Correction:
         """Return the same point with the unit of frequency from the direction of the curve."""
-        direction = c.tangent * self.scale
-        width = vibration_width(c.y, c.tangent, self.scale, self.system.n_mean)
-        self.scale = self.system.units(c.y, width)
+        direction = point.tangent * self.scale
+        width = vibration_width(point.y, point.tangent, self.scale, self.system.n_mean)
+        self.scale = self.system.units(point.y, width)
         tangent = direction / self.scale
-        return replace(c, tangent=tangent / norm2(tangent), scale=self.scale)
+        return replace(point, tangent=tangent / norm2(tangent), scale=self.scale)
 
     def uphill(self, start: Correction) -> Correction | None:
         """Follow the curve uphill until the slope changes sign, and locate the maximum there.
@@ -580,8 +582,8 @@ def sign_of_jacobian(system: Equations, y: NDArray) -> int:
     omega = y[-1]
     scale = system.units(y, width=omega)
     # the point is a solution already; the core returns the sign with it
-    c = system.correct_at(u, float(omega), scale, tolerance=LOOSEST, max_iterations=2)
-    return c.orientation
+    solution = system.correct_at(u, float(omega), scale, tolerance=LOOSEST, max_iterations=2)
+    return solution.orientation
 
 
 def phase_row(system: Equations, y: NDArray) -> tuple[NDArray, NDArray]:
@@ -638,12 +640,16 @@ def peak_of_sign(
     if patient:
         attempts.append((equations.Fixed(), 40))
     for condition, max_iterations in attempts:
-        c = system.solve(guess, condition, scale, options.tolerance, max_iterations, line_search=2)
-        iterations += c.iterations
-        if c.status != OK:
-            reason = STATUS_TEXT[c.status]
+        solution = system.solve(
+            guess, condition, scale, options.tolerance, max_iterations, line_search=2
+        )
+        iterations += solution.iterations
+        if solution.status != OK:
+            reason = STATUS_TEXT[solution.status]
             continue
-        peak = find_peak(system, c.y, tangent=c.tangent, options=options, parameter=parameter)
+        peak = find_peak(
+            system, solution.y, tangent=solution.tangent, options=options, parameter=parameter
+        )
         iterations += peak.iterations
         if not peak.ok:
             reason = peak.status_text

@@ -574,11 +574,11 @@ def crossed(x: NDArray, height: NDArray, at: float, joined: NDArray) -> tuple[ND
     Return the index of the first point of each segment that crosses the line, and the interpolated
     heights.  Only segments with ``joined`` belong to the curve.
     """
-    f = x - at
-    changes_sign = (f[:-1] * f[1:] <= 0.0) & (f[:-1] != f[1:])
+    difference = x - at
+    changes_sign = (difference[:-1] * difference[1:] <= 0.0) & (difference[:-1] != difference[1:])
     before = np.flatnonzero(changes_sign & joined)
     after = before + 1
-    share = f[before] / (f[before] - f[after])
+    share = difference[before] / (difference[before] - difference[after])
     return before, height[before] + share * (height[after] - height[before])
 
 

@@ -100,71 +100,73 @@ class Minimum:
     open: tuple[float, float] | None = None
 
 
-def on_one_branch(a: Sample, b: Sample) -> bool:
+def on_one_branch(left: Sample, right: Sample) -> bool:
     """Return whether values and tangents of two samples match one smooth branch."""
-    h = b.x - a.x
-    change = h * max(abs(a.slope), abs(b.slope), abs(b.slope - a.slope))
+    distance = right.x - left.x
+    change = distance * max(abs(left.slope), abs(right.slope), abs(right.slope - left.slope))
     # the trapezoidal rule gives the rise along one branch
-    mismatch = abs(b.value - a.value - 0.5 * h * (a.slope + b.slope))
+    mismatch = abs(right.value - left.value - 0.5 * distance * (left.slope + right.slope))
     return bool(mismatch <= MISMATCH * change + 1e-6)
 
 
-def lower_bound(a: Sample, b: Sample) -> LowerBound | None:
+def lower_bound(left: Sample, right: Sample) -> LowerBound | None:
     """Return the lower bound between two neighbours from their tangents; None if not below both."""
-    h = b.x - a.x
-    middle = a.x + 0.5 * h
-    smaller = min(a.value, b.value)
-    a_known = bool(np.isfinite(a.value))
-    b_known = bool(np.isfinite(b.value))
+    distance = right.x - left.x
+    middle = left.x + 0.5 * distance
+    smaller = min(left.value, right.value)
+    left_known = bool(np.isfinite(left.value))
+    right_known = bool(np.isfinite(right.value))
     # slopes towards lower values inside, zero or positive; a sample without a slope has NaN
-    fall = -min(a.slope, 0.0)
-    rise = max(b.slope, 0.0)
+    fall = -min(left.slope, 0.0)
+    rise = max(right.slope, 0.0)
     # only one value is known: its branch may decrease further
-    if a_known != b_known:
-        drop = h * (fall if a_known else rise)
+    if left_known != right_known:
+        drop = distance * (fall if left_known else rise)
         if not np.isfinite(drop):
             drop = 2.0 * GAIN
-        if drop > 0.0 and h > CORNER:
+        if drop > 0.0 and distance > CORNER:
             return LowerBound(smaller - drop, middle, smooth=False)
         return None
     # smallest distance worth searching: at a slope of 1 the gain is half of GAIN
     narrow = 1e-3
-    both_known = a_known and b_known
-    if not both_known or not h > narrow:
+    both_known = left_known and right_known
+    if not both_known or not distance > narrow:
         return None
     # without a slope nothing is known about values inside
     if not np.isfinite(fall + rise):
-        if h > CORNER:
+        if distance > CORNER:
             return LowerBound(smaller - 2.0 * GAIN, middle, smooth=False)
         return None
     encloses_minimum = fall * rise > 0.0
-    if h <= MAX_DISTANCE and on_one_branch(a, b):
-        return _bound_of_cubic(a, b) if encloses_minimum else None
+    if distance <= MAX_DISTANCE and on_one_branch(left, right):
+        return _bound_of_cubic(left, right) if encloses_minimum else None
     # two branches may cross where the tangents meet
-    if h <= MAX_DISTANCE and encloses_minimum:
-        # a.value - fall t h = b.value - rise (1 - t) h
-        t = (a.value - b.value + rise * h) / ((fall + rise) * h)
-        if 0.0 < t < 1.0:
+    if distance <= MAX_DISTANCE and encloses_minimum:
+        # left.value - fall part distance = right.value - rise (1 - part) distance
+        part = (left.value - right.value + rise * distance) / ((fall + rise) * distance)
+        if 0.0 < part < 1.0:
             # the next sample keeps a distance from both
-            inside = float(np.clip(t, 0.1, 0.9))
-            return LowerBound(a.value - fall * t * h, a.x + inside * h, smooth=False)
+            inside = float(np.clip(part, 0.1, 0.9))
+            return LowerBound(
+                left.value - fall * part * distance, left.x + inside * distance, smooth=False
+            )
     # one branch may continue along its tangent
-    lowest = min(a.value - fall * h, b.value - rise * h)
+    lowest = min(left.value - fall * distance, right.value - rise * distance)
     if lowest < smaller:
         return LowerBound(lowest, middle, smooth=False)
     return None
 
 
-def _bound_of_cubic(a: Sample, b: Sample) -> LowerBound:
+def _bound_of_cubic(left: Sample, right: Sample) -> LowerBound:
     """Return the minimum of the Hermite cubic through two samples that enclose it."""
-    h = b.x - a.x
-    rise = b.value - a.value
-    t = _minimum_of_cubic(h * a.slope, h * b.slope, rise)
+    distance = right.x - left.x
+    rise = right.value - left.value
+    t = _minimum_of_cubic(distance * left.slope, distance * right.slope, rise)
     # Hermite basis: parts of the end slopes and of the rise
-    of_slopes = t * (1.0 - t) * h * ((1.0 - t) * a.slope - t * b.slope)
+    of_slopes = t * (1.0 - t) * distance * ((1.0 - t) * left.slope - t * right.slope)
     of_rise = t * t * (3.0 - 2.0 * t) * rise
-    value = a.value + of_slopes + of_rise
-    return LowerBound(value, a.x + t * h, smooth=True)
+    value = left.value + of_slopes + of_rise
+    return LowerBound(value, left.x + t * distance, smooth=True)
 
 
 def _minimum_of_cubic(first: float, last: float, rise: float) -> float:
@@ -185,14 +187,14 @@ def _minimum_of_cubic(first: float, last: float, rise: float) -> float:
 class Candidate(NamedTuple):
     """Two neighbouring samples and the lower bound between them."""
 
-    a: Sample
-    b: Sample
+    left: Sample
+    right: Sample
     bound: LowerBound
 
     @property
     def ends(self) -> tuple[float, float]:
         """Abscissae of both samples."""
-        return self.a.x, self.b.x
+        return self.left.x, self.right.x
 
 
 Evaluate = Callable[[Sequence[float]], Sequence[Sample]]
@@ -240,17 +242,17 @@ def find_minimum(
         new_x = []
         lowest = min(sample.value for sample in samples)
         for candidate in candidates[:at_once]:
-            a, b, bound = candidate
+            left, right, bound = candidate
             minimum: float | None = None
-            if a.slope < 0.0 < b.slope and candidate.ends not in tried:
+            if left.slope < 0.0 < right.slope and candidate.ends not in tried:
                 tried.add(candidate.ends)
-                minimum = refine(a, b, bound.x)
-            if minimum is not None and a.x < minimum < b.x:
+                minimum = refine(left, right, bound.x)
+            if minimum is not None and left.x < minimum < right.x:
                 new_x.append(minimum)
                 refined.add(minimum)
                 # the branch between the two is known
-                tried.add((a.x, minimum))
-                tried.add((minimum, b.x))
+                tried.add((left.x, minimum))
+                tried.add((minimum, right.x))
             elif bound.smooth or bound.value < lowest - GAIN:
                 new_x.append(bound.x)
         if new_x:
@@ -271,13 +273,13 @@ def _candidates(samples: Sequence[Sample], tried: set[tuple[float, float]]) -> l
     """
     smallest = min(samples, key=lambda sample: sample.value)
     candidates = []
-    for a, b in zip(samples, samples[1:]):
-        bound = lower_bound(a, b)
+    for left, right in zip(samples, samples[1:]):
+        bound = lower_bound(left, right)
         if bound is None:
             continue
-        candidate = Candidate(a, b, bound)
-        encloses_minimum = a.slope < 0.0 < b.slope
-        next_to_smallest = smallest in (a, b) and abs(smallest.slope) > LEVEL_SLOPE
+        candidate = Candidate(left, right, bound)
+        encloses_minimum = left.slope < 0.0 < right.slope
+        next_to_smallest = smallest in (left, right) and abs(smallest.slope) > LEVEL_SLOPE
         to_refine = encloses_minimum and next_to_smallest and candidate.ends not in tried
         needed_gain = 0.0 if to_refine else GAIN
         if bound.value < smallest.value - needed_gain:

@@ -145,11 +145,11 @@ class Sensitivities(Result, Plottable, dict[str, PeakSensitivity]):
         unknown = [f"{spaced(name)}: {item.reason}" for name, item in self.items() if item.reason]
         remarks = [f"Unknown: {'; '.join(unknown)}"] if unknown else []
         verdict = f"Change for +1 %: peak {peak}"
-        changes = self.changes()
-        known = [name for name in changes if np.isfinite(changes[name][0])]
+        amplitude_changes = {name: amplitude for name, (amplitude, _) in self.changes().items()}
+        known = [name for name, change in amplitude_changes.items() if np.isfinite(change)]
         if known:
-            first = max(known, key=lambda name: abs(changes[name][0]))
-            change = percent(changes[first][0], sign=True)
+            first = max(known, key=lambda name: abs(amplitude_changes[name]))
+            change = percent(amplitude_changes[first], sign=True)
             verdict = (
                 f"{sentence(spaced(first))} has the largest effect: {change} for +1 %, peak {peak}"
             )
@@ -160,7 +160,10 @@ class Sensitivities(Result, Plottable, dict[str, PeakSensitivity]):
         rows: list[tuple[str, ...]] = []
         rows.append(("parameter", "value", "amplitude for +1 %", "frequency for +1 %"))
         changes = self.changes()
-        size = {name: np.nan_to_num(abs(change[0]), nan=-1.0) for name, change in changes.items()}
+        # an unknown change (NaN) is smaller than all others
+        size = {}
+        for name, (amplitude, _) in changes.items():
+            size[name] = np.nan_to_num(abs(amplitude), nan=-1.0)
         for name in sorted(changes, key=lambda name: size[name], reverse=True):
             amplitude, frequency = changes[name]
             value = f"{self[name].value:.6g} {UNITS.get(name, '')}".rstrip()

@@ -230,11 +230,15 @@ def _tangential_pieces(
     pieces: list[_Piece] = []
     for axis in _sliding_axes(system, point):
         kt = float(system.structure.points.kt[point, axis])
+        # there is one kind of stick and one of slip for each direction
+        stick_along_axis = _STICK + axis
+        slip_along_axis = _SLIP + axis
         for begin, end, state in parts[axis]:
             if state == STICK:
-                pieces.append(_Piece(point, _STICK + axis, begin, end, kt))
+                pieces.append(_Piece(point, stick_along_axis, begin, end, kt))
             elif state in limit_stiffness:
-                pieces.append(_Piece(point, _SLIP + axis, begin, end, limit_stiffness[state]))
+                stiffness = limit_stiffness[state]
+                pieces.append(_Piece(point, slip_along_axis, begin, end, stiffness))
     return pieces
 
 

@@ -223,11 +223,13 @@ def frequency_sweep(
         raise SettingError(
             "frequency_sweep: every mode of the structure needs damping, and one is undamped"
         )
+    # time (s) after which the least damped mode has forgotten its start by a factor of e
     memory = 2.0 / damping
     if rate is None:
-        # RATE b 2 pi b
+        # RATE half bandwidths b in the time 1/(2 pi b): RATE b 2 pi b with b = damping/(4 pi)
         rate = RATE * damping**2 / (8.0 * np.pi)
     mean_frequency = 0.5 * (low + high)
+    # periods in the time of the sweep, and before it until the start has been forgotten
     turns = max(1, round(mean_frequency * (high - low) / rate))
     settling = max(1, round(SETTLING * memory * first))
     sweep, spent = _integrated(transient, (first, last), settling, turns, progress)

@@ -747,7 +747,7 @@ class AllSectors:
     def tractions(self, motion: Motion) -> dict[str, NDArray]:
         """Return sliders (n_sectors, n_points, 2) of the motion under different tractions."""
         at_limit = []
-        for far in (1e6, -1e6):
+        for far in (1e6, -1e6):  # m
             w = motion.w.copy()
             w[:, :, :2] = np.where(self.held, w[:, :, :2], far)
             # the motion draws the slider from far away to the limit

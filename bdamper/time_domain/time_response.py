@@ -743,14 +743,15 @@ def with_time_response(
     responses = not_integrated | earlier
     costs: dict[float, Cost] = {}
 
-    def integrate(p: float) -> None:
+    def integrate(load: float) -> None:
+        """Integrate at one preload (N); a failure becomes the status of its response."""
         try:
-            tracked = uninterrupted(frequency_response(problem, p, curve.settings["frequency"]))
-            costs[p] = tracked.cost
-            responses[p] = time_response(problem, tracked, progress=progress)
-            costs[p] += responses[p].cost
+            tracked = uninterrupted(frequency_response(problem, load, curve.settings["frequency"]))
+            costs[load] = tracked.cost
+            responses[load] = time_response(problem, tracked, progress=progress)
+            costs[load] += responses[load].cost
         except BdamperError as error:
-            responses[p] = replace(not_integrated[p], status=NOT_FOUND, reason=str(error))
+            responses[load] = replace(not_integrated[load], status=NOT_FOUND, reason=str(error))
 
     start = time.perf_counter()
     with LongWork():
