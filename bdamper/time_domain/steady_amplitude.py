@@ -265,6 +265,7 @@ class SteadySearch:
 
     def run(self) -> None:
         """Follow motions that start on the flank and at the harmonic-balance peak."""
+        # frequencies (Hz) with only one solution, and of the peak
         flank = self.balance.flank
         tip = self.balance.tip
         if self._contacts_chatter(tip):
@@ -275,8 +276,9 @@ class SteadySearch:
         # highest at its start: the motion is higher on the other side of the flank
         if _top(towards_tip) <= 1:
             from_flank.append(self.sweep(towards_tip[0].motion, flank, -way))
-        along = max(_highest(places) for places in from_flank)
+        highest_from_flank = max(_highest(places) for places in from_flank)
 
+        # sweeps from the peak, if the motion there is clearly higher than the sweep from the flank
         start = self._place_at_tip(tip)
         swept = list(itertools.chain(*from_flank))
         nearest = min(swept, key=lambda place: abs(place.frequency - tip))
@@ -296,8 +298,8 @@ class SteadySearch:
                 self.settle_back(places, parting)
                 if self.best is not best:
                     began_at_tip = any(places is sweep for sweep in from_tip)
-                    self.below = along if began_at_tip else np.nan
-            self._settle_tip(start, along, way, parting)
+                    self.below = highest_from_flank if began_at_tip else np.nan
+            self._settle_tip(start, highest_from_flank, way, parting)
             self._let_blades_diverge()
             if self.points:
                 return

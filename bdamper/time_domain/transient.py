@@ -212,7 +212,9 @@ class Transient:
             self.motion = sectors.start(start, omega, self.steps)
         self.harmonics: list[NDArray] = []
         self.energy: list[NDArray] = []
-        self.memory = float(omega / (np.pi * max(sectors.least_damping, 1e-9 * omega)))
+        # an amplitude decays like exp(-damping t/2): to 1/e in 2/damping, in periods 2 pi/omega
+        damping = max(sectors.least_damping, 1e-9 * omega)
+        self.memory = float(omega / (np.pi * damping))
         # energy of the motion, and its bound: initial energy, work of excitation and damping
         self._energy_now = sectors.energy(self.motion)
         self._energy_supplied = self._energy_now
@@ -427,9 +429,10 @@ def _change(transient: Transient, at_end: bool) -> _Change:
     At the end a change that grows from one quarter to the next counts as a beat, without an
     expected change.
     """
-    amplitude = transient.amplitude
     quarter = len(transient.harmonics) // 4
-    second, third, last = amplitude[-3 * quarter :].reshape(3, quarter).mean(axis=1)
+    last_three_quarters = transient.amplitude[-3 * quarter :]
+    # means of the second, the third and the last quarter
+    second, third, last = last_three_quarters.reshape(3, quarter).mean(axis=1)
     change_before = (third - second) / max(last, 1e-300)
     change_now = (last - third) / max(last, 1e-300)
 
@@ -494,10 +497,12 @@ def energy_error(transient: Transient, periods: int = CRITERIA.balanced) -> floa
     The time steps lose or gain the rest of the work after damping, contacts and rise.  The contacts
     return what their springs have stored; anything beyond is an error too.
     """
-    # marks of the stored energy: number of periods, and energy after them
+    # energy that the contact springs store now, and before these periods or at the first instant
     end, stored_now = transient.stored[-1]
-    earlier = [mark for mark in transient.stored if mark[0] <= end - periods]
-    begin, stored_before = earlier[-1] if earlier else transient.stored[0]
+    begin, stored_before = transient.stored[0]
+    for n_periods, stored_then in transient.stored:
+        if n_periods <= end - periods:
+            begin, stored_before = n_periods, stored_then
     if end == begin:
         return 0.0
     work, damping, contacts, rise = np.sum(transient.energy[begin:end], axis=0)
