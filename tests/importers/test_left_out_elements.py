@@ -129,7 +129,9 @@ def test_held_nodes_with_axes_of_their_own(tmp_path):
     np.testing.assert_allclose(np.sqrt(omega2[:6]) / (2.0 * np.pi), theirs, rtol=1e-6)
 
     run_job(start + PARTLY + matrices, tmp_path, "partly")
-    message = r"\*TRANSFORM in line 32: expected nodes of HELD fixed in all three .*found node \[1\]"
+    message = (
+        r"\*TRANSFORM in line 32: expected nodes of HELD fixed in all three .*found node \[1\]"
+    )
     with pytest.raises(ModelError, match=message):
         read_calculix(tmp_path / "partly")
 
