@@ -404,7 +404,9 @@ class ContactLaw:
 
         # stiffness of the elements, and their slip displacements in units of macroslip
         share, slip = power_law_sliders(chi + 1.0, decades, n)
-        # displacement (m) at which the last element slips: the strength is the sum of all slip forces
+        # the slip displacements of the power law have the mean (chi + 1)/(chi + 2), in units of
+        # macroslip: the displacement (m) at which all elements slip, so that their forces add up to
+        # the strength
         macroslip = strength * (1.0 + beta) / (stiffness * (beta + (chi + 1.0) / (chi + 2.0)))
 
         # the last element has the fraction beta and slips at macroslip

@@ -569,18 +569,20 @@ def _creep(
     dt = 0.1
     iterations = 0
     residual = np.inf
-    for _ in range(400):
+    most_time_steps = 400
+    most_newton_steps = 12
+    for _ in range(most_time_steps):
         trial = q.copy()
-        for newton_steps in range(12):
-            x = step.motion(trial)
-            contacts = _contacts(system, x, w)
+        for newton_steps in range(most_newton_steps):
+            motion = step.motion(trial)
+            contacts = _contacts(system, motion, w)
             static_residual = system.stiffness * trial + G.T @ contacts.force.ravel() - step.force
             # implicit Euler method: the velocity is the change over the time step
             residual_in_motion = static_residual + damping @ (trial - q) / dt
             iterations += 1
             if float(np.abs(residual_in_motion).max()) <= 0.1 * EQUILIBRIUM * unit:
                 break
-            jacobian = _jacobian(system, G, contacts.status, x, w) + damping / dt
+            jacobian = _jacobian(system, G, contacts.status, motion, w) + damping / dt
             trial = trial + _solve(jacobian, -residual_in_motion)
         else:
             # no convergence: a shorter time step from the same motion
@@ -596,7 +598,8 @@ def _creep(
         # at rest nothing moves, and the static equations hold
         if residual <= EQUILIBRIUM:
             break
-        if newton_steps < 6:
+        converged_fast = newton_steps < most_newton_steps // 2
+        if converged_fast:
             dt *= 2.0
     return _Equilibrium(q, status, iterations, residual), w
 

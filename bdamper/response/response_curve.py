@@ -171,7 +171,7 @@ def why_no_solution(
     u = y[:-1]
     omega = y[-1]
     try:
-        r, J, _ = system.evaluate(u, omega)
+        residual, jacobian, _ = system.evaluate(u, omega)
     except FloatingPointError:
         return ""
     _, _, shares = system.contact(u)
@@ -184,13 +184,13 @@ def why_no_solution(
         if not coordinate.name.startswith("T"):
             continue
         # a force that no unknown changes cannot be balanced
-        unbalanced = abs(r[row]) * system.row_scale[row] > 1e-6
-        stiffness = float(np.abs(J[row]).max())
-        without_stiffness = stiffness < 1e-9 * float(np.abs(J).max())
+        unbalanced = abs(residual[row]) * system.row_scale[row] > 1e-6
+        stiffness = float(np.abs(jacobian[row]).max())
+        without_stiffness = stiffness < 1e-9 * float(np.abs(jacobian).max())
         if not (unbalanced and without_stiffness):
             continue
         # the mode of a translation is 1/sqrt(mass)
-        force = float(r[row]) * np.sqrt(body.mass)
+        force = float(residual[row]) * np.sqrt(body.mass)
         # the last of the five states is separation
         always_open = shares[:, 4].min() >= 1.0
         if always_open:

@@ -328,14 +328,15 @@ def monodromy(system: Equations[SectorData], u: NDArray, omega: float) -> NDArra
 
     Returns
     -------
-    (2 n + m, 2 n + m) float
+    (2 n_modes + m, 2 n_modes + m) float
         One slider for each of the m stick segments at whose beginning it is set.
     """
     basis = real_basis(system)
     assert basis is not None
     G = np.asarray(basis.G).real
-    n = len(basis.omega2)
+    n_modes = len(basis.omega2)
     displacements, _, _ = system.contact(np.asarray(u))
+    # segments with a stiffness of one kind, and segments in stick whose slider is set
     pieces, events = cycles(system, displacements)
     point, kind, piece_begin, piece_end, weight = pieces
     stick_point, axis, stick_begin, stick_length, factor = events
@@ -357,16 +358,21 @@ def monodromy(system: Equations[SectorData], u: NDArray, omega: float) -> NDArra
     differ = np.append(True, np.diff(angles) > 1e-13)
     angles = angles[differ]
     ends = np.append(angles[1:], TWO_PI)
+    # each event sets its slider at the beginning of this interval
     interval_of_event = np.abs(angles[:, None] - stick_begin % TWO_PI).argmin(axis=0)
 
     # derivatives of the state (q, q', sliders) with respect to the state at angle 0
-    M = np.eye(2 * n + len(stick_point))
-    for i, (theta, end) in enumerate(zip(angles, ends)):
+    displacement = slice(0, n_modes)
+    velocity = slice(n_modes, 2 * n_modes)
+    first_slider = 2 * n_modes
+    derivative = np.eye(first_slider + len(stick_point))
+    for interval, (theta, end) in enumerate(zip(angles, ends)):
         # a slip-to-stick event or a closing sets the slider from the motion at its instant
-        for j in np.flatnonzero(interval_of_event == i):
-            tangential = G[stick_point[j], axis[j]]
-            normal = G[stick_point[j], 2]
-            M[2 * n + j] = (tangential + factor[j] * normal) @ M[:n]
+        for event in np.flatnonzero(interval_of_event == interval):
+            tangential = G[stick_point[event], axis[event]]
+            normal = G[stick_point[event], 2]
+            motion_of_slider = tangential + factor[event] * normal
+            derivative[first_slider + event] = motion_of_slider @ derivative[displacement]
 
         # no state changes within the interval, so the states at its middle hold for all of it
         middle = 0.5 * (theta + end)
@@ -375,20 +381,20 @@ def monodromy(system: Equations[SectorData], u: NDArray, omega: float) -> NDArra
 
         # rates of (q, q', sliders in stick); a slider in stick keeps its position
         contact_stiffness = (force[acts] * weight[acts, None]).T @ motion[acts]
-        K = np.diag(basis.omega2) + contact_stiffness
-        size = 2 * n + sticks.sum()
-        A = np.zeros((size, size))
-        A[:n, n : 2 * n] = np.eye(n)
-        accelerations = np.hstack([-K, -np.diag(basis.damping), slider_force[sticks].T])
-        A[n : 2 * n] = accelerations / basis.mass[:, None]
+        stiffness = np.diag(basis.omega2) + contact_stiffness
+        size = first_slider + sticks.sum()
+        rates = np.zeros((size, size))
+        rates[displacement, velocity] = np.eye(n_modes)
+        accelerations = np.hstack([-stiffness, -np.diag(basis.damping), slider_force[sticks].T])
+        rates[velocity] = accelerations / basis.mass[:, None]
 
-        state = np.append(np.arange(2 * n), 2 * n + np.flatnonzero(sticks))
+        active = np.append(np.arange(first_slider), first_slider + np.flatnonzero(sticks))
         duration = (end - theta) / omega
-        M[state] = expm(A * duration) @ M[state]
+        derivative[active] = expm(rates * duration) @ derivative[active]
 
     # only sliders in stick at the end of the period are state variables
-    M[2 * n + np.flatnonzero(~sticks)] = 0.0
-    return M
+    derivative[first_slider + np.flatnonzero(~sticks)] = 0.0
+    return derivative
 
 
 def multipliers(system: Equations[SectorData], u: NDArray, omega: float) -> NDArray:
