@@ -341,7 +341,10 @@ def coefficients_of(
         [np.zeros((len(s), 6)) if s.static is None else s.static for s in sets]
     )
     present = sorted({0, *problem.settings.active_harmonics})
-    rows_of = {l: [_Rows.make(problem, s, l) for s in sets] for l in present}
+    # for each harmonic, the rows of each set
+    rows_of = {}
+    for harmonic in present:
+        rows_of[harmonic] = [_Rows.make(problem, stress_set, harmonic) for stress_set in sets]
     rotor_speed = speeds(problem, solutions.frequency, speed)
     # neighbouring solutions of a curve often have the same preload
     latest: tuple[float, str] | None = None
@@ -354,11 +357,11 @@ def coefficients_of(
         forces = contact_forces(u)
         omega = 2.0 * np.pi * frequency
         stress[i] = 0.0
-        for l in present:
-            force = forces[l]
-            q = problem.layout.amplitudes(u, l)
-            coordinates = problem.bases[l].coordinates
-            if l == 0 and _mean_is_static(problem, kind):
+        for harmonic in present:
+            force = forces[harmonic]
+            q = problem.layout.amplitudes(u, harmonic)
+            coordinates = problem.bases[harmonic].coordinates
+            if harmonic == 0 and _mean_is_static(problem, kind):
                 state = problem.at(preload).equilibrium
                 q = state.q
                 force = state.force.ravel()
@@ -368,10 +371,10 @@ def coefficients_of(
             for coordinate, value in zip(coordinates, q):
                 by_body.setdefault(coordinate.body, {})[coordinate.index] = value
             of_sets = []
-            for rows in rows_of[l]:
+            for rows in rows_of[harmonic]:
                 retained = by_body.get(rows.body.name, {})
                 of_sets.append(rows.stress(retained, force, omega))
-            stress[i, ..., l] = np.concatenate(of_sets)
+            stress[i, ..., harmonic] = np.concatenate(of_sets)
         mean = stress[i, ..., 0].real
         stress[i, ..., 0] = mean + rotor_speed[i] ** 2 * centrifugal
     return stress

@@ -193,7 +193,11 @@ def _wedge_points(kind: str, n_nodes: int) -> NDArray:
     # two points for the first order, three for the second
     degree = 3 if n_nodes == 6 else 5
     (line,) = get_quadrature(ElementLineP1(), degree)[0]
-    return np.array([[x, y, z] for z in line for x, y in triangle.T]).T
+    points = []
+    for z in line:
+        for x, y in triangle.T:
+            points.append([x, y, z])
+    return np.array(points).T
 
 
 @cache

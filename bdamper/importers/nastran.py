@@ -271,13 +271,19 @@ class _Tie(NamedTuple):
 def _ties(model: Any) -> Iterator[_Tie]:
     """Iterate over RBE2, RBE3 and MPC."""
     for rigid in model.rigid_elements.values():
+        dependent: set[tuple[int, int]] = set()
         if rigid.type == "RBE2":
-            dependent = {(grid, int(c)) for grid in rigid.Gmi for c in rigid.cm}
+            # all dependent grid points have the same components, such as "123"
+            for grid in rigid.Gmi:
+                dependent.update((grid, int(component)) for component in rigid.cm)
             yield _Tie(f"RBE2 {rigid.eid}", rigid.gn, dependent)
             continue
         # the reference point of RBE3 is dependent, unless the card names other components
-        pairs = zip(rigid.Gmi, rigid.Cmi) if rigid.Gmi else [(rigid.refgrid, rigid.refc)]
-        dependent = {(grid, int(c)) for grid, components in pairs for c in str(components)}
+        points = [(rigid.refgrid, rigid.refc)]
+        if rigid.Gmi:
+            points = list(zip(rigid.Gmi, rigid.Cmi))
+        for grid, components in points:
+            dependent.update((grid, int(component)) for component in str(components))
         yield _Tie(f"RBE3 {rigid.eid}", 0, dependent)
     for mpc in chain.from_iterable(model.mpcs.values()):
         # the first grid point and component of an equation depend on the others

@@ -298,19 +298,19 @@ class DiskMatrices:
         blade_stiffness = self.stiffness.mean(axis=0)
         damper_stiffness = np.diag(self.damper_stiffness)
         damper_mass = np.diag(self.damper_mass.mean(axis=0))
-        K = scipy.linalg.block_diag(blade_stiffness, damper_stiffness).astype(complex)
-        M = scipy.linalg.block_diag(self.mass, damper_mass).astype(complex)
+        stiffness = scipy.linalg.block_diag(blade_stiffness, damper_stiffness).astype(complex)
+        mass = scipy.linalg.block_diag(self.mass, damper_mass).astype(complex)
         root = slice(self.n - self.n_root, self.n)
-        K[root, root] += self.disk_stiffness[d]
-        M[root, root] += self.disk_mass[d]
+        stiffness[root, root] += self.disk_stiffness[d]
+        mass[root, root] += self.disk_mass[d]
         # the following blade is ahead by the phase of the wave over one sector
         phase = np.exp(2j * np.pi * d * self.sector / self.n_blades)
-        G = self.rows.astype(complex)
-        G[..., : self.n] *= phase[:, None, None]
-        G = G.reshape(-1, self.n_sector)
-        contact_stiffness = G.conj().T @ (springs.reshape(-1, 1) * G)
-        squares, phi = scipy.linalg.eigh(K + contact_stiffness, M)
-        return squares, phi, G @ phi
+        motion_rows = self.rows.astype(complex)
+        motion_rows[..., : self.n] *= phase[:, None, None]
+        motion_rows = motion_rows.reshape(-1, self.n_sector)
+        contact_stiffness = motion_rows.conj().T @ (springs.reshape(-1, 1) * motion_rows)
+        squares, phi = scipy.linalg.eigh(stiffness + contact_stiffness, mass)
+        return squares, phi, motion_rows @ phi
 
     def elastic_forces(self, x: NDArray) -> NDArray:
         """Return the static forces of blades and disk (n_blades, n) at coordinates
@@ -383,13 +383,13 @@ def tuned_problem(study: Problem) -> Problem:
     return study.replace(model=model, blade_modes=local.n, contact_stiffness=stiffness)
 
 
-def _all_waves(matrices: NDArray, N: int) -> NDArray:
+def _all_waves(matrices: NDArray, n_blades: int) -> NDArray:
     """Extend matrices of the nodal diameters 0 to N/2 to 0 to N - 1."""
-    waves = np.arange(N)
-    nodal_diameter = np.minimum(waves, N - waves)
+    waves = np.arange(n_blades)
+    nodal_diameter = np.minimum(waves, n_blades - waves)
     all_matrices = np.asarray(matrices, complex)[nodal_diameter]
     # a wave in the opposite direction has the complex conjugate matrix
-    opposite = waves > N - waves
+    opposite = waves > n_blades - waves
     all_matrices[opposite] = all_matrices[opposite].conj()
     return all_matrices
 
@@ -551,9 +551,9 @@ class DiskScene:
     @cached_property
     def layout(self) -> Layout:
         """Layout of the harmonics among the unknowns."""
-        N, n_coef, size = self.shape
+        n_blades, n_coef, n_sector = self.shape
         n_mode = np.zeros(n_coef // 2 + 1, np.intc)
-        n_mode[list(self.harmonics)] = N * size
+        n_mode[list(self.harmonics)] = n_blades * n_sector
         return Layout(n_mode)
 
     @cached_property
@@ -588,9 +588,9 @@ class DiskScene:
 
     def array(self, u: NDArray) -> NDArray:
         """Return the array (n_blades, n_coefficients, n_sector) from unknowns (n_unknowns,)."""
-        N, n_coef, size = self.shape
-        by_coefficient = np.zeros((n_coef, N, size))
-        by_coefficient[self.active] = u.reshape(-1, N, size)
+        n_blades, n_coef, n_sector = self.shape
+        by_coefficient = np.zeros((n_coef, n_blades, n_sector))
+        by_coefficient[self.active] = u.reshape(-1, n_blades, n_sector)
         return by_coefficient.transpose(1, 0, 2)
 
     def responses(self, u: NDArray) -> NDArray:
@@ -616,11 +616,11 @@ class DiskScene:
     def stuck(self) -> NDArray:
         """Stiffness (n_blades, n_damper) of the stuck contacts of each damper for its own
         coordinates."""
-        s = self.structure
+        matrices = self.structure
         of_points = np.concatenate([self.points.kt, self.points.kn[:, None]], axis=1)
-        n_springs = 3 * len(s.sector)  # of one sector
-        stiffness = of_points.reshape(s.n_blades, n_springs)
-        damper_rows = s.rows[..., s.n :].reshape(n_springs, s.n_damper)
+        n_springs = 3 * len(matrices.sector)  # of one sector
+        stiffness = of_points.reshape(matrices.n_blades, n_springs)
+        damper_rows = matrices.rows[..., matrices.n :].reshape(n_springs, matrices.n_damper)
         # diagonal of rows^T stiffness rows for each sector
         springs = stiffness @ damper_rows**2
         # missing dampers and coordinates without contact get weak springs

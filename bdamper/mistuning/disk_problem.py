@@ -440,24 +440,24 @@ class DiskProblem(Summarised):
     def excitation(self) -> NDArray:
         """Complex forces (n_blades, n_sector) of the first harmonic on the
         coordinates, N kg^-1/2."""
-        s = self.structure
-        tuned = s.tuned
-        N = self.n_blades
-        e = tuned.settings.excitation
-        one_force = tuned.settings.acts_at_location and not e.beside
+        matrices = self.structure
+        tuned = matrices.tuned
+        n_blades = self.n_blades
+        force = tuned.settings.excitation
+        one_force = tuned.settings.acts_at_location and not force.beside
         validation.check_value(
-            one_force, "excitation of a bladed disk", "one force at a location", e
+            one_force, "excitation of a bladed disk", "one force at a location", force
         )
-        row = s.location_rows(e.location, e.direction, "excitation")
+        row = matrices.location_rows(force.location, force.direction, "excitation")
         # fraction of a period by which each blade is ahead of blade 0
-        periods = int(tuned.engine_order) * np.arange(N) % N / N
-        wave = e.amplitude * np.exp(1j * e.phase + 2j * np.pi * periods)
-        excitation = np.zeros((N, s.n_sector), complex)
-        excitation[:, : s.n] = np.outer(wave, row)
+        periods = int(tuned.engine_order) * np.arange(n_blades) % n_blades / n_blades
+        wave = force.amplitude * np.exp(1j * force.phase + 2j * np.pi * periods)
+        excitation = np.zeros((n_blades, matrices.n_sector), complex)
+        excitation[:, : matrices.n] = np.outer(wave, row)
         if not excitation.any():
             raise SettingError(
                 "excitation: expected a force on the blades, found "
-                f"{e.amplitude:g} N at '{e.location}'"
+                f"{force.amplitude:g} N at '{force.location}'"
             )
         return excitation
 
