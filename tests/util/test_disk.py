@@ -326,7 +326,8 @@ def test_a_lack_of_memory_names_what_was_called(monkeypatch):
     study = pressed()
     monkeypatch.setattr(type(study.problem), "static_states", property(without_memory))
     with pytest.raises(
-        bd.BdamperError, match=r"^static: expected enough memory, found too little; end"
+        bd.BdamperError,
+        match=r"^static: expected enough memory, found too little; close other programs",
     ) as caught:
         study.static(1.0)
     assert isinstance(caught.value, MemoryError)
