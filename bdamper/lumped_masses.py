@@ -147,7 +147,7 @@ def lumped(
     Parameters
     ----------
     mass, damping, stiffness : number, (n,) or (n, n) float, kg, N s/m, N/m
-        Diagonals or symmetric matrices over n degrees of freedom.  The mass is positive definite,
+        Diagonals or symmetric matrices for n degrees of freedom.  The mass is positive definite,
         with eigenvalues above 1e-9 of its largest entry, the stiffness positive semi-definite.  Any
         damping matrix is represented exactly.  If it couples the modes of mass and stiffness, the
         stiffness must be positive definite.

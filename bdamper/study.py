@@ -499,7 +499,7 @@ class Study(Comparable):
         in_time : bool
             Whether to use time integration from each point.  A point is stable if its amplitude
             changes by no more than 5 %.  Points that remain undecided, or were not reached before
-            Ctrl-C, keep the stability label from the harmonic balance (``curve.labels``).
+            Ctrl-C, keep the stability label from harmonic balance (``curve.labels``).
         progress : bool, optional
             Show how many points have been integrated; on by default.
 
@@ -688,10 +688,10 @@ class Study(Comparable):
         Returns
         -------
         TimeResponse
-            "not found" if no motion stays or settles in time, the integration fails, or its energy
-            does not balance; "incomplete" if the error exceeds 5 %, the mean drifts, the processor
-            time is used up, or the curve ends before the motion jumps. After Ctrl-C, it describes
-            the highest steady motion found so far.
+            The status is "not found" if no motion stays at the solution or settles, the integration
+            fails, or its energy does not balance. It is "incomplete" if the error exceeds 5 %, the
+            mean drifts, the processor time is used up, or the curve ends before the motion jumps.
+            After Ctrl-C, it describes the highest steady motion found so far.
 
         Raises
         ------
@@ -972,13 +972,13 @@ class Study(Comparable):
         Returns
         -------
         NonlinearMode
-            "complete" if the branch reaches the upper amplitude as the same mode; otherwise
-            ``reason`` describes its end.
+            The status is "complete" if the branch reaches the upper amplitude in the same mode;
+            otherwise ``reason`` describes its end.
 
         Raises
         ------
         SettingError
-            If a value does not fit, or the response does not move in this mode.
+            If a value does not fit, or the response location does not move in this mode.
 
         References
         ----------
@@ -1243,8 +1243,8 @@ class Study(Comparable):
     ) -> EffectSignificance:
         """Compute how the highest peak changes without each effect, and select the significant effects.
 
-        This takes several response curves: the reference, one for each effect that changes the peak
-        considerably, and one or more without all omitted effects. It is worthwhile before many
+        This requires several response curves: the reference, one for each effect that changes the
+        peak considerably, and one or more without all omitted effects. It is worthwhile before many
         computations of similar problems.
 
         Parameters
@@ -1344,7 +1344,7 @@ class Study(Comparable):
         temperature: rotor_speed.Table | None = None,
         excitation: rotor_speed.Excitations | None = None,
     ) -> Study:
-        """Return the same study at a rotor speed: model, friction and excitation at this speed.
+        """Return the study at a rotor speed, with the model, friction and excitation at this speed.
 
         Parameters
         ----------
@@ -1370,8 +1370,8 @@ class Study(Comparable):
         Raises
         ------
         SettingError
-            If a table does not cover the speed, or nothing in the model and the conditions depends
-            on it.
+            If a table does not cover the speed, or neither the model nor the conditions depend on
+            it.
         """
         conditions = Conditions(friction, temperature, excitation)
         return self._with_problem(

@@ -391,8 +391,8 @@ def fit(
         deviation of a phase in radians. By default the scatter of the amplitudes of tests repeated
         under the same conditions, or 0.02 without repetitions.
     priors : mapping of str to pair of float, optional
-        Mean and standard deviation of parameters that are known from other sources. A prior counts
-        like a measurement.
+        Mean and standard deviation of parameters that are known from other sources. A prior is
+        treated like a measurement.
     intervals : {"profile", "linear"}
         Profiles of the sum of squares, or its quadratic approximation by the covariance, which
         needs no further responses.

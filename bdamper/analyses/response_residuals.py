@@ -183,7 +183,7 @@ class MeasuredResponse(Summarised, validation.Checked):
 
     @property
     def factors(self) -> NDArray:
-        """Excitation at each point over the nominal excitation, (n,)."""
+        """Ratio of the excitation at each point to the nominal excitation, (n,)."""
         if not self._excitation_is_measured:
             return np.ones(len(self.data.frequency))
         return np.asarray(self.data.excitation) / self.nominal

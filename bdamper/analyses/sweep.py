@@ -748,8 +748,8 @@ def sweep(
     Raises
     ------
     BdamperError
-        If a name or value cannot be varied (SettingError), or the results file belongs to another
-        sweep.
+        If a setting cannot be varied or a value is invalid (SettingError), or the results file
+        belongs to another sweep.
     """
     names, points, shape = _points(over, combine)
     problem = problem_of(study)
@@ -956,8 +956,8 @@ def compare(
         with the names of :func:`bdamper.sweep`: ``{"now": study, "smooth": {"friction_coefficient":
         0.2}}``.
     question : callable
-        Returns the response curve or optimal curve of a study, for example ``lambda study:
-        study.frequency_response(500.0, (280.0, 380.0))``.
+        Function that returns the response curve or optimal curve of a study, for example ``lambda
+        study: study.frequency_response(500.0, (280.0, 380.0))``.
     progress : bool, optional
         Show progress: a bar or, without a terminal, lines of text after ten seconds; on by default.
 

@@ -135,8 +135,8 @@ class AFT(validation.Checked):
     Parameters
     ----------
     n_time : int
-        Samples per period, at least ``4 harmonics + 4``.  With 128 samples peaks of the examples in
-        docs/accuracy.md differ by up to 4e-3 from peaks with exact events.
+        Samples per period, at least ``4 harmonics + 4``.  With 128 samples, peaks of the examples
+        in docs/accuracy.md differ by up to 4e-3 from peaks with exact events.
     interpolate : bool
         Interpolate the instant of closing between samples.  Otherwise the derivative of the forces
         does not converge.

@@ -130,8 +130,8 @@ class ResidualModes(validation.Checked):
     n_soft : int
         Number of further force vectors for partial contact, those with the largest flexibility.
         For two reference models at preloads from the optimum upward, six of them reduce the error
-        due to edge contact from 3 to 7 % of the peak to less than 1 %, in 1.5 to 2 times the time
-        (docs/evidence/measured.md).
+        of the peak due to edge contact, which is 3 to 7 % otherwise, to less than 1 %, in 1.5 to 2
+        times the time (docs/evidence/measured.md).
     partial_contact : bool
         Add the force vectors of faces that touch at one end: outer, inner, front or rear third.
         For 29 random sectors with bonded faces, they reduce the largest error of mode 1 from 44 to

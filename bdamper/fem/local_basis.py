@@ -69,7 +69,7 @@ or (0.1, 1, 10) give errors larger by half.
 
 @dataclass(frozen=True)
 class LocalSizes(validation.Checked):
-    """Number of shapes of a local basis.
+    """Numbers of shapes in a local basis.
 
     Parameters
     ----------

@@ -586,7 +586,7 @@ class Problem:
 
     @made_once
     def sizes(self) -> Sizes:
-        """Characteristic sizes of the model, as reference for plausible settings."""
+        """Characteristic sizes of the model, used to check whether settings are plausible."""
         return Sizes(self)
 
     # ---- static analysis ----

@@ -116,7 +116,7 @@ class Settings(validation.Answering):
         The imaginary part of a complex number is the damping ratio, its real part a relative
         frequency shift, as in :meth:`bdamper.Study.flutter`. A number applies to the nodal diameter
         of the engine order.  Waves ``d`` and ``n_blades - d`` (or ``-d``) travel in opposite
-        directions.  Other nodal diameters and the mean have none.
+        directions.  Other nodal diameters and the mean have no aerodynamic damping.
         :func:`bdamper.influence_coefficients` computes them from a few blades.
     damper_drag : float or mapping of body name to float, N s/m
         Viscous damping constant of free bodies: drag divided by velocity in translation.  Rotation
@@ -128,8 +128,8 @@ class Settings(validation.Answering):
         a disk of radius mu N (the static analysis uses the uncoupled law, see
         :mod:`bdamper.contact.static_state`).  "bonded": linear springs in all directions, also in
         tension.  A :class:`~bdamper.ContactLaw` is a compiled function; its stiffness replaces the
-        contact stiffness.  It and "coupled" are sampled, with 128 samples unless ``contact_forces``
-        is given.
+        contact stiffness.  The forces of such a law and of "coupled" are evaluated from samples,
+        128 per period unless ``contact_forces`` is given.
     bias, variable_normal_load, separation : bool
         Whether the mean position may change, whether the friction limit follows the normal load,
         and whether surfaces may open and close.  :class:`~bdamper.harmonic_balance.effects.Effects`
@@ -158,8 +158,8 @@ class Settings(validation.Answering):
         Whether response curves include the stability of every point.
     speed : float, rad/s, optional
         Rotor speed of the model, set by :meth:`bdamper.Study.at_speed`.  The static analysis then
-        includes the displacement of the faces by rotation at this speed, which does not depend on
-        the preload.
+        includes the displacement of the faces due to rotation at this speed, which does not depend
+        on the preload.
     residual_slip_std : float, m
         Standard deviation of the random slider positions after assembly, from which the static
         analysis starts.

@@ -195,8 +195,8 @@ def read_ring_down(
     Warns
     -----
     BdamperWarning
-        If peaks of the record are clipped; only the decay after the last of them is then evaluated.
-        Also if the evaluation ends early because the record has several modes.
+        If peaks of the record are clipped, in which case only the decay after the last of them is
+        evaluated, or if the evaluation ends early because the record has several modes.
 
     Notes
     -----

@@ -78,8 +78,8 @@ Modes = Annotated[int, partial(validation.integer, least=1, most=BOUNDS.modes)]
 @validation.check_arguments
 @dataclass(frozen=True)
 class Sector(validation.Checked):
-    """Sector of a cyclic structure, or a whole structure: properties that its file lacks, and its
-    sets of nodes.
+    """Properties of a sector, or of a whole structure, that its file does not contain, and its node
+    sets.
 
     Parameters
     ----------

@@ -103,7 +103,7 @@ def optimal_curve(
     Returns
     -------
     SweepResult
-        Over the preload: amplitude, frequency and number of the blade with the largest amplitude,
+        At each preload: amplitude, frequency and number of the blade with the largest amplitude,
         holding springs of the dampers, error of the amplitude
         (:class:`~bdamper.mistuning.peak.DiskPeak`), and tuned amplitude.
     """
@@ -163,9 +163,9 @@ def frequency_response(
     -------
     ResponseCurve
         Curve of the blade with the largest amplitude, with the response of all blades in ``blades``
-        and without unknowns.  It consists of the branch from one end, of the branch from the other
-        end if the first does not reach it, and of branches from solutions in the remaining gaps.
-        Branches may leave the interval and return.
+        and without the unknowns of harmonic balance.  It consists of the branch from one end, the
+        branch from the other end if the first does not reach it, and branches from solutions in the
+        remaining gaps.  Branches may leave the interval and return.
     """
     first, last = validation.interval("frequency", frequency)
     low = TWO_PI * first
@@ -320,7 +320,8 @@ def time_response(
     ----------
     disk : BladedDisk
     peak : DiskPeak
-        Peak of this disk.  Its dampers are free in time, even if springs held them in the search.
+        Peak of this disk.  Its dampers are free in the time integration, even if springs supported
+        them in the search.
     steps_per_period : int, optional
         256 by default; a steady motion is integrated again with twice this number.  If the energy
         does not balance, the number is multiplied by four.

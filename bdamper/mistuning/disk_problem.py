@@ -411,8 +411,9 @@ class DiskProblem(Summarised):
         object.__setattr__(self, "structure", nominal.varied(mistuning, mass))
 
     def replace(self, **changes: Any) -> Self:
-        """Return the same disk with another ``mistuning`` or other ``dampers``; unchanged parts are
-        shared."""
+        """Return the same disk with a different ``mistuning`` or different ``dampers``; unchanged
+        parts are shared.
+        """
         for name in changes:
             validation.choice("settings of a bladed disk", name, ("mistuning", "dampers"))
         return replace(self, **changes)
@@ -423,7 +424,7 @@ class DiskProblem(Summarised):
 
     @property
     def sizes(self) -> Sizes:
-        """Sizes of the model of the study, as reference for plausible arguments."""
+        """Characteristic sizes of the model, used to check whether arguments are plausible."""
         return problem_of(self.study).sizes
 
     @property
@@ -478,7 +479,7 @@ class DiskProblem(Summarised):
         return self._states[preload]
 
     def system(self, preload: float) -> DiskSystem:
-        """Return new equations at a preload (N), with new counters."""
+        """Return a new system of equations at a preload (N), with its own counters."""
         return disk_system(self.structure, self.state(preload), self.excitation, self.response_row)
 
     @one_thread
@@ -495,7 +496,8 @@ class DiskProblem(Summarised):
     @validation.check_arguments
     @one_thread
     def tuned_change(self, preload: float) -> float:
-        """Return the relative change of the tuned peak by more harmonics (:data:`MORE_HARMONICS`).
+        """Return the relative change of the tuned peak with additional harmonics
+        (:data:`MORE_HARMONICS`).
 
         It is NaN if either peak is unknown.
         """

@@ -478,11 +478,11 @@ class Model(Plottable, Record):
     def at_speed(self, omega: float) -> Model:
         """Return the structure with the modes and the flexibility at a rotor speed (rad/s).
 
-        Modes keep their order, phase and damping ratio, assigned by overlap with the modes of this
-        model.  The stress of modes changes with them.  Bases without speed-dependent data do not
-        change (see :meth:`neglected_over_speed`); surface meshes, contact stiffness and static
-        solutions never change.  The local basis of a mistuned bladed disk is valid at one speed and
-        is removed.  ``at_speed`` of the returned model is possible.
+        Each mode keeps the position, phase and damping ratio of the mode of this model with the
+        highest correlation.  The stress of modes changes with them.  Bases without speed-dependent
+        data do not change (see :meth:`neglected_over_speed`); surface meshes, contact stiffness and
+        static solutions never change.  The local basis of a mistuned bladed disk is valid at one
+        speed and is removed.  ``at_speed`` of the returned model is possible.
 
         Raises
         ------

@@ -204,8 +204,8 @@ def plot_safe(campbell: Campbell, speed: float | None = None, ax: Axes = NEW) ->
 
 @picture(Crossings)
 def plot_crossings(found: Crossings, ax: Axes = NEW, *, quantity: str = "amplitude") -> None:
-    """Plot the amplitude or margin at crossings against speed, with its own style for each damper
-    mass.
+    """Plot the amplitude or margin at crossings against speed, with a separate style for each
+    damper mass.
 
     Parameters
     ----------

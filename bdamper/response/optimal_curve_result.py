@@ -176,8 +176,8 @@ class OptimalCurve(
     convergence : Convergence or None
         Peak at the optimum with more harmonics.
     curves : tuple of ResponseCurve
-        Response curve at each preload, coarse and without unknowns.  It is empty if no curve was
-        followed.
+        Response curve at each preload, coarse and without the unknowns of harmonic balance.  It is
+        empty if no curve was followed.
     requested : (n,) bool
         Whether the preload was requested; the search added the others near the optimum.
     lowest_steady_preload : float, N
