@@ -354,11 +354,11 @@ def run_up(
     # ``top`` solves equations assembled at its speed; ``near`` interpolates around this speed
     near, _, top, error, last_error = refined(family, equations, highest.peak, meter)
     if error > CLOSE:
-        doubt = f"interpolation over speed leaves a residual of {error:.2g} at the highest point"
+        doubt = f"interpolation in speed leaves a residual of {error:.2g} at the highest point"
         curve = replace(
             curve,
             status=INCOMPLETE,
-            reason=f"{curve.reason}; {doubt}; give a shorter range of speeds",
+            reason=f"{curve.reason}; {doubt}; use a shorter range of speeds",
         )
     fixed = peak_at_fixed_speed(family, equations, (low, high), mode, highest.peak, meter)
     # one point: its unknowns (1, n_unknowns + 1), its harmonics (1, n_harmonics + 1)
@@ -370,11 +370,11 @@ def run_up(
         last_error <= CLOSE and refined_is_highest,
         "speeds",
         "a speed range in which the equations change smoothly",
-        f"a residual of {error:.2g} after interpolation over this range; give a shorter one",
+        f"a residual of {error:.2g} after interpolation over this range; use a shorter range",
     )
     notes = (
         _comparison_text(top, fixed),
-        f"interpolation over speed leaves a residual of {error:.1e} there",
+        f"interpolation in speed leaves a residual of {error:.1e} there",
     )
     return replace(result, notes=(*curve.notes, *notes), cost=meter.read())
 

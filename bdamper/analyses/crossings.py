@@ -1,4 +1,4 @@
-"""Resonance crossings over rotor speed and damper mass.
+"""Resonance crossings in a range of rotor speeds, for several damper masses.
 
 A crossing is the highest response on the line of an engine order, as in a slow run-up. Each point
 of the line has its own speed and therefore its own preload. :func:`resonance_crossings` computes a
@@ -155,8 +155,8 @@ class CrossingTask:
         exact_equations = error <= CLOSE
         if not exact_equations:
             residual = (
-                f"interpolation over speed leaves a residual of {error:.2g} times the excitation "
-                "at the highest point"
+                f"interpolation in speed leaves a residual of {error:.2g} times the excitation at "
+                "the highest point"
             )
             fixed = exact_at_fixed_speed(family, self.speeds, self.mode, top, meter)
             if isinstance(fixed, str):
@@ -165,12 +165,13 @@ class CrossingTask:
             solution = fixed
             doubt = "" if fixed.ok else f" ({fixed.status_text})"
             warnings.append(
-                f"{residual}; this is the peak at fixed speed, to {percent(AROUND[-1])} in "
-                f"speed{doubt}"
+                f"{residual}; the result is the peak at fixed speed, with its speed accurate to "
+                f"{percent(AROUND[-1])}{doubt}"
             )
         elif not first <= CLOSE:
             warnings.append(
-                f"interpolation over the range leaves a residual of {first:.2g}; give a shorter one"
+                f"interpolation over the range leaves a residual of {first:.2g}; use a shorter "
+                "range"
             )
         preload = family.preload(solution.parameter)
         stick, slip, open_share = solution.shares
@@ -299,7 +300,7 @@ class Crossings(SweepResult, kind="bdamper-crossings"):
         return highest
 
     def _margin_rows(self, among: NDArray) -> list[Row]:
-        """Return the row of the least margin of some crossings; none without margins."""
+        """Return the row of the smallest margin of some crossings; none without margins."""
         margins = np.where(among, numbers_of(self.values, "margin"), np.nan)
         if not np.isfinite(margins).any():
             return []

@@ -1,4 +1,4 @@
-"""Response along an engine order line, over rotor speed.
+"""Response along an engine order line, as a function of rotor speed.
 
 Response along the line
     With the excitation frequency ``omega = EO Omega`` as an unknown, a run-up is a response curve
@@ -108,7 +108,7 @@ class SpeedFamily:
         self._by_speed: dict[float, Problem] = {}
 
     def problem(self, omega: float) -> Problem:
-        """Return the problem at a speed (rad/s); its unknowns are comparable over speed."""
+        """Return the problem at a speed (rad/s); its unknowns at different speeds are comparable."""
         if omega not in self._by_speed:
             problem = under(self.base, omega, self.conditions)
             if self._by_speed:
@@ -174,16 +174,17 @@ class SpeedFamily:
             for name, speed in zip(("free", "stuck"), self.resonances(low, high, mode))
             if speed
         }
-        head = f"engine order {self.whole.engine_order} meets mode {mode}"
+        order = f"engine order {self.whole.engine_order}"
         if not crossings:
-            return f"{head} at no speed; give another order or mode"
+            never = f"{order} does not cross mode {mode} at any speed"
+            return f"{never}; choose a different engine order or mode"
         speeds = " and ".join(
             f"at {speed * RPM:.5g} rpm with {name} contacts" for name, speed in crossings.items()
         )
         remedy = f"give a range wider than {low * RPM:.5g} to {high * RPM:.5g} rpm"
         if any(low <= speed <= high for speed in crossings.values()):
             remedy += ", or check that excitation and response act on the mode"
-        return f"{head} {speeds}; {remedy}"
+        return f"{order} crosses mode {mode} {speeds}; {remedy}"
 
     def following(self, omega: float, mode: int) -> float:
         """Return the free resonance (rad/s) of the next mode at a speed (rad/s), or infinity."""
@@ -210,7 +211,7 @@ AROUND = (0.03, 0.01, 0.003)
 """Successive relative half-widths of the range around a highest point with too large an
 interpolation error.
 
-The error is large if a table over speed has a corner in the range.
+The error is large if a speed-dependent table has a corner in the range.
 """
 
 
@@ -382,7 +383,10 @@ def at_fixed_speed(
         peak = peak_at(omega / order, guess)
         if not peak.ok:
             if before is None:
-                return f"no peak at fixed speed: from the highest point on the line, {peak.status_text}"
+                return (
+                    "no peak found at fixed speed, starting from the highest point on the line: "
+                    f"{peak.status_text}"
+                )
             omega = 0.5 * (omega + before[0])
             continue
         distance = float(peak.y[-1]) - omega
@@ -400,16 +404,16 @@ def at_fixed_speed(
         omega = min(max(low, omega - distance / slope), high)
         if omega == before[0]:
             return (
-                "no peak at fixed speed: it leaves the range of speeds, "
-                f"{speeds.min():.5g} to {speeds.max():.5g} rad/s"
+                f"no peak found at fixed speed within the range of {speeds.min():.5g} to "
+                f"{speeds.max():.5g} rad/s"
             )
-    return f"no peak at fixed speed on the line after {n_steps} steps"
+    return f"no peak found at fixed speed on the line after {n_steps} steps"
 
 
 def interpolated_at_fixed_speed(
     equations: Equations[Family], top: Peak, meter: CostMeter
 ) -> Peak | str:
-    """Find the peak at fixed speed that lies on the line, from equations interpolated over speed.
+    """Find the peak at fixed speed that lies on the line, from equations interpolated in speed.
 
     If there is no such peak, return the reason as text.
     """

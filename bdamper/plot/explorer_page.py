@@ -600,7 +600,7 @@ class Page:
         if answer is None or isinstance(answer, str):
             self.busy.visible = False
             if answer is not None:
-                self.text.text = f"<b>No answer:</b> {html.escape(answer)}"
+                self.text.text = f"<b>No result:</b> {html.escape(answer)}"
             return
         if answer.curve is not None:
             self.shown["curve"] = answer
@@ -649,12 +649,12 @@ class Page:
     def _in_time(self, found: TimeResponse) -> None:
         """Show the steady-state amplitude by time integration next to the peak."""
         if not np.isfinite(found.mean):
-            self.texts["time"] = f"In time: {html.escape(found.status_text)}."
+            self.texts["time"] = f"Time integration: {html.escape(found.status_text)}."
             return
         self._put("time", [found.frequency], [1e6 * found.mean])
         self._put("range", [found.frequency] * 2, [1e6 * found.lowest, 1e6 * found.largest])
         warning = "" if found.ok else f", {html.escape(found.status_text)}"
-        self.texts["time"] = f"◇ In time {found.text}{warning}."
+        self.texts["time"] = f"◇ Time integration: {found.text}{warning}."
 
     def _curve(self, answer: Answer, curve: ResponseCurve) -> None:
         """Show the response curve with its limits and the chosen point."""

@@ -186,7 +186,7 @@ def plot_blades(found: TimeResponse, ax: Axes = NEW) -> None:
     ax.axhline(found.balance, color="k", linewidth=1.0, label="harmonic balance")
     warning = "" if found.mean > 0.0 else ", no steady state near the peak"
     title = f"preload {amount(found.preload, 'N')}, {amount(found.frequency, 'Hz')}{warning}"
-    ax.set(ylabel="Amplitude in time, mean and range (m)", title=title)
+    ax.set(ylabel="Amplitude by time integration, mean and range (m)", title=title)
 
 
 @picture(MotionInTime)

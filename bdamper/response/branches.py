@@ -466,7 +466,7 @@ class Coverage:
             if solution is None:
                 without_solution.add(widest)
                 continue
-            self.note(solution[-1], "set off from a solution within a gap")
+            self.note(solution[-1], "started from a solution within a gap")
             self.both_ways(solution)
 
     def _within(self, gap: tuple[float, float], find_start: FindStart) -> NDArray | None:

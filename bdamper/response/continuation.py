@@ -274,7 +274,7 @@ class Follower:
         if at_far_end:
             return self.path("complete", f"reached {self.place(bound)}")
         started = ", where it started" if start == bound else ""
-        return self.path("turned back", f"came back to {self.place(bound)}{started}")
+        return self.path("turned back", f"returned to {self.place(bound)}{started}")
 
     # ---- the run ----
 

@@ -555,9 +555,10 @@ def _resonance_apart(case: LoadCase, frequency: tuple[float, float], peak: Peak)
     if not (of_another_mode and far_below):
         return ""
     return (
-        f"the preload is {case.preload / force:.2g} times the excitation, and without contact "
-        f"{peak_text(free.amplitude, free.frequency)} is reached: colliding faces may have a higher "
-        "resonance apart from this curve; raise the preload, or see study.motion_in_time"
+        f"the preload is {case.preload / force:.2g} times the excitation, and the response "
+        f"without contact reaches {peak_text(free.amplitude, free.frequency)}: faces that collide "
+        "may cause a higher resonance on a branch separate from this curve; raise the preload, "
+        "or see study.motion_in_time"
     )
 
 

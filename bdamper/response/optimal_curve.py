@@ -541,7 +541,7 @@ def _why_no_value(responses: Sequence[AtPreload]) -> str:
         first = with_note[0].top
         assert first is not None
         return f"{reason}; the amplitude there is {first.note}"
-    return f"{reason}; another resonance is higher, widen frequency"
+    return f"{reason}; a different resonance is higher: widen the frequency interval"
 
 
 def _ending_of_optimum(
@@ -558,7 +558,7 @@ def _ending_of_optimum(
     if may_be_lower:
         unknown = counted(len(may_be_lower), "preload")
         first = f"{may_be_lower[0]:.6g} N"
-        reason = f"{unknown} without an amplitude could be lower, first {first}"
+        reason = f"the amplitude could be lower at {unknown} without a result, the first at {first}"
         return Ending(INCOMPLETE, reason)
     if best.open is not None:
         low, high = np.exp(best.open)

@@ -192,8 +192,8 @@ def _of_damper(curve: OptimalCurve, preload: float) -> str:
     load = curve.mass_radius * speed**2
     rotor_speed = amount(30.0 * speed / np.pi, "rpm")
     return (
-        f"The damper presses with {amount(load, 'N')} at {rotor_speed}; the preload needs "
-        f"{preload / load:.2g} times its mass"
+        f"The damper has a centrifugal load of {amount(load, 'N')} at {rotor_speed}; the preload "
+        f"requires {preload / load:.2g} times its mass"
     )
 
 

@@ -128,8 +128,8 @@ def notes(
         for point in undetermined[::step]:
             names.update(neutral_directions(system, coordinates, point.y))
         texts.append(
-            f"nothing determines the mean along {', '.join(sorted(names))} at "
-            f"{len(undetermined)} points: held at minimum norm"
+            f"the mean position along {', '.join(sorted(names))} is not unique at "
+            f"{len(undetermined)} points: the one of minimum norm is used"
         )
     return tuple(texts)
 

@@ -421,7 +421,7 @@ class ResponseCurve(
     def labels(self) -> NDArray:
         """Stability of each point, or "" if unknown.
 
-        It is "stable" or "unstable" by time integration, "stable as far as N harmonics tell" or
+        It is "stable" or "unstable" by time integration, "stable according to N harmonics" or
         "unstable" by Floquet multipliers, and "unstable (det J < 0) with N harmonics" or "undecided
         (det J >= 0) with N harmonics" by the sign of the determinant.
         """
@@ -433,7 +433,7 @@ class ResponseCurve(
             stays = f"undecided (det J >= 0) with {harmonics}"
             leaves = f"unstable (det J < 0) with {harmonics}"
         else:
-            stays = f"stable as far as {harmonics} {'tells' if n == 1 else 'tell'}"
+            stays = f"stable according to {harmonics}"
             leaves = "unstable"
         by_equations = np.where(self.unstable, leaves, stays)
         if self.in_time is None:

@@ -451,7 +451,8 @@ class _Linear:
             sides.append(f"{amplitude:.3g} m, {amount(omega / (2.0 * np.pi), 'Hz')}")
         found = " and ".join(sides)
         raise NoDerivative(
-            f"sensitivities: expected the same from above and below, found {found} per unit"
+            f"sensitivities: expected equal derivatives from above and below, found {found} per "
+            "unit"
         )
 
     def along(self, move: NDArray, pair: _Pair) -> NDArray:
@@ -644,7 +645,7 @@ def _finite(value: float, peak: Peak) -> float:
     """Return the derivative; raise NoDerivative if it is not finite."""
     if not np.isfinite(value):
         raise NoDerivative(
-            f"sensitivities: expected finite ones, found {value} at {peak.frequency:.6g} Hz"
+            f"sensitivities: expected finite derivatives, found {value} at {peak.frequency:.6g} Hz"
         )
     return value
 

@@ -490,14 +490,14 @@ def judged_in_time(sectors: AllSectors, curve: ResponseCurve, progress: bool) ->
     n_resting = int((~moving).sum())
     n_undecided = int(np.isnan(ratios).sum())
     note = (
-        f"motion in time, amplitude kept to {100.0 * CRITERIA.tolerance:g} %: "
-        f"{n_judged} of {len(curve)} points judged, {n_resting} rest, {n_undecided} undecided; "
+        f"time integration, amplitude within {100.0 * CRITERIA.tolerance:g} %: {n_judged} of "
+        f"{len(curve)} points integrated, {n_resting} without slip or separation, {n_undecided} undecided; "
         f"{watch.read().seconds:.3g} s"
     )
     if work.interrupted:
         note += ", interrupted by the user"
     if n_undecided:
-        note += f"; the undecided: {curve.stability_note}"
+        note += f"; undecided points: {curve.stability_note}"
     return replace(curve, unstable=unstable, stability_note=note, in_time=ratios)
 
 

@@ -607,7 +607,7 @@ def _stated(
 
     at_end = ""
     if search.at_end(best):
-        at_end = "the curve ends before the motion falls; widen the interval"
+        at_end = "the curve ends before the motion jumps down; widen the interval"
     doubts = [doubt_about_range, spent, search.failure, at_end, doubt_about_curve]
     doubt = "; ".join(filter(None, doubts))
     if doubt:

@@ -222,7 +222,7 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
         "N/m",
         "possibly a stiffness per area or of the whole face",
         "possibly given in N/mm or per area",
-        "at a point in the mean, 0.01 to 100 times that of the bodies there",
+        "mean of the contact points, 0.01 to 100 times the stiffness of the bodies there",
     ),
     "Study.contact_stiffness_factor": Range(
         1e-3,

@@ -117,8 +117,11 @@ def test_the_headline_is_the_highest_crossing_or_says_that_there_is_none(study, 
     assert least in doubted_text and " There may be a higher point: why " in doubted_text
     none = study.resonance_crossings((10.0, 20.0), [5])
     why = none.warnings[0]
-    assert re.fullmatch(r"engine order 5 meets mode 1 at 3601.8 rpm with free contacts and at \S+ rpm with stuck contacts; "
-                        r"give a range wider than 95.493 to 190.99 rpm", why)  # fmt: skip
+    limits = (
+        r"engine order 5 crosses mode 1 at 3601.8 rpm with free contacts and at \S+ rpm with stuck "
+        r"contacts; give a range wider than 95.493 to 190.99 rpm"
+    )
+    assert re.fullmatch(limits, why)
     assert none._headline() == f"No crossing: {why}" and " nan" not in str(none)
     rows = [*(row_of(found.values, k) for k in (0, 1)), row_of(none.values, 0)]
     mixed = replace(
@@ -272,7 +275,7 @@ def test_a_run_up_is_a_curve_over_speed(study, found, tmp_path):
     assert run.unknowns.shape == (len(run), 0)
     fixed = f"{1e3 * value['fixed_speed_amplitude']:.4g} mm at {value['fixed_speed']:.5g} rad/s"
     assert f"above the peak at fixed speed, {fixed}" in run.summary()
-    assert "interpolation over speed leaves a residual of" in run.summary()
+    assert "interpolation in speed leaves a residual of" in run.summary()
     assert "4208.3 rpm, engine order 5" in run._headline()
     assert (
         run.plot().axes[0].get_xlabel() == "Rotor speed (rpm)"
@@ -316,7 +319,7 @@ def test_a_missing_peak_at_fixed_speed_has_its_reason(study, monkeypatch):
     lost = replace(study.peak(5800.0), status="not found", reason="tried")
     monkeypatch.setattr(engine_order_line, "highest_peak", lambda *_, **__: lost)
     row = study.resonance_crossings(SPEEDS, [5]).values[0]
-    why = "no peak at fixed speed: from the highest point on the line, not found: tried"
+    why = "no peak found at fixed speed, starting from the highest point on the line: not found: tried"
     assert (row["kind"], row["warning"]) == ("complete", why) and np.isnan(row["fixed_speed"])
     assert study.run_up((420.0, 465.0)).summary().count(why) == 1
 
@@ -456,11 +459,11 @@ def test_corners_of_tables_over_speed_take_a_shorter_range(study):
     found = study.resonance_crossings((400.0, 500.0), [5], friction=table)
     run = study.run_up((400.0, 500.0), friction=table)
     assert "incomplete" in str(run) and run.reason.endswith(
-        "at the highest point; give a shorter range of speeds"
+        "at the highest point; use a shorter range of speeds"
     )
     assert run.peak.amplitude == pytest.approx(found.values[0]["amplitude"], rel=1e-9)
     beyond = study.run_up((436.5, 470.0), friction=table)
-    words = r"interpolation over the range leaves a residual of \S+; give a shorter one"
+    words = r"interpolation over the range leaves a residual of \S+; use a shorter range"
     assert found.values[0]["kind"] == "incomplete" and re.search(words, found.warnings[0])
     assert found.values[0]["amplitude"] == pytest.approx(beyond.peak.amplitude, rel=1e-6)
     falling = {
@@ -470,7 +473,8 @@ def test_corners_of_tables_over_speed_take_a_shorter_range(study):
         600.0: 0.1,
     }  # another point of the interpolated line is higher
     with pytest.raises(
-        bd.SettingError, match="speeds: expected a range in which the equations change smoothly"
+        bd.SettingError,
+        match="speeds: expected a speed range in which the equations change smoothly",
     ):
         study.run_up((400.0, 500.0), friction=falling)
     assert (
@@ -516,11 +520,13 @@ def test_nodal_diameters_without_data_over_speed_are_told():
 
 
 def test_tables_are_asked_where_they_reach(study):
-    with pytest.raises(bd.BdamperError, match=r"meets mode 1 .* wider than 2864\.8 to 3819\.7 rpm"):
+    with pytest.raises(
+        bd.BdamperError, match=r"crosses mode 1 .* wider than 2864\.8 to 3819\.7 rpm"
+    ):
         study.run_up(friction={300.0: 0.3, 400.0: 0.3})
 
 
-LIMITS = (r"engine order 5 meets mode 1 at 36\d\d.* rpm with free contacts and at 4\d\d\d.* rpm with stuck contacts; "
+LIMITS = (r"engine order 5 crosses mode 1 at 36\d\d.* rpm with free contacts and at 4\d\d\d.* rpm with stuck contacts; "
           "give a range wider than ")  # fmt: skip
 
 
@@ -604,8 +610,8 @@ def test_the_cost_of_an_exact_crossing_is_that_of_its_searches(study, monkeypatc
 
 
 @pytest.mark.parametrize(("resonances", "where"), [
-    ((0.0, 0.0), "at no speed; give another order or mode"),
-    ((405.0, 420.0), "at 3867.5 rpm with free contacts and at 4010.7 rpm with stuck contacts; give a range "
+    ((0.0, 0.0), "does not cross mode 1 at any speed; choose a different engine order or mode"),
+    ((405.0, 420.0), "crosses mode 1 at 3867.5 rpm with free contacts and at 4010.7 rpm with stuck contacts; give a range "
                      "wider than 3819.7 to 4058.5 rpm, or check that excitation and response act on the mode"),
 ])  # fmt: skip
 def test_a_line_without_a_maximum_is_told(study, resonances, where, monkeypatch):
@@ -614,13 +620,13 @@ def test_a_line_without_a_maximum_is_told(study, resonances, where, monkeypatch)
     found = study.resonance_crossings((400.0, 425.0), [5])
     assert (found.values[0]["kind"], *found.warnings) == (
         "not found",
-        f"engine order 5 meets mode 1 {where}",
+        f"engine order 5 {where}",
     )
     monkeypatch.setattr(crossings, "follow_mode", lambda *_: None)
     found = study.resonance_crossings((400.0, 425.0), [5])
     assert (found.values[0]["kind"], *found.warnings) == (
         "none",
-        f"engine order 5 meets mode 1 {where}",
+        f"engine order 5 {where}",
     )
 
 
@@ -665,8 +671,13 @@ def test_where_interpolation_fails_the_peak_at_fixed_speed_is_found_exactly(
     exact = engine_order_line.exact
     monkeypatch.setattr(engine_order_line, "exact", lambda *args: (exact(*args)[0], 0.1))
     value = study.resonance_crossings(SPEEDS, [5]).values[0]
-    words = "interpolation over speed leaves a residual of 0.1 times the excitation at the highest point"
-    assert value["warning"] == f"{words}; this is the peak at fixed speed, to 0.3 % in speed"
+    words = (
+        "interpolation in speed leaves a residual of 0.1 times the excitation at the highest point"
+    )
+    assert (
+        value["warning"]
+        == f"{words}; the result is the peak at fixed speed, with its speed accurate to 0.3 %"
+    )
     assert value["kind"] == "incomplete" and np.isnan(value["amplitude_by_mass"])
     assert (
         value["speed"]
@@ -676,7 +687,8 @@ def test_where_interpolation_fails_the_peak_at_fixed_speed_is_found_exactly(
     assert value["amplitude"] == pytest.approx(found.values[1]["fixed_speed_amplitude"], rel=1e-3)
     assert value["preload"] == study.at_speed(value["speed"]).preload
     with pytest.raises(
-        bd.BdamperError, match="speeds: expected a range in which the equations change smoothly"
+        bd.BdamperError,
+        match="speeds: expected a speed range in which the equations change smoothly",
     ):
         study.run_up(SPEEDS)
 
@@ -686,7 +698,7 @@ def test_where_interpolation_fails_the_peak_at_fixed_speed_is_found_exactly(
     )
     monkeypatch.setattr(engine_order_line, "highest_peak", cut)
     doubted = study.resonance_crossings(SPEEDS, [5]).values[0]
-    assert "no peak at fixed speed" in doubted["warning"] and np.isnan(doubted["amplitude"])
+    assert "no peak found at fixed speed" in doubted["warning"] and np.isnan(doubted["amplitude"])
 
     def none_there(*_, **__):
         raise bd.BdamperError("no peak there")
@@ -694,8 +706,8 @@ def test_where_interpolation_fails_the_peak_at_fixed_speed_is_found_exactly(
     monkeypatch.setattr(engine_order_line, "highest_peak", none_there)
     value = study.resonance_crossings(SPEEDS, [5]).values[0]
     assert value["kind"] == "not found" and np.isnan(value["amplitude"])
-    why = "no peak at fixed speed: from the highest point on the line, not found: no peak there"
-    assert value["warning"].startswith(f"{words}; {why}; engine order 5 meets mode 1 at ")
+    why = "no peak found at fixed speed, starting from the highest point on the line: not found: no peak there"
+    assert value["warning"].startswith(f"{words}; {why}; engine order 5 crosses mode 1 at ")
 
 
 @pytest.mark.parametrize(

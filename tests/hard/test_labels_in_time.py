@@ -17,7 +17,7 @@ def test_labels_of_a_curve():
     curve = study.frequency_response(2000.0, (346.0, 358.0))
     judged = study.with_stability(curve, in_time=True)
     labels, ratio = judged.labels, judged.in_time
-    assert "points judged" in judged.stability_note and "in_time" in judged.columns()
+    assert "points integrated" in judged.stability_note and "in_time" in judged.columns()
     assert labels[at(curve, 352.3, 0)] == "stable" and ratio[at(curve, 352.3, 0)] == pytest.approx(
         1.0, abs=1e-3
     )

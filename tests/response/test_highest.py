@@ -247,7 +247,7 @@ def test_an_optimum_whose_curve_was_given_up_is_not_verified(study, monkeypatch)
         )(plain(*asked))
         context.setattr(optimal, "at_preload", ended)
         beyond = study.optimal_curve(preloads, frequency=INTERVAL, check=False)
-    assert not beyond.optimum.ok and "widen frequency" in beyond.optimum.reason
+    assert not beyond.optimum.ok and "widen the frequency interval" in beyond.optimum.reason
     doubt = replace(beyond, time_response=in_time)._headline()
     assert doubt.startswith(f"No optimum: {beyond.optimum.status_text}")
     module = sys.modules["bdamper.response.highest_peak"]

@@ -61,7 +61,7 @@ def test_labels_of_a_few_masses():
     )
     curve = study.frequency_response(0.0, (0.1, 0.35))
     judged = study.with_stability(curve, in_time=True)
-    assert "points judged" in judged.stability_note and "in_time" in judged.columns()
+    assert "points integrated" in judged.stability_note and "in_time" in judged.columns()
     assert len(curve.folds) and (judged.labels == "stable").mean() > 0.3
     assert (judged.labels[curve.backward] == "unstable").mean() > 0.8
     assert study.with_stability(curve).in_time is None
@@ -81,7 +81,7 @@ def test_points_at_rest_between_two_resonances_need_no_integration(monkeypatch):
     np.testing.assert_array_equal(judged.in_time, np.where(rest, 1.0, 0.96))
     assert set(judged.labels) == {"stable"}
     assert set(study.with_stability(curve).labels) <= {
-        "stable as far as 2 harmonics tell",
+        "stable according to 2 harmonics",
         "unstable",
     }
 
@@ -113,7 +113,7 @@ def test_interrupted_labels_keep_what_was_judged(monkeypatch):
         and np.isfinite(judged.in_time[asked[:2]]).all()
     )
     rest = judged.labels[(curve.amplitude > 1.2) & (np.arange(len(curve)) >= asked[2])]
-    assert set(rest) == {"stable as far as 5 harmonics tell", "unstable"}
+    assert set(rest) == {"stable according to 5 harmonics", "unstable"}
 
 
 def test_settings_that_are_no_structure_in_time_are_refused_at_once(disk):

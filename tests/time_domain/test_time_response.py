@@ -309,7 +309,7 @@ def ends(search):
 @pytest.mark.slow
 @each(("changes", "status", "change"), [
     (drifts, "incomplete: its mean is uncertain by 6 %", 0.06),
-    (ends, "incomplete: the curve ends before the motion falls; widen the interval", 0.01),
+    (ends, "incomplete: the curve ends before the motion jumps down; widen the interval", 0.01),
     (lambda search: setattr(search, "below", float("nan")), "complete", 0.01),
     (lambda search: setattr(search, "failure", "some steps failed"), "incomplete: some steps failed", 0.01),
     (finds_none, "not found: every integration leaves the peak", np.nan),

@@ -78,14 +78,14 @@ OF_STUDIES = {
     ),
     "stiffness in N/mm": (
         lambda s: s.replace(contact_stiffness=1e4),
-        "contact_stiffness: plausible 2.6e+06 to 2.6e+10 N/m, at a point in the mean, 0.01 "
-        "to 100 times that of the bodies there, found 1e+04 N/m; possibly given in N/mm or "
+        "contact_stiffness: plausible 2.6e+06 to 2.6e+10 N/m, mean of the contact points, 0.01 "
+        "to 100 times the stiffness of the bodies there, found 1e+04 N/m; possibly given in N/mm or "
         "per area",
     ),
     "N/mm3 for N/m3": (
         lambda s: s.replace(contact_stiffness=bd.PerArea(1e5)),
-        "contact_stiffness of PerArea: plausible 2.6e+06 to 2.6e+10 N/m, at a point in the "
-        "mean, 0.01 to 100 times that of the bodies there, found 4.8 N/m; possibly given in "
+        "contact_stiffness of PerArea: plausible 2.6e+06 to 2.6e+10 N/m, mean of the "
+        "contact points, 0.01 to 100 times the stiffness of the bodies there, found 4.8 N/m; possibly given in "
         "N/mm or per area",
     ),
     "a history in newtons": (

@@ -852,7 +852,7 @@ def failing(ask):
     with pytest.raises(bd.BdamperError) as caught:
         ask()
     assert str(caught.value) == (
-        "run-up: mode 1 has no maximum: engine order 5 meets mode 1 at 7146.8 rpm with free contacts "
+        "run-up: mode 1 has no maximum: engine order 5 crosses mode 1 at 7146.8 rpm with free contacts "
         "and at 10467 rpm with stuck contacts; give a range wider than 66845 to 90718 rpm"
     )
 
@@ -910,8 +910,8 @@ DOUBTED = {
     ),
     "N/mm": (
         lambda s: s.replace(contact_stiffness=2e4),
-        "contact_stiffness: plausible 2.6e+06 to 2.6e+10 N/m, at a point in the mean, 0.01 "
-        "to 100 times that of the bodies there, found 2e+04 N/m; possibly given in N/mm or "
+        "contact_stiffness: plausible 2.6e+06 to 2.6e+10 N/m, mean of the contact points, 0.01 "
+        "to 100 times the stiffness of the bodies there, found 2e+04 N/m; possibly given in N/mm or "
         "per area",
     ),
     "damping of 30 %": (
@@ -1180,6 +1180,6 @@ def test_speeds_in_revolutions_per_minute(study):
         with pytest.raises(bd.BdamperError) as caught:
             study.run_up(rpm=(1000.0, 1500.0))
         assert str(caught.value) == (
-            "run-up: mode 1 has no maximum: engine order 5 meets mode 1 at 3662.5 rpm with free contacts "
+            "run-up: mode 1 has no maximum: engine order 5 crosses mode 1 at 3662.5 rpm with free contacts "
             "and at 4713.6 rpm with stuck contacts; give a range wider than 1000 to 1500 rpm"
         )
