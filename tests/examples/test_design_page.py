@@ -133,8 +133,9 @@ def test_preload_speed_and_mass_belong_together(page):
     """P = f m r Omega^2 and Omega = 2 pi f / EO, for a preload and each crossing."""
     mass, radius = 0.0689984, 0.236179
     newtons, hertz, rpm, full, again, factor = shown(
-        r"resonance of ([\d,]+) N \(([\d,.]+) Hz\) at ([\d,]+) rpm, .*? presses with ([\d,]+) N: "
-        r"([\d,]+) N needs ([\d.]+) times"
+        r"design for at least ([\d,]+) N\. Engine order 10 crosses the resonance at this preload "
+        r"\(([\d,.]+) Hz\) at ([\d,]+) rpm, .*? presses with ([\d,]+) N: a preload of ([\d,]+) N "
+        r"requires ([\d.]+) times"
     )
     enough = page[0]["enough"]
     assert newtons == again == enough.parameter
