@@ -281,7 +281,7 @@ def test_resonance_that_leaves_the_interval_is_followed(number):
 def test_a_resonance_far_beyond_the_interval_is_not_known():
     compared = accuracy_cases.compare(2071)
     assert np.isnan(compared.estimated).all() and compared.text.endswith(
-        "between 556.495 and 1090.11 Hz: the response is highest at an end"
+        "between 556.495 and 1090.11 Hz: the response is highest at an end of the interval"
     )
 
 
