@@ -24,13 +24,15 @@ HEAD = """# Validated against
 
 *Evidence: you do not need this page to use bdamper.*
 
-Which public problems and closed forms does bdamper reproduce? `make validate` computes them again and writes this page.
-Numbers agree within the tolerances of `tests/validated.py` (1e-10 to 5 %); where one does not, the reason is given.
+Which published problems and closed-form solutions does bdamper reproduce? `make validate` computes
+them again and writes this page. The values agree within the tolerances of `tests/validated.py`
+(1e-10 to 5 %); where one does not, the reason is given.
 """
 TAIL = """## Elsewhere
 
-Frequencies over rotor speed beside CalculiX: `tests/anchors`; mistuned wheels: `tests/mistuning`; amplitudes beside an
-independent time integration: [in time](in-time.md); times beside pyHarm: [compared](compared.md).
+Frequencies at several rotor speeds compared with CalculiX: `tests/anchors`; mistuned bladed disks:
+`tests/mistuning`; amplitudes compared with an independent time integration: [in time](in-time.md);
+computing times compared with pyHarm: [compared](compared.md).
 """
 
 
