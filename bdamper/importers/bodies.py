@@ -70,11 +70,16 @@ if TYPE_CHECKING:
 def over_speed(bodies: Mapping[float, FEBody]) -> FEBody:
     """Combine the same body at two rotor speeds, with matrices or modes at each speed.
 
+    A third body at a speed between them checks that the stiffness is linear in the squared speed.
+
     Parameters
     ----------
     bodies : mapping of rotor speed (rad/s) to FEBody
-        For example ``{0.0: read_calculix("standstill"), 600.0: read_calculix("running")}``.  The
-        modes of the model are the modes of the lower speed.
+        Two speeds, or three. For example
+        ``{0.0: read_calculix("standstill"), 600.0: read_calculix("running")}``.  The modes of the
+        model are the modes of the lowest speed, and the highest one determines how they change.
+        The import warns if the model does not have
+        the frequencies of the middle speed.
 
     Returns
     -------
@@ -84,26 +89,30 @@ def over_speed(bodies: Mapping[float, FEBody]) -> FEBody:
     Raises
     ------
     SettingError, ModelError
-        If there are not two speeds, the nodes differ, or one speed has matrices and the other has
-        modes only.
+        If there are not two or three speeds, the nodes differ, or one speed has matrices and
+        another has modes only.
     """
-    if not isinstance(bodies, Mapping) or len(bodies) != 2:
-        raise validation.invalid("over_speed", "a mapping of two rotor speeds to FEBody", bodies)
+    if not isinstance(bodies, Mapping) or len(bodies) not in (2, 3):
+        raise validation.invalid(
+            "over_speed", "a mapping of two or three rotor speeds to FEBody", bodies
+        )
     checked = []
     for key, value in bodies.items():
         omega = validation.number("rotor speed", key, least=0.0, unit="rad/s")
         body = validation.instance(f"body at {omega:g} rad/s", value, FEBody)
-        checked.append(replace(body, rotor_speed=omega, faster=None))
-    slower, faster = sorted(checked, key=lambda body: body.rotor_speed)
-    same_nodes = np.array_equal(slower.numbers, faster.numbers)
-    item = f"{faster.source} at {faster.rotor_speed:g} rad/s"
-    check(same_nodes, item, f"the nodes of {slower.source}", "other numbers")
-    if (slower.stiffness is None) != (faster.stiffness is None):
-        raise SettingError(
-            "over_speed: expected matrices at both speeds, or modes at both speeds, "
-            "found one of each"
-        )
-    return replace(slower, faster=faster)
+        checked.append(replace(body, rotor_speed=omega, faster=None, between=None))
+    slowest, *others = sorted(checked, key=lambda body: body.rotor_speed)
+    for other in others:
+        same_nodes = np.array_equal(slowest.numbers, other.numbers)
+        item = f"{other.source} at {other.rotor_speed:g} rad/s"
+        check(same_nodes, item, f"the nodes of {slowest.source}", "other numbers")
+        if (slowest.stiffness is None) != (other.stiffness is None):
+            raise SettingError(
+                "over_speed: expected matrices at all speeds, or modes at all speeds, "
+                "found matrices at one and modes at another"
+            )
+    *middle, fastest = others
+    return replace(slowest, faster=fastest, between=middle[0] if middle else None)
 
 
 def rotation_of(body: PreparedBody) -> Rotation | None:
@@ -342,6 +351,43 @@ def check_second_speed(
                 )
 
 
+def check_between_speeds(
+    body: PreparedBody,
+    bases: Mapping[int, ModalBasis],
+    ring: CyclicStructure,
+    mask: NDArray | None = None,
+) -> None:
+    """Compare frequencies of the model at a speed between both with the matrices or modes there.
+
+    They show whether the stiffness is linear in the squared speed.  The stiffness of a thin blade
+    with large deflections is not.
+
+    Parameters
+    ----------
+    mask : (3 n_nodes,) bool, optional
+        Held components of a body with matrices.
+    """
+    between = body.between
+    if between is None:
+        return
+    omega = between.raw.rotor_speed
+    source = f"{between.raw.source} at this speed"
+    sectors = None if mask is None else cyclic_sectors(between, ring, mask, ())
+    for d, basis in bases.items():
+        of_model, _ = basis.at_speed(omega)
+        computed = np.sqrt(of_model.omega2[: basis.n_natural]) / (2.0 * np.pi)
+        item = f"{body.name}, nodal diameter {d} at {omega:g} rad/s"
+        with body.report.comparison():
+            if sectors is None:
+                given, _ = _normalised(between, d, ring, basis.n_natural)
+            else:
+                given, _ = sectors(d).modes(basis.n_natural)
+            error = compare_frequencies(computed, np.sqrt(given) / (2.0 * np.pi), item, source)
+            body.passed(
+                f"{item}, between both speeds: frequencies agree within {100 * error:.2g} %"
+            )
+
+
 def check_reached(body: PreparedBody, wanted: Wanted, absent: NDArray, content: str) -> None:
     """Raise ModelError if a contact face or location includes nodes (n,) without ``content``."""
     nodes_of_part = {"contact faces": wanted.contact.indices // 3}
@@ -419,6 +465,7 @@ def constrained_from_modes(
             higher_omega2, higher_shapes = _normalised(at_higher_speed, d, ring, n_modes)
             basis = basis_from_modes(body, d, basis, shapes, higher_omega2, higher_shapes)
         bases[d] = basis
+    check_between_speeds(body, bases, ring)
     body.passed(f"{body.name}: modes rescaled, modal mass from the file or the user (not checked)")
     body.report.missing.append(NO_RECEPTANCE.format(body.name))
     return Body(body.name, "constrained", wanted.ports, bases), pictures
@@ -604,6 +651,7 @@ def constrained_from_matrices(
         body.require(held, f"nodal diameter {d}", "a constrained sector (fixed nodes)", found)
     body.passed("stiffness symmetric and positive definite at every nodal diameter, mass symmetric")
     check_second_speed(body, built.bases, ring)
+    check_between_speeds(body, built.bases, ring, mask)
     if n_modes < wanted.n_modes:
         body.passed(
             f"{n_modes} modes instead of {wanted.n_modes}: the matrices have too few rows for more"

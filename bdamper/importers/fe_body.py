@@ -265,6 +265,8 @@ class FEBody(Summarised):
         Rotor speed of the stiffness or the modes.
     faster : FEBody, optional
         Same body at a higher rotor speed, see :func:`bdamper.importers.over_speed`.
+    between : FEBody, optional
+        Same body at a speed between both, whose frequencies are compared.
     element_kinds : tuple of ElementKind
         Kind of each array of ``elements``.  By default elements have full integration and an
         unknown material.
@@ -290,6 +292,7 @@ class FEBody(Summarised):
     notes: tuple[str, ...] = ()
     rotor_speed: float = 0.0
     faster: FEBody | None = None
+    between: FEBody | None = None
     element_kinds: tuple[ElementKind, ...] = ()
 
     def __post_init__(self) -> None:
@@ -335,6 +338,9 @@ class FEBody(Summarised):
         if self.faster:
             speed = f"{self.faster.rotor_speed:g} rad/s"
             rows.append(Row("Second speed", speed, self.faster.source))
+        if self.between:
+            speed = f"{self.between.rotor_speed:g} rad/s"
+            rows.append(Row("Compared speed", speed, self.between.source))
         return rows
 
 

@@ -373,6 +373,13 @@ class PreparedBody:
             return None
         return PreparedBody(self.name, self.raw.faster, self.placement)
 
+    @property
+    def between(self) -> PreparedBody | None:
+        """Same body at a rotor speed between both, with a separate report, or None."""
+        if self.raw.between is None:
+            return None
+        return PreparedBody(self.name, self.raw.between, self.placement)
+
     @cached_property
     def _table(self) -> tuple[NDArray, NDArray]:
         """Index (n_eq,) of each equation in the full matrices, and the mask (n_nodes, 3) of

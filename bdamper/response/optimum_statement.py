@@ -178,7 +178,10 @@ def _not_integrated(curve: OptimalCurve) -> str:
 
 
 def _of_damper(curve: OptimalCurve, preload: float) -> str:
-    """Compare a preload with the centrifugal load of the damper at the resonance."""
+    """Compare a preload with the centrifugal load of the damper at a rotor speed.
+
+    It is the speed of the study, or else the one at which the engine order meets the resonance.
+    """
     order = curve.settings.get("engine_order", 0)
     # with an excitation of one newton the preload is a ratio; loads per preload concern several
     # bodies
@@ -187,13 +190,18 @@ def _of_damper(curve: OptimalCurve, preload: float) -> str:
     # the radius is unknown (NaN) without rotation
     if not order or not curve.mass_radius > 0.0:
         return ""
-    # speed (rad/s) of the study, or the one at which the engine order meets the resonance
-    speed = curve.settings.get("speed") or 2.0 * np.pi * curve.optimum.frequency / order
+    # rad/s
+    speed = curve.settings.get("speed")
+    if speed:
+        of_speed = "the speed of the study"
+    else:
+        speed = 2.0 * np.pi * curve.optimum.frequency / order
+        of_speed = f"where engine order {order} meets this resonance"
     load = curve.mass_radius * speed**2
     rotor_speed = amount(30.0 * speed / np.pi, "rpm")
     return (
-        f"The damper has a centrifugal load of {amount(load, 'N')} at {rotor_speed}; the preload "
-        f"requires {preload / load:.2g} times its mass"
+        f"The damper has a centrifugal load of {amount(load, 'N')} at {rotor_speed}, {of_speed}; "
+        f"the preload requires {preload / load:.2g} times its mass"
     )
 
 

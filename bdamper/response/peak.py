@@ -18,9 +18,9 @@ ends at the corner.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +43,7 @@ from bdamper.response.motion_range import exceeds
 from bdamper.util import validation
 from bdamper.util.display import Fact, InContact, Result
 from bdamper.util.errors import COMPLETE, NOT_FOUND, with_reason
-from bdamper.util.formatting import amount, peak_text, sentence, short_repr
+from bdamper.util.formatting import amount, extent, peak_text, sentence, short_repr
 from bdamper.util.progress import Cost
 from bdamper.util.records import Data, Reason
 from bdamper.util.statement import Row, Statement
@@ -210,6 +210,7 @@ class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
             rows = []
             if np.isfinite(self.lower_bound):
                 rows.append(lower_bound_row(self.lower_bound, self.frequency))
+            rows += interval_rows(self.settings)
             verdict = f"No peak: {self.status_text}{about(self.settings, self.parameter)}"
             return Statement([verdict], rows, remarks=remarks)
         limit = self.settings.get("limit", "")
@@ -225,6 +226,7 @@ class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
         if limit:
             return Statement([verdict], rows, remarks=remarks)
         rows += contact_rows(self.shares)
+        rows += interval_rows(self.settings)
         remarks.append(not_covered(self.settings, ["more blade modes"]))
         return Statement([verdict], rows, unchecked("peak"), remarks)
 
@@ -260,6 +262,14 @@ def contact_rows(shares: NDArray) -> list[Row]:
     per_cent = (100.0 * np.asarray(shares)).round(1) + 0.0
     value = f"{', '.join(f'{share:.3g}' for share in per_cent)} %"
     return [Row("Contact states", value, "stick, slip, open")]
+
+
+def interval_rows(settings: Mapping[str, Any]) -> list[Row]:
+    """Return the row with the interval of a search for the highest peak, if it is recorded."""
+    if "frequency" not in settings:
+        return []
+    low, high = settings["frequency"]
+    return [Row("Search interval", extent(low, high, "Hz"), "covered by the response curve")]
 
 
 def unchecked(name: str) -> list[Row]:

@@ -1,5 +1,6 @@
 """A sector from another program at two rotor speeds: matrices, and modes alone."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from bdamper.fem.generated_models import SectorFE
 from bdamper.fem.meshes import Geometry, MeshDensity
 from bdamper.fem.rotation import Rotation, spin_softening
 from bdamper.importers import Modes, over_speed
-from bdamper.util.errors import ModelError, SettingError
+from bdamper.util.errors import BdamperWarning, ModelError, SettingError
 from tests.fe_bodies import contacts
 from tests.imports import build
 from tests.printed import said
@@ -153,13 +154,42 @@ def test_modes_that_are_no_combinations_of_the_first_are_refused(fe, bodies, rot
 
 
 @pytest.mark.slow
+def test_a_third_speed_shows_whether_the_stiffness_is_linear(fe, bodies, rotation):
+    """At a speed of 0.75 of the highest one, half of the stiffening is missing in the second case."""
+    blade, damper = bodies
+    at_top = at(blade, rotation, TOP)
+    ends = {0.0: blade, TOP: at_top}
+    name = f"blade, nodal diameter {ND} at 450 rad/s"
+    given = over_speed({BETWEEN: at(blade, rotation, BETWEEN), **ends})
+    assert given.between.rotor_speed == BETWEEN and given.faster.rotor_speed == TOP
+    built = build(given, damper, fixed="BORE", **SETTINGS)
+    found = re.search(rf"{name}, between .* agree within ([\d.e-]+) %", said(built))
+    assert float(found[1]) < 0.01
+
+    half = at(blade, rotation, np.sqrt(0.5) * BETWEEN)
+    with pytest.warns(BdamperWarning, match=f"{name}: expected the frequencies of"):
+        build(over_speed({BETWEEN: half, **ends}), damper, fixed="BORE", **SETTINGS)
+
+
+@pytest.mark.slow
+def test_modes_at_a_third_speed_are_compared(fe, bodies, rotation):
+    blade, damper = bodies
+    first, middle, last = (modal_body(fe, rotation, blade, omega) for omega in (0.0, BETWEEN, TOP))
+    built = build(over_speed({0.0: first, BETWEEN: middle, TOP: last}), damper, **SETTINGS)
+    found = re.search(
+        rf"nodal diameter {ND} at 450 rad/s, .* agree within ([\d.e-]+) %", said(built)
+    )
+    assert float(found[1]) < 0.01
+
+
+@pytest.mark.slow
 def test_speeds_that_do_not_fit_together_are_refused(fe, bodies, rotation):
     blade, _ = bodies
-    with pytest.raises(SettingError, match="two rotor speeds"):
+    with pytest.raises(SettingError, match="two or three rotor speeds"):
         over_speed({0.0: blade})
     with pytest.raises(SettingError, match=r"rotor speed: .*rad/s"):
         over_speed({0.0: blade, -1.0: blade})
-    with pytest.raises(SettingError, match="matrices at both speeds, or modes at both speeds"):
+    with pytest.raises(SettingError, match="matrices at all speeds, or modes at all speeds"):
         over_speed({0.0: blade, TOP: modal_body(fe, rotation, blade, TOP)})
     with pytest.raises(ModelError, match="expected the nodes of"):
         over_speed({0.0: blade, TOP: replace(blade, numbers=blade.numbers + 1)})

@@ -208,15 +208,16 @@ class TestBottomLine:
         assert "20 N of excitation" in text
         load = study.at_speed(2.0 * np.pi * o.frequency / 5.0).preload
         assert (
-            f" The damper has a centrifugal load of {amount(load, 'N')} at {amount(12.0 * o.frequency, 'rpm')}; "
-            f"the preload requires {o.preload / load:.2g} times its mass "
+            f" The damper has a centrifugal load of {amount(load, 'N')} at {amount(12.0 * o.frequency, 'rpm')}, "
+            "where engine order 5 meets this resonance; the preload requires "
+            f"{o.preload / load:.2g} times its mass "
         ) in text
         assert "times its mass" not in said(replace(curve, settings=at_twenty, mass_radius=np.nan))
         twice_the_speed = {"speed": 4.0 * np.pi * o.frequency / 5.0}
         faster = said(replace(curve, settings=at_twenty | twice_the_speed))
         speed = amount(24.0 * o.frequency, "rpm")
         assert (
-            f" The damper has a centrifugal load of {amount(4.0 * load, 'N')} at {speed}; the"
+            f" The damper has a centrifugal load of {amount(4.0 * load, 'N')} at {speed}, the speed of the"
             in faster
         )
         shares = at_twenty | {"load_per_preload": {"damper": 2.0}}  # the load is not the preload
