@@ -997,9 +997,16 @@ def _needs_partial_contact(model: Model, nodal_diameter: int, report: ImportRepo
         report.missing.append(f"shift of mode 1 by parts of the faces: {error}")
         return False
     by_mode = ", ".join(percent(shift) for shift in found.shifts)
+    held_modes = 1 + np.flatnonzero(np.asarray(found.shifts) >= SMALL_SHIFT)
+    hint = ""
+    if len(held_modes) and held_modes[0] > 1:
+        hint = (
+            f"; the damper has little effect below mode {held_modes[0]}; select a mode with mode= "
+            "in the methods of the study"
+        )
     report.checks.append(
         f"dampers: bonded faces raise the lowest {counted(len(found.shifts), 'frequency')} of "
-        f"nodal diameter {nodal_diameter} by {by_mode}"
+        f"nodal diameter {nodal_diameter} by {by_mode}{hint}"
     )
     if WHOLE not in found.errors:
         report.checks.append("residual modes: bonding the faces does not shift mode 1")

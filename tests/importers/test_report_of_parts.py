@@ -59,6 +59,21 @@ def test_errors_within_the_limits_and_dampers_without_effect_pass(monkeypatch, s
     )
 
 
+@pytest.mark.parametrize(
+    ("shifts", "first"), [((0.002, 0.004, 0.1, 0.5), 3), ((0.1, 0.002), None), ((0.002,), None)]
+)
+def test_the_first_mode_that_a_damper_shifts_is_named(monkeypatch, shifts, first):
+    """Peaks are those of mode 1 unless another is given."""
+    found = PartialContact(shifts, {WHOLE: 0.0, "inner third": 0.0})
+    monkeypatch.setattr(module, "coupling_of_default", lambda model, diameter: NO_MODEL)
+    monkeypatch.setattr(module, "partial_contact", lambda coupling, options: found)
+    report = ImportReport()
+    module._needs_partial_contact(NO_MODEL, 5, report)
+    hint = f"; the damper has little effect below mode {first}; select a mode with mode="
+    assert (hint in report.checks[0]) == (first is not None)
+    assert ("little effect" in report.checks[0]) == (first is not None)
+
+
 def test_vectors_for_partial_contact_are_chosen_where_they_help(monkeypatch):
     report, is_needed = report_of(monkeypatch, 0.08, 0.0, -0.151, 0.02)
     assert is_needed and not report.missing
