@@ -53,9 +53,10 @@ def report_of(monkeypatch, shift, whole, part, richer):
 def test_errors_within_the_limits_and_dampers_without_effect_pass(monkeypatch, shift, whole, part):
     report, is_needed = report_of(monkeypatch, shift, whole, part, 0.0)
     assert TEXT in report.checks[1] and not report.missing and not is_needed
-    assert report.checks[0] == (
+    hint = "; the damper has little effect below mode 2;" if shift == 0.004 else ""
+    assert report.checks[0].startswith(
         "dampers: bonded faces raise the lowest 2 frequencies of nodal diameter 5 by "
-        f"{percent(shift)}, 2 %"
+        f"{percent(shift)}, 2 %{hint}"
     )
 
 
