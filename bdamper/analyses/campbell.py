@@ -293,7 +293,7 @@ def _check_damped(problem: Problem, result: Any) -> None:
 def _diameters(problem: Problem) -> list[int]:
     """Return the nodal diameters of the constrained bodies.
 
-    If some of them have modes over speed, only these count.
+    If some of them have speed-dependent modes, only these count.
     """
     with_modes = set()
     with_speed = set()

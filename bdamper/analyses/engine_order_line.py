@@ -256,7 +256,7 @@ def follow_line(
     Returns
     -------
     equations : Equations
-        Equations interpolated over speed, with the excitation frequency as the parameter.
+        Equations interpolated in speed, with the excitation frequency as the parameter.
     curve : ResponseCurve
     highest : Highest or None
         Highest maximum, with the speed (rad/s) as its parameter; None if the highest point is an

@@ -32,7 +32,7 @@ forces follow, or the contact forces of the first mode if only some of the point
 Forces of parts are largest at their ends, so that combinations of the vectors can be stiff.  They
 would make the share of every point small.  The stiffness of their coordinates is therefore
 increased, which leaves these combinations to the diagonal.  The increase is smooth, because
-equations from which vectors are dropped at a limit cannot be interpolated over speed.  The first
+equations from which vectors are dropped at a limit cannot be interpolated in speed.  The first
 vector keeps its stiffness: the first stuck frequency of the fundamental harmonic and the static
 state remain exact.
 

@@ -1,7 +1,7 @@
 """Safety factors against fatigue for solutions and curves.
 
 The margin of a solution is the smallest safety factor of all points of the stress sets that count.
-A curve over frequency, preload or speed has a margin at each of its points.
+A curve as a function of frequency, preload or speed has a margin at each of its points.
 """
 
 from __future__ import annotations

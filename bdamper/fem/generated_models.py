@@ -409,8 +409,8 @@ def bladed_disk(
     pictures : tuple of int
         Nodal diameters with mode shapes on the surface of the blade.
     rotation : Rotation or float, optional
-        For a model over rotor speed: result of :meth:`SectorFE.rotation`, or the speed (rad/s) of
-        its check.
+        For a model with speed-dependent data: result of :meth:`SectorFE.rotation`, or the speed
+        (rad/s) of its check.
     fe : SectorFE, optional
         Existing finite element bodies; only the parts that depend on the contact points are
         computed.

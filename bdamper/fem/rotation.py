@@ -85,7 +85,7 @@ def spin_displacement(sector: CyclicSector) -> NDArray:
     """
     require(
         sector.nodal_diameter == 0,
-        f"the displacement by rotation has nodal diameter 0, not {sector.nodal_diameter}",
+        f"the displacement due to rotation has nodal diameter 0, not {sector.nodal_diameter}",
     )
     force = centrifugal_force(sector.body)
     independent = sector.static_response(force[:, None])

@@ -249,7 +249,8 @@ def at_speed(
     validation.check(
         depends_on_speed,
         "rotor speed",
-        "a model with a loaded body, modes over speed or displacement by rotation, or conditions",
+        "a model with a loaded body, speed-dependent modes or displacement due to rotation, or "
+        "conditions",
         "a model in which nothing depends on speed",
     )
     speed = asked_speeds(problem, omega, rpm, validation.number)
@@ -408,7 +409,7 @@ def family_equations(
     """
     middle = systems[len(systems) // 2]
     speeds = np.asarray(speeds, float)
-    refuse(middle.structure.points.own, "a curve over speed")
+    refuse(middle.structure.points.own, "a curve as a function of speed")
     squares = speeds**2
     nodes = tuple(
         system.core for system in systems if isinstance(system.core, _core.SectorEquations)
@@ -417,7 +418,7 @@ def family_equations(
         core = middle.structure.core(nodes=nodes, squares=squares, order=float(engine_order))
     except ValueError as error:
         raise SettingError(
-            f"over rotor speed: the number of unknowns or the contact law changes between two "
+            f"rotor speed: the number of unknowns or the contact law changes between two "
             f"speeds ({error})"
         ) from error
     # polynomials through the values at the speeds, in the squared speed mapped to (-1, 1)

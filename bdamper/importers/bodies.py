@@ -1,4 +1,4 @@
-r"""Bodies of an imported model, from matrices or from modes, with data over rotor speed and local
+r"""Bodies of an imported model, from matrices or from modes, with speed-dependent data and local
 basis.
 
 **Modes.** Modes of a file become travelling waves toward +X with unit modal mass.  Their modal
@@ -184,7 +184,7 @@ def basis_from_modes(
     omega2: NDArray,
     moved: NDArray,
 ) -> ModalBasis:
-    """Add data over rotor speed to a basis of a nodal diameter d.
+    """Add speed-dependent data to a basis of a nodal diameter d.
 
     Parameters
     ----------
@@ -221,7 +221,8 @@ def basis_from_modes(
     change = (turning * omega2) @ turning.conj().T - np.diag(basis.omega2)
     per_squared_speed = change / (omega**2 - first**2)
     body.passed(
-        f"{body.name}, nodal diameter {d}: overlap of modes over speed at least {sizes[-1]:.5g}"
+        f"{body.name}, nodal diameter {d}: overlap of the modes at the two speeds at least "
+        f"{sizes[-1]:.5g}"
     )
     hermitian = 0.5 * (per_squared_speed + per_squared_speed.conj().T)
     return basis.with_speed(hermitian, omega_ref=first, source=body.raw.source)

@@ -749,5 +749,5 @@ def read_measurements(path: Path) -> tuple[Measurement, ...]:
                 source=str(path),
             )
         )
-    check(bool(measurements), str(path), "functions over frequency (data set 58)", "none")
+    check(bool(measurements), str(path), "frequency response functions (data set 58)", "none")
     return tuple(measurements)

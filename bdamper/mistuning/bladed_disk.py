@@ -76,7 +76,7 @@ def answers(peak: DiskPeak) -> dict[str, Any]:
 def _highest(
     _: Any, preload: Any, *, disk: DiskProblem, options: DiskPeakOptions | None
 ) -> dict[str, Any]:
-    """Return the quantities of the highest peak at a point of a sweep over the preload."""
+    """Return the quantities of the highest peak at a point of a preload sweep."""
     highest = peak(disk, preload, options=options)
     return answers(highest) | {"tuned_amplitude": highest.tuned_amplitude}
 

@@ -271,7 +271,7 @@ def _check_basis(
         _check_residual(rest, basis.flexibility, f"{item}/flexibility", what)
     if basis.speed is not None:
         item = f"{item}/speed"
-        check(not body.is_free, item, "nothing over speed on a free body", "a group")
+        check(not body.is_free, item, "no speed-dependent data on a free body", "a group")
         check(basis.drag is None, item, "no drag on modes that change with speed", "drag")
         check_record(basis.speed, SpeedBasis, item, {**sizes, "n_modes": basis.n_modes})
         _check_speed(basis, basis.speed, item)
@@ -331,7 +331,7 @@ def _check_residual(rest: NDArray, flexibility: NDArray, item: str, what: str) -
 
 
 def _check_speed(basis: ModalBasis, speed: SpeedBasis, item: str) -> None:
-    """Check that the matrices over rotor speed agree with the basis at its speed.
+    """Check that the speed-dependent matrices agree with the basis at its speed.
 
     They give its frequencies and its flexibility.
     """

@@ -364,7 +364,7 @@ def plot_optimal(
 
 
 def _draw_optimal(ax: Axes, result: OptimalCurve, quantity: str) -> None:
-    """Plot amplitude or frequency shift over the preload in one axes."""
+    """Plot amplitude or frequency shift against the preload in one axes."""
     preload, values, goes_on = with_optimum(result, quantity)
     ax.set(xscale="log", ylabel="Frequency shift (%)")
     branch = np.cumsum(~goes_on)

@@ -133,7 +133,7 @@ def test_modes_alone_at_two_speeds(fe, bodies, rotation):
     assert found == pytest.approx(exact, rel=1e-4)
     straight = np.sqrt(basis.omega2[:6])
     assert np.abs(straight / exact - 1.0).max() > 0.02
-    assert "overlap of modes over speed at least 0.99" in said(built)
+    assert "overlap of the modes at the two speeds at least 0.99" in said(built)
 
 
 @pytest.mark.slow

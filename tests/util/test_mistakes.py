@@ -285,8 +285,8 @@ REFUSED = {
     ),
     "masses that turn": (
         lambda s: lumped().at_speed(400.0),
-        "rotor speed: expected a model with a loaded body, modes over speed or displacement "
-        "by rotation, or conditions, found a model in which nothing depends on speed",
+        "rotor speed: expected a model with a loaded body, speed-dependent modes or displacement "
+        "due to rotation, or conditions, found a model in which nothing depends on speed",
     ),
     "a disk of masses": (
         lambda s: bd.BladedDisk(lumped()),
