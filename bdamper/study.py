@@ -404,39 +404,53 @@ class Study(Comparable):
     # linear limits
 
     @partial(validation.check_arguments, name="free")
-    def free(self, frequency: tuple[float, float]) -> ResponseCurve:
+    def free(self, frequency: tuple[float, float] | None = None, *, mode: int = 1) -> ResponseCurve:
         """Compute the linear response without contact, the limit of zero preload.
 
         Parameters
         ----------
-        frequency : (low, high), Hz
+        frequency : (low, high), Hz, optional
+            Frequency interval; by default, it contains the free and the stuck resonance of
+            ``mode``.
+        mode : int
+            Mode of the constrained bodies, 1 for the lowest.
 
         Returns
         -------
         ResponseCurve
         """
-        return linear_limits.free(self.problem, frequency)
+        return linear_limits.free(self.problem, frequency, mode)
 
     @partial(validation.check_arguments, name="stuck")
     @needs_contacts
-    def stuck(self, frequency: tuple[float, float], preload: float | None = None) -> ResponseCurve:
+    def stuck(
+        self,
+        frequency: tuple[float, float] | None = None,
+        preload: float | None = None,
+        *,
+        mode: int = 1,
+    ) -> ResponseCurve:
         """Compute the linear response with all closed points stuck, the limit of high preload.
 
         Parameters
         ----------
-        frequency : (low, high), Hz
+        frequency : (low, high), Hz, optional
+            Frequency interval; by default, it contains the free and the stuck resonance of
+            ``mode``.
         preload : float, N, optional
             Preload that closes the contact points; its magnitude has no effect if there are no
             gaps.  Default: centrifugal load of the damper at the rotor speed of the study; 1 N if
             it has none.  Open points remain open in this limit. If vibration closes them, a
             resonance may lie above it.  An interface that touches without a normal load counts as
             stuck, with a warning.
+        mode : int
+            Mode of the constrained bodies, 1 for the lowest.
 
         Returns
         -------
         ResponseCurve
         """
-        return linear_limits.stuck(self.problem, frequency, preload)
+        return linear_limits.stuck(self.problem, frequency, preload, mode)
 
     @validation.check_arguments
     def frequency_response(

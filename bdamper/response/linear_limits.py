@@ -27,21 +27,34 @@ from bdamper.util.progress import CostMeter, one_thread
 
 
 @one_thread
-def free(problem: Problem, frequency: tuple[float, float]) -> ResponseCurve:
+def free(problem: Problem, frequency: tuple[float, float] | None, mode: int = 1) -> ResponseCurve:
     """See :meth:`bdamper.Study.free`."""
+    frequency = peak_interval(_pressed(problem), frequency, mode)
     return _linear(problem.at(0.0), "free", frequency, None)
 
 
 @one_thread
 def stuck(
-    problem: Problem, frequency: tuple[float, float], preload: float | None = None
+    problem: Problem,
+    frequency: tuple[float, float] | None,
+    preload: float | None = None,
+    mode: int = 1,
 ) -> ResponseCurve:
     """See :meth:`bdamper.Study.stuck`."""
+    case = _pressed(problem, preload)
+    springs = case.stuck_springs(touching=True)
+    return _linear(case, "stuck", peak_interval(case, frequency, mode), springs)
+
+
+def _pressed(problem: Problem, preload: float | None = None) -> LoadCase:
+    """Return the problem under a preload (N) that closes the contact points.
+
+    It is the centrifugal load at the rotor speed by default, or 1 N without a speed.
+    """
     if preload is None:
         speed = problem.settings.speed
         preload = 1.0 if speed is None else preload_at(problem, speed)
-    case = problem.at(preload if problem.carries_load else 0.0)
-    return _linear(case, "stuck", frequency, case.stuck_springs(touching=True))
+    return problem.at(preload if problem.carries_load else 0.0)
 
 
 def _linear(

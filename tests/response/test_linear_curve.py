@@ -115,3 +115,20 @@ def test_a_limit_prints_no_preload():
             assert "preload" not in text and f"{name} resonance peak " in text
     peak = study.peak(200.0, band)
     assert ": preload 200 N," in str(peak) and "\n  preload" in peak.summary()
+
+
+def test_limits_have_the_interval_of_a_peak_by_default():
+    """It contains the free and the stuck resonance, so that both curves lie in one picture."""
+    study, K = blade()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", BdamperWarning)
+        free, stuck = study.free(), study.stuck()
+        low, high = study.peak(0.0).settings["frequency"]
+        second = study.free(mode=2)
+    held = poles(K, (SHROUD["kt"], [0.0, 0.8]), (SHROUD["kn"], [0.0, 0.6]))
+    for curve in (free, stuck):
+        assert curve.frequency[[0, -1]] == pytest.approx([low, high], rel=1e-12)
+    assert low < poles(K)[0] < held[0] < high
+    assert free.peak.frequency == pytest.approx(poles(K)[0], rel=1e-3)
+    assert stuck.peak.frequency == pytest.approx(held[0], rel=1e-3)
+    assert second.frequency[0] < poles(K)[1] < second.frequency[-1]
