@@ -315,8 +315,8 @@ def _ends_of_range(curve: OptimalCurve) -> list[Check]:
     colour = "green" if within else "amber"
     rule = (
         f"green up to {NEAR_BEST:g} times the lowest amplitude by time integration, amber above or "
+        "if unknown"
     )
-    "if unknown"
     return [Check(colour, "Ends of the range", range_in_time_text(curve), rule)]
 
 

@@ -158,6 +158,7 @@ def test_the_ends_of_the_range_on_request(study, monkeypatch, tmp_path):
     ]
     unknown = replace(found, time_response=tuple(lost))
     (light,) = [check for check in checks(unknown) if check.name == "Ends of the range"]
+    assert light.rule.endswith("amber above or if unknown")
     assert light.colour == "amber" and f"and unknown at {amount(high, 'N')}" in light.found
     others = [k for k in found.time_response if k.preload != low]
     assert not replace(found, time_response=tuple(others)).range_in_time
