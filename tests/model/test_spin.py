@@ -147,7 +147,7 @@ def changed(model, **parts):
         ({"residual0": np.eye(54)}, "residual0.*= flexibility"),
         (
             {"residual0": None},
-            "residual0: expected residual0 and residual2, or neither, found one alone",
+            "residual0: expected residual0 and residual2, or neither, found only one",
         ),
         ({"coriolis": np.eye(40)}, "skew-Hermitian"),
         ({"checked_at": -1.0}, "checked_at.*>= 0"),
