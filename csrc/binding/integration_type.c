@@ -42,7 +42,7 @@ static npy_intp length(PyObject *object, const char *name, npy_intp most) {
     return -1;
 }
 
-/* Whole numbers from 0 to most. */
+/* Data of an array of whole numbers from 0 to most, or NULL with an exception. */
 static int *integers(core_arguments *arguments, PyObject *object, const char *name, int n_dim,
                      const npy_intp *shape, int most) {
     npy_intp n = 1;
@@ -58,7 +58,16 @@ static int *integers(core_arguments *arguments, PyObject *object, const char *na
     return x;
 }
 
-/* Modes, excitation and responses. */
+/* Read modes, excitation and responses. Return 0 with an exception. With n modes of all families,
+ *
+ *     n_mode, diameter           (n_family)         modes and nodal diameter of a family
+ *     stiffness, mass, damping   (n)                modal
+ *     G                          (3 n_point n)      complex contact modes of one family after the
+ *                                                   other, each (n_point, 3, n_mode)
+ *     order, force               (n_force), (n_force, 2, 2 n)   engine orders; cosine and sine
+ *     row                        (n_row, 2 n)       responses.
+ *
+ * The 2 n coordinates are the real parts of all modes, then the imaginary parts. */
 static int read_families(core_arguments *arguments, const ring_objects *o, bd_time_input *in) {
     const npy_intp n_family = length(o->n_mode, "n_mode", BD_MAX_HARM + 1);
     const npy_intp n_point = length(o->kn, "kn", 1000000);
@@ -101,6 +110,8 @@ static int read_families(core_arguments *arguments, const ring_objects *o, bd_ti
     return in->response_row != NULL;
 }
 
+/* Read the parameters of the contact points. Return 0 with an exception. Arrays with two columns
+ * refer to the tangential directions, arrays with three also to the normal direction. */
 static int read_points(core_arguments *arguments, const ring_objects *o, bd_time_input *in) {
     const npy_intp n = in->n_point, by2[2] = {n, 2}, by3[2] = {n, 3};
     if (!(in->kt = core_numbers(arguments, o->kt, "kt", 2, by2, BD_FINITE))) return 0;
@@ -113,6 +124,26 @@ static int read_points(core_arguments *arguments, const ring_objects *o, bd_time
     return (in->fixed_slider = integers(arguments, o->held, "held", 2, by2, 1)) != NULL;
 }
 
+/* Object with a copy of the input, and a reference to the Python object (a tuple or None) that owns
+ * the memory of the user laws. Return NULL with an exception. */
+static PyObject *new_object(PyTypeObject *type, const bd_time_input *in, PyObject *user_laws) {
+    TimeIntegrationObject *self = (TimeIntegrationObject *)type->tp_alloc(type, 0);
+    if (!self) return NULL;
+    self->point_law = Py_NewRef(user_laws);
+    self->lock = PyThread_allocate_lock();
+    const int is_ready = self->lock && core_check_status(bd_time_create(&self->time, in));
+    if (!is_ready) {
+        if (!PyErr_Occurred()) PyErr_NoMemory(); /* a missing lock sets no exception */
+        Py_CLEAR(self);
+    }
+    return (PyObject *)self;
+}
+
+/* TimeIntegration(n_sector, ..., row, own=None): check and copy all arguments. Each name in Python
+ * has a field of ring_objects in the same order; `own`, the user laws of the points or None, is
+ * point_law. The arrays remain those of the caller (core_arguments only compares their memory), so
+ * nothing needs to be released for them. bd_time_create copies the table of user laws, so it can be
+ * released here. The memory that the laws use belongs to o.point_law. */
 static PyObject *TimeIntegration_new(PyTypeObject *type, PyObject *args, PyObject *kwargs) {
     static char *names[] = {"n_sector", "n_mode", "diameter", "stiffness", "mass", "damping", "G",
                             "kt",       "kn",     "mu",       "n0",        "load", "shift",   "law",
@@ -136,19 +167,11 @@ static PyObject *TimeIntegration_new(PyTypeObject *type, PyObject *args, PyObjec
     bd_point_law *point_law;
     if (!core_point_laws(o.point_law, in.n_point, &point_law)) return NULL;
     in.point_law = point_law;
-    TimeIntegrationObject *self = core_check_point_laws(in.law, point_law, in.n_point)
-                                      ? (TimeIntegrationObject *)type->tp_alloc(type, 0)
-                                      : NULL;
-    if (self) {
-        self->point_law = Py_NewRef(o.point_law);
-        self->lock = PyThread_allocate_lock();
-        if (!self->lock || !core_check_status(bd_time_create(&self->time, &in))) {
-            if (!PyErr_Occurred()) PyErr_NoMemory();
-            Py_CLEAR(self);
-        }
-    }
+    PyObject *self = NULL;
+    if (core_check_point_laws(in.law, point_law, in.n_point))
+        self = new_object(type, &in, o.point_law);
     PyMem_Free(point_law);
-    return (PyObject *)self;
+    return self;
 }
 
 /* Return whether numbers of steps, spectral radius, tolerance and frequencies are in their ranges. */
@@ -220,7 +243,8 @@ static int integrate_in_parts(TimeIntegrationObject *self, const bd_time_path *p
     return 1;
 }
 
-/* Finite numbers that are read and then overwritten. */
+/* Data of an array of finite numbers that the call reads and then overwrites, or NULL with an
+ * exception. */
 static double *state(core_arguments *arguments, PyObject *object, const char *name, int n_dim,
                      const npy_intp *shape) {
     double *x = core_doubles(arguments, object, name, n_dim, shape, BD_OUTPUT);

@@ -87,11 +87,15 @@ static void sort_points(bd_ring *w) {
     }
 }
 
+/* Copy sizes and rows of the input, and take all arrays from one piece of memory. */
 bd_status bd_ring_create(bd_ring *w, const bd_ring_input *in) {
     memset(w, 0, sizeof *w);
     const int nc = in->n_coef;
     w->input = *in;
-    for (int p = 0; p < in->n_point; ++p) ++w->n_group[in->on_next[p] != 0];
+    for (int p = 0; p < in->n_point; ++p) {
+        const int group = in->on_next[p] != 0; /* 0: on the blade of the sector, 1: on the next */
+        ++w->n_group[group];
+    }
     w->kernel = bd_kernel_get();
     w->sector_size = in->n_blade + in->n_damper;
     w->n_inner = nc * (in->n_blade - in->n_kept);
@@ -103,10 +107,10 @@ bd_status bd_ring_create(bd_ring *w, const bd_ring_input *in) {
     const size_t outer = ring + (size_t)w->n_damper_unknown;
     const size_t n_row = 3 * n_point * (size_t)w->sector_size;
     const size_t sector = (size_t)(nc * w->sector_size);
-    const size_t most = (inner > ring ? inner : ring) + 1;
+    const size_t most = (inner > ring ? inner : ring) + 1; /* size of the largest block */
     const struct {
         double **to;
-        size_t n;
+        size_t n; /* doubles */
     } parts[] = {
         {&w->inverse, N * inner * inner},
         {&w->inner_to_outer, N * inner * outer},
@@ -427,23 +431,23 @@ static void add_outer(bd_ring *w, int n, const double *S) {
  *     S - couple E^-1 columns,    E (n_inner, n_inner), columns (n_inner, n_outer),
  *                                 couple (n_outer, n_inner), S (n_outer, n_outer)
  *
- * to the blocks of the ring. The solution also needs E^-1, E^-1 columns (`back`) and couple. Return
- * 0 if E is singular. */
+ * to the blocks of the ring. The solution also needs E^-1, E^-1 columns and couple: each sector has
+ * its own. Return 0 if E is singular. */
 static int eliminate_blade(bd_ring *w, int n) {
     const int n_inner = w->n_inner, n_outer = w->n_ring + w->n_damper_unknown;
     const size_t first_row = (size_t)n * (size_t)n_inner;
     double *inverse = w->inverse + first_row * (size_t)n_inner;
-    double *back = w->inner_to_outer + first_row * (size_t)n_outer;
+    double *inverse_columns = w->inner_to_outer + first_row * (size_t)n_outer;
     double *couple = w->outer_to_inner + first_row * (size_t)n_outer;
     double *S = w->outer;
     extract_inner(w, inverse, w->columns, couple);
     extract_outer(w, S);
     if (n_inner > 0) {
         if (!invert(w, inverse, n_inner)) return 0;
-        multiply(w, n_inner, n_outer, n_inner, inverse, n_inner, w->columns, n_outer, back,
-                 n_outer);
-        add_multiple(w, n_outer, n_outer, n_inner, -1.0, couple, n_inner, back, n_outer, S,
-                     n_outer);
+        multiply(w, n_inner, n_outer, n_inner, inverse, n_inner, w->columns, n_outer,
+                 inverse_columns, n_outer);
+        add_multiple(w, n_outer, n_outer, n_inner, -1.0, couple, n_inner, inverse_columns, n_outer,
+                     S, n_outer);
     }
     add_outer(w, n, S);
     return 1;
@@ -659,69 +663,101 @@ static void join_sector(const bd_ring *w, const double *inner, const double *rin
     }
 }
 
-/* Eliminate the inner unknowns from the right-hand side r = (r_e, r_x) of sector n:
+/* Eliminate the inner unknowns e of sector n from its right-hand side r (n_coef, sector_size). In
+ * inner unknowns e and outer unknowns x the equations of the sector are
  *
- *     inner = E^-1 r_e,   ring += r_x - couple inner,     E (n_inner, n_inner),
- *                                                         couple (n_outer, n_inner);
- *     transposed:  inner = r_e,   ring += r_x - (E^-1 columns)^T inner.
+ *     [ E       columns ] [e]   [r_e]        E (n_inner, n_inner),  columns (n_inner, n_outer),
+ *     [ couple  S       ] [x] = [r_x],       couple (n_outer, n_inner),
  *
- * The outer unknowns are the ring unknowns of the sector, with the right-hand side `here`, and the
- * damper of the sector before, with `before`. */
-static void reduce_sector(bd_ring *w, int transposed, int n, const double *r, double *inner,
-                          double *here, double *before) {
+ * and elimination of e = E^-1 (r_e - columns x) leaves the right-hand side of the ring
+ *
+ *     r_x - couple E^-1 r_e.
+ *
+ * On return inner (n_inner), which is zero on entry, is E^-1 r_e; solve_inner completes it to e.
+ * The outer right-hand side is added to `here` (n_ring), the ring unknowns of the sector, and
+ * `before` (n_damper), the damper of the sector before. */
+static void reduce_sector(bd_ring *w, int n, const double *r, double *inner, double *here,
+                          double *before) {
     const int n_inner = w->n_inner, n_ring = w->n_ring, n_damper = w->n_damper_unknown;
     const int n_outer = n_ring + n_damper;
     const size_t first_row = (size_t)n * (size_t)n_inner;
-    double *work = w->work;
-    if (transposed) {
-        const double *back = w->inner_to_outer + first_row * (size_t)n_outer;
-        split_sector(w, r, inner, here);
-        memset(work, 0, sizeof(double) * (size_t)n_outer);
-        add_product(w, 1, n_inner, n_outer, -1.0, back, inner, work);
-        for (int i = 0; i < n_ring; ++i) here[i] += work[i];
-        for (int i = 0; i < n_damper; ++i) before[i] += work[n_ring + i];
-        return;
-    }
     const double *inverse = w->inverse + first_row * (size_t)n_inner;
     const double *couple = w->outer_to_inner + first_row * (size_t)n_outer;
     const double *couple_before = couple + (size_t)n_ring * (size_t)n_inner;
-    split_sector(w, r, work, here);
-    add_product(w, 0, n_inner, n_inner, 1.0, inverse, work, inner);
+    double *r_e = w->work;
+    split_sector(w, r, r_e, here);
+    add_product(w, 0, n_inner, n_inner, 1.0, inverse, r_e, inner);
     add_product(w, 0, n_ring, n_inner, -1.0, couple, inner, here);
     add_product(w, 0, n_damper, n_inner, -1.0, couple_before, inner, before);
 }
 
-/* Inner unknowns e of sector n from the outer unknowns x: ring unknowns of the sector (`here`) and
- * damper of the sector before (`before`). On entry, inner = E^-1 r_e, or r_e if transposed
- * (reduce_sector):
+/* The same for the transposed matrix,
  *
- *     e = inner - E^-1 columns x,      transposed  e = E^-T (inner - couple^T x). */
-static void solve_inner(bd_ring *w, int transposed, int n, const double *here, const double *before,
-                        double *inner) {
+ *     [ E^T        couple^T ] [e]   [r_e]
+ *     [ columns^T  S^T      ] [x] = [r_x],
+ *
+ * where elimination of e = E^-T (r_e - couple^T x) leaves the right-hand side of the ring
+ *
+ *     r_x - columns^T E^-T r_e = r_x - (E^-1 columns)^T r_e.
+ *
+ * The factorisation has stored E^-1 columns (inner_to_outer), so E^-T r_e is not needed here. On
+ * return inner is r_e; solve_inner_transposed multiplies by E^-T. */
+static void reduce_sector_transposed(bd_ring *w, int n, const double *r, double *inner,
+                                     double *here, double *before) {
     const int n_inner = w->n_inner, n_ring = w->n_ring, n_damper = w->n_damper_unknown;
     const int n_outer = n_ring + n_damper;
     const size_t first_row = (size_t)n * (size_t)n_inner;
+    const double *inverse_columns = w->inner_to_outer + first_row * (size_t)n_outer;
+    double *change = w->work; /* (n_outer) of the outer right-hand side */
+    split_sector(w, r, inner, here);
+    memset(change, 0, sizeof(double) * (size_t)n_outer);
+    add_product(w, 1, n_inner, n_outer, -1.0, inverse_columns, inner, change);
+    for (int i = 0; i < n_ring; ++i) here[i] += change[i];
+    for (int i = 0; i < n_damper; ++i) before[i] += change[n_ring + i];
+}
+
+/* Copy the outer unknowns of a sector, its ring unknowns `here` (n_ring) and the damper of the
+ * sector before (n_damper), to outer (n_outer). */
+static void join_outer(const bd_ring *w, const double *here, const double *before, double *outer) {
+    const size_t n_ring = (size_t)w->n_ring, n_damper = (size_t)w->n_damper_unknown;
+    memcpy(outer, here, sizeof(double) * n_ring);
+    memcpy(outer + n_ring, before, sizeof(double) * n_damper);
+}
+
+/* Inner unknowns e = E^-1 r_e - E^-1 columns x of sector n from the outer unknowns x: ring unknowns
+ * of the sector (`here`) and damper of the sector before (`before`). On entry inner (n_inner) is
+ * E^-1 r_e (reduce_sector), on return e. */
+static void solve_inner(bd_ring *w, int n, const double *here, const double *before,
+                        double *inner) {
+    const int n_inner = w->n_inner, n_outer = w->n_ring + w->n_damper_unknown;
+    const size_t first_row = (size_t)n * (size_t)n_inner;
+    const double *inverse_columns = w->inner_to_outer + first_row * (size_t)n_outer;
     double *outer = w->work; /* (n_outer) */
-    memcpy(outer, here, sizeof(double) * (size_t)n_ring);
-    memcpy(outer + n_ring, before, sizeof(double) * (size_t)n_damper);
-    if (!transposed) {
-        const double *back = w->inner_to_outer + first_row * (size_t)n_outer;
-        add_product(w, 0, n_inner, n_outer, -1.0, back, outer, inner);
-        return;
-    }
+    join_outer(w, here, before, outer);
+    add_product(w, 0, n_inner, n_outer, -1.0, inverse_columns, outer, inner);
+}
+
+/* The same for the transposed matrix: e = E^-T (r_e - couple^T x). On entry inner is r_e
+ * (reduce_sector_transposed). */
+static void solve_inner_transposed(bd_ring *w, int n, const double *here, const double *before,
+                                   double *inner) {
+    const int n_inner = w->n_inner, n_outer = w->n_ring + w->n_damper_unknown;
+    const size_t first_row = (size_t)n * (size_t)n_inner;
     const double *couple = w->outer_to_inner + first_row * (size_t)n_outer;
     const double *inverse = w->inverse + first_row * (size_t)n_inner;
-    double *right_side = outer + n_outer;
+    double *outer = w->work;              /* (n_outer) */
+    double *right_side = outer + n_outer; /* (n_inner) */
+    join_outer(w, here, before, outer);
     add_product(w, 1, n_outer, n_inner, -1.0, couple, outer, inner);
     memcpy(right_side, inner, sizeof(double) * (size_t)n_inner);
     memset(inner, 0, sizeof(double) * (size_t)n_inner);
     add_product(w, 1, n_inner, n_inner, 1.0, inverse, right_side, inner);
 }
 
-/* Solve for the right-hand side r (N, n_coef, sector_size), optionally with the transposed matrix:
- * eliminate the inner unknowns of each sector, solve the ring for the others, and return to the
- * inner unknowns. The damper of a sector touches the next blade, so sector n also reduces the
- * right-hand side of the damper before it. */
+/* Solve for the right-hand side r (N, n_coef, sector_size), optionally with the transposed matrix;
+ * the solution x has the same shape. Eliminate the inner unknowns of each sector, solve the ring
+ * for the others, and return to the inner unknowns. The damper of a sector touches the next blade,
+ * so sector n also changes the right-hand side of the damper before it. */
 void bd_ring_solve(bd_ring *w, int transposed, const double *r, double *x) {
     const size_t N = (size_t)w->input.n_sector;
     const size_t n_inner = (size_t)w->n_inner, n_ring = (size_t)w->n_ring;
@@ -732,18 +768,26 @@ void bd_ring_solve(bd_ring *w, int transposed, const double *r, double *x) {
     memset(inner, 0, sizeof(double) * N * n_inner);
     memset(ring, 0, sizeof(double) * N * n_ring);
     for (size_t n = 0; n < N; ++n) {
-        const size_t before = (n + N - 1) % N;
-        reduce_sector(w, transposed, (int)n, r + n * sector, inner + n * n_inner, ring + n * n_ring,
-                      ring + before * n_ring + damper);
+        const double *r_n = r + n * sector;
+        double *inner_n = inner + n * n_inner, *ring_n = ring + n * n_ring;
+        double *damper_before = ring + (n + N - 1) % N * n_ring + damper;
+        if (transposed)
+            reduce_sector_transposed(w, (int)n, r_n, inner_n, ring_n, damper_before);
+        else
+            reduce_sector(w, (int)n, r_n, inner_n, ring_n, damper_before);
     }
     if (transposed)
         solve_ring_transposed(w, ring);
     else
         solve_ring(w, ring);
     for (size_t n = 0; n < N; ++n) {
-        const size_t before = (n + N - 1) % N;
-        solve_inner(w, transposed, (int)n, ring + n * n_ring, ring + before * n_ring + damper,
-                    inner + n * n_inner);
-        join_sector(w, inner + n * n_inner, ring + n * n_ring, x + n * sector);
+        const double *ring_n = ring + n * n_ring;
+        const double *damper_before = ring + (n + N - 1) % N * n_ring + damper;
+        double *inner_n = inner + n * n_inner;
+        if (transposed)
+            solve_inner_transposed(w, (int)n, ring_n, damper_before, inner_n);
+        else
+            solve_inner(w, (int)n, ring_n, damper_before, inner_n);
+        join_sector(w, inner_n, ring_n, x + n * sector);
     }
 }

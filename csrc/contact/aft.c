@@ -28,16 +28,22 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Powers exp(i l theta_k), l = 0 .. 2 n_harm, at the samples theta_k = 2 pi k/n_time, as rows
- * [1, 1, cos, sin, cos 2, sin 2, ...] (n_power). l k modulo n_time makes every angle exact. */
+/* Fill work->power (n_time, n_power) with the powers exp(i l theta_k), l = 0 .. 2 n_harm, at the
+ * samples theta_k = 2 pi k/n_time. Real and imaginary parts of power l are at 2 l and 2 l + 1,
+ *
+ *     [1, 1, cos theta, sin theta, cos 2 theta, sin 2 theta, ...].
+ *
+ * Slot 1 is the exception: it holds 1 instead of sin 0 = 0, so that the row from slot 1 on is the
+ * Fourier basis [1, cos, sin, ...] of the coefficients. The integer l k modulo n_time keeps the
+ * angle below 2 pi, so that it is exact at any sample. */
 static void fill_powers(bd_sampled_work *work) {
     const int n_time = work->n_time, n_power = bd_n_power(work->n_harm);
-    for (int i = 0; i < n_time; ++i) {
-        double *at_sample = work->power + (size_t)i * (size_t)n_power;
+    for (int k = 0; k < n_time; ++k) {
+        double *at_sample = work->power + (size_t)k * (size_t)n_power;
         at_sample[0] = 1.0;
-        at_sample[1] = 1.0;
+        at_sample[1] = 1.0; /* constant of the Fourier basis */
         for (int l = 1; l <= 2 * work->n_harm; ++l) {
-            const long reduced = ((long)l * i) % n_time;
+            const long reduced = ((long)l * k) % n_time;
             const double angle = BD_TWO_PI * (double)reduced / n_time;
             at_sample[2 * l] = cos(angle);
             at_sample[2 * l + 1] = sin(angle);
@@ -137,8 +143,9 @@ static void list_parts(bd_sampled_work *work, int d) {
 
 /* ---- lanes ---- */
 
-/* Copy the coefficients of u1, u2 and n0 + kn v of n points, x (n, 3, n_coef), side by side:
- * work->x (3, n_coef, BD_LANES). */
+/* Copy the coefficients of u1, u2 and n0 + kn v of n points from the motions x (n, 3, n_coef) of
+ * u1, u2 and v to work->x (3, n_coef, BD_LANES), where the points lie side by side. Unused lanes
+ * are zero. */
 static void load_lanes(int n, const bd_element *element, const double *x, bd_sampled_work *work) {
     const int n_coef = bd_n_coef(work->n_harm);
     double *to = work->x;
@@ -146,23 +153,29 @@ static void load_lanes(int n, const bd_element *element, const double *x, bd_sam
     for (int lane = 0; lane < n; ++lane) {
         const double *from = x + 3 * (size_t)n_coef * (size_t)lane;
         const double kn = element[lane].kn;
-        const int v = BD_NORMAL * n_coef, end = BD_N_COMPONENT * n_coef; /* first of v, end of v */
-        for (int i = 0; i < v; ++i) to[i * BD_LANES + lane] = from[i];
-        for (int i = v; i < end; ++i) to[i * BD_LANES + lane] = kn * from[i];
-        to[v * BD_LANES + lane] += element[lane].n0;
+        const int first_v = BD_NORMAL * n_coef, end_v = first_v + n_coef;
+        for (int i = 0; i < first_v; ++i) to[i * BD_LANES + lane] = from[i];
+        for (int i = first_v; i < end_v; ++i) to[i * BD_LANES + lane] = kn * from[i];
+        to[first_v * BD_LANES + lane] += element[lane].n0; /* on the mean */
     }
 }
 
-/* Integrals E_n = int exp(i n theta) (n_power) of one point, 2 pi/n_time times its sums over
- * samples (n_power, BD_LANES). */
-static void one_lane(const bd_sampled_work *work, const double *sums, int lane, double *E) {
+/* Integrals E_n = int exp(i n theta) of one point, E (n_power), from the sums of all points over
+ * samples, sums (n_power, BD_LANES): a sample has the weight 2 pi/n_time. */
+static void integrals_of_lane(const bd_sampled_work *work, const double *sums, int lane,
+                              double *E) {
     const double weight = BD_TWO_PI / work->n_time;
     const int n_power = bd_n_power(work->n_harm);
     for (int n = 0; n < n_power; ++n) E[n] = weight * sums[n * BD_LANES + lane];
 }
 
-/* Normal forces N = max(n0 + kn v, 0) of n points, their tangents and shares without contact.
- * Return the number of points that touch during the cycle. */
+/* Normal forces N = max(n0 + kn v, 0) of n points with the motion x (n, 3, n_coef): write forces
+ * and tangents to out (n), and the shares of the cycle without contact to share (n). Return the
+ * number of points that touch during the cycle. There are three kinds of points:
+ *
+ *     always closed, or two-sided    linear spring
+ *     sometimes closed               sums over the closed samples
+ *     always open                    no force, as initialised by bd_sampled_evaluate. */
 static int normal_direction(int n, const bd_element *element, const double *x, bd_response *out,
                             bd_status_share *share, bd_sampled_work *work) {
     const int n_harm = work->n_harm, n_time = work->n_time;
@@ -173,7 +186,8 @@ static int normal_direction(int n, const bd_element *element, const double *x, b
     work->kernel->lane_contact(n_power, n_time, work->power, work->g, work->contact);
     for (int lane = 0; lane < n; ++lane) {
         const double *v = x + (BD_N_COMPONENT * (size_t)lane + BD_NORMAL) * (size_t)n_coef;
-        const double n_closed = work->contact[lane]; /* number of samples with g > 0 */
+        /* entry 0 of the sums of powers over samples with g > 0 is the number of these samples */
+        const double n_closed = work->contact[lane];
         const int always_closed = n_closed == (double)n_time;
         if (bd_law_is_two_sided(element[lane].law) || always_closed) {
             bd_element_closed(element + lane, n_harm, v, out + lane);
@@ -184,13 +198,14 @@ static int normal_direction(int n, const bd_element *element, const double *x, b
         if (n_closed == 0.0) continue;
 
         ++n_touching;
-        one_lane(work, work->contact, lane, work->one);
+        integrals_of_lane(work, work->contact, lane, work->one);
         bd_cycle_normal(element + lane, n_harm, work->one, v, out + lane, work->scratch);
     }
     return n_touching;
 }
 
-/* Load in the friction limit at every sample: n0 + kn v, or the constant load. */
+/* Load (n_time, BD_LANES) in the friction limit of n points at every sample: n0 + kn v, or the
+ * constant load for laws that have one. */
 static const double *find_limit(int n, const bd_element *element, bd_sampled_work *work) {
     int any_constant = 0;
     for (int lane = 0; lane < n; ++lane) any_constant |= bd_law_is_constant(element[lane].law);
@@ -205,40 +220,48 @@ static const double *find_limit(int n, const bd_element *element, bd_sampled_wor
     return work->limit;
 }
 
-/* Force, tangent and shares of direction d of one point from the sums over its samples, which the
- * weight 2 pi/n_time turns into integrals over the cycle. */
+/* Force, tangent and shares of direction d of one point, whose motion is x (3, n_coef), from the
+ * sums over its samples. The weight 2 pi/n_time of a sample turns all sums into integrals over the
+ * cycle: integrals_of_lane applies it to the powers over the parts that stick and slip, the
+ * statements below to the sums with the slider and its derivatives. The kernel differentiates the
+ * slider by g = n0 + kn v; the factor kn gives the derivative by v. */
 static void finish_lane(const bd_element *element, int d, int lane, const double *x,
                         bd_response *out, bd_status_share *share, bd_sampled_work *work) {
     static const double NO_SLIP = 1e-12; /* a share below this is rounding */
-    const size_t n = (size_t)bd_n_coef(work->n_harm), at = (size_t)lane;
+    const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_block = n_coef * n_coef;
     const double weight = BD_TWO_PI / work->n_time;
-    const double *u = x + (size_t)d * n, *v = x + BD_NORMAL * n;
+    const double *u = x + (size_t)d * n_coef, *v = x + BD_NORMAL * n_coef;
     bd_cycle cycle = {
         .n_harm = work->n_harm,
         .stick = work->stick,
         .slip = work->slip,
-        .stick_slider = work->lanes.stick_slider + at * n,
+        .stick_slider = work->lanes.stick_slider + (size_t)lane * n_coef,
     };
-    one_lane(work, work->lanes.stick, lane, work->stick);
-    one_lane(work, work->lanes.slip, lane, work->slip);
-    for (size_t i = 0; i < n; ++i) cycle.stick_slider[i] *= weight;
+    integrals_of_lane(work, work->lanes.stick, lane, work->stick);
+    integrals_of_lane(work, work->lanes.slip, lane, work->slip);
+    for (size_t i = 0; i < n_coef; ++i) cycle.stick_slider[i] *= weight;
 
     const int with_tangent = work->lanes.stick_slider_u != NULL;
     if (with_tangent) {
-        cycle.stick_slider_u = work->stick_slider_u + at * n * n;
-        cycle.stick_slider_v = work->stick_slider_g + at * n * n;
-        for (size_t i = 0; i < n * n; ++i) cycle.stick_slider_u[i] *= weight;
-        /* g changes by kn dv */
-        for (size_t i = 0; i < n * n; ++i) cycle.stick_slider_v[i] *= weight * element->kn;
+        double *slider_u = work->stick_slider_u + (size_t)lane * n_block;
+        double *slider_g = work->stick_slider_g + (size_t)lane * n_block;
+        for (size_t i = 0; i < n_block; ++i) slider_u[i] *= weight;
+        const double weight_v = weight * element->kn; /* dg = kn dv */
+        for (size_t i = 0; i < n_block; ++i) slider_g[i] *= weight_v;
+        cycle.stick_slider_u = slider_u;
+        cycle.stick_slider_v = slider_g; /* now with respect to v */
     }
 
+    /* E_0 is the angle of the cycle over which the point sticks */
     share->stick[d] = cycle.stick[0] / BD_TWO_PI;
     share->slip[d] = 1.0 - share->stick[d] - share->open;
     if (share->slip[d] < NO_SLIP) share->slip[d] = 0.0;
     bd_cycle_friction(element, d, &cycle, u, v, out, work->scratch);
 }
 
-/* Prepare the sliders of direction d; return whether any point has friction. */
+/* Prepare the sliders of direction d of n points: slope mu/kt, initial position, and -1 for "no
+ * sample has set it". The slope is 0 for points without friction of this kind and for unused
+ * lanes. Return whether any point has friction. */
 static int load_friction(int n, const bd_element *element, int d, bd_lanes *lanes) {
     int any_friction = 0;
     for (int lane = 0; lane < BD_LANES; ++lane) {
@@ -326,7 +349,8 @@ static void tangential_direction(int n, const bd_element *element, int d, const 
     }
 }
 
-/* Linear springs in both tangential directions. */
+/* Forces and shares of a bonded point with the motion x (3, n_coef): linear springs in both
+ * tangential directions. */
 static void stick_throughout(const bd_element *element, int n_harm, const double *x,
                              bd_response *out, bd_status_share *share) {
     const size_t n_coef = (size_t)bd_n_coef(n_harm);
@@ -357,6 +381,7 @@ void bd_sampled_evaluate(int n, const bd_element *element, const double *x, bd_r
     load_lanes(n, element, x, work);
 
     const int n_touching = normal_direction(n, element, x, out, share, work);
+    /* one part of the cycle for a point alone; friction replaces it below where the point slips */
     for (int d = 0; d < 2 && alone; ++d) {
         const int has_state = bd_element_has_friction(element, d) || element->law == BD_LAW_BONDED;
         whole_cycle(work, d, n_touching ? BD_STICK : BD_OPEN);

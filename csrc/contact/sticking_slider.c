@@ -31,12 +31,14 @@
 
 #include <string.h>
 
-/* Number of columns of a derivative: motions u1, u2, v and slider at the start of the period. */
+/* Number of columns of a derivative: coefficients of the motions u1, u2, v, and two components of
+ * the slider at the start of the period. */
 static size_t n_columns(const bd_coulomb_work *work) {
     return 3 * (size_t)bd_n_coef(work->n_harm) + 2;
 }
 
-/* Direction e and distance from the slider to the centre of disk i of those that determine it. */
+/* Unit vector e (2) from the slider to the centre of disk i of those that determine it; return the
+ * distance. At the centre itself, e is the first axis. */
 static double direction(const bd_coulomb_work *work, const bd_disk_point *point, int i, double *e) {
     const int k = point->disk[i];
     const double x = work->x[k] - point->s[0];
@@ -47,16 +49,21 @@ static double direction(const bd_coulomb_work *work, const bd_disk_point *point,
     return distance;
 }
 
-/* Add the row of a . dp + b dR at sample k: dp_d = kt_d du_d, dR = mu kn dv. */
+/* Add a . dp + b dR, the change of centre p (2) and radius R of the disk of sample k, to row
+ * (n_col), the derivative with respect to the coefficients of u1, u2 and v (n_coef each):
+ *
+ *     dp_d = kt_d du_d,   dR = mu kn dv,   du_d = sum_j basis_j du_dj.
+ *
+ * A constant load has a constant radius. */
 static void motion_row(const bd_coulomb_work *work, const bd_element *element, int k,
                        const double *a, double b, double *row) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
     const double *basis = bd_coulomb_basis(work, k);
     const double kn = bd_law_is_constant(element->law) ? 0.0 : element->kn;
     const double factor[3] = {a[0] * element->kt[0], a[1] * element->kt[1], b * element->mu * kn};
-    for (size_t c = 0; c < 3; ++c) {
-        double *of_direction = row + c * n_coef;
-        for (size_t j = 0; j < n_coef; ++j) of_direction[j] += factor[c] * basis[j];
+    for (size_t component = 0; component < 3; ++component) {
+        double *of_component = row + component * n_coef;
+        for (size_t j = 0; j < n_coef; ++j) of_component[j] += factor[component] * basis[j];
     }
 }
 
@@ -91,9 +98,13 @@ static void shares_of_disks(int n, double (*e)[2], size_t d, double *f) {
     }
 }
 
-/* Derivative (2, n_col) of the centre of the disks. Across the line of two centres, it moves with
- * this line: the centre at a distance r_i moves it by r_j/(r_i + r_j). A single disk has its own
- * centre. */
+/* Derivative D (2, n_col) of the common point c of the n = 1, 2 or 3 disks that determine it. Each
+ * component d is dc_d = sum_i a_i . dp_i - f_i dR_i with the shares f_i of the disks, and
+ *
+ *     three   a_i = f_i e_i
+ *     two     a_i = f_i e_i, and across the line of both centres c moves with this line: the centre
+ *             at a distance r_i moves it by r_j/(r_i + r_j), j the other disk
+ *     one     c is the centre of the disk, dc = dp. */
 static void derivative_of_centre(const bd_coulomb_work *work, const bd_element *element,
                                  const bd_disk_point *centre, double *D) {
     const size_t n_col = n_columns(work);
@@ -151,19 +162,25 @@ static void derivative_of_shifted(bd_coulomb_work *work, const bd_element *eleme
     }
 }
 
-/* a_i of the onset with two disks, (t . p')/(2 (e . p' - R')): half the motion of a disk's
- * centre across the slip direction e per length of slip, in the step that ends at the sample of
- * the disk. */
-static double slip_turn(const bd_coulomb_work *work, const bd_disk_point *point, int i,
-                        const double *e, const double *t) {
-    const int k1 = point->disk[i];
-    const int k0 = bd_coulomb_before(work, k1);
-    const double dp[2] = {work->x[k1] - work->x[k0], work->y[k1] - work->y[k0]};
-    const double dR = work->R[k1] - work->R[k0];
+/* Factor a_i of disk i at an onset of slip between two disks (head of the file),
+ *
+ *     a_i = (t . p')/(2 (e . p' - R')),
+ *
+ * with the unit vectors e from the slider to the centre of the disk and t across it. At the onset
+ * the disk pushes the slider along e at the rate e . p' - R', the slip per time, while its centre
+ * moves across at the rate t . p'. Averaged over the short slip, the centre is displaced across by
+ * a_i per length of slip. The rates come from the step that ends at sample k of the disk. */
+static double across_per_slip(const bd_coulomb_work *work, const bd_disk_point *point, int i,
+                              const double *e, const double *t) {
+    const int k = point->disk[i];
+    const int before = bd_coulomb_before(work, k);
+    const double dp[2] = {work->x[k] - work->x[before], work->y[k] - work->y[before]};
+    const double dR = work->R[k] - work->R[before];
     const double slip = e[0] * dp[0] + e[1] * dp[1] - dR;
     const double across = t[0] * dp[0] + t[1] * dp[1];
-    /* otherwise the centre has stopped before */
-    if (!(slip > 1e-6 * bd_norm(dp[0], dp[1]))) return 0.0;
+    /* without slip in this step, the edge has reached its last position before, and no ratio exists */
+    const int pushes = slip > 1e-6 * bd_norm(dp[0], dp[1]);
+    if (!pushes) return 0.0;
     return 0.5 * across / slip;
 }
 
@@ -174,8 +191,8 @@ static double slip_turn(const bd_coulomb_work *work, const bd_disk_point *point,
  * With delta = 2 phi and e_2 = -e_1, the sum of e_i . dp_i - dR_i over both disks is d delta. */
 static void row_across(bd_coulomb_work *work, const bd_element *element, const bd_disk_point *point,
                        double (*e)[2], const double *r, const double *t, double *row) {
-    const double a_first = slip_turn(work, point, 0, e[0], t);
-    const double a_second = slip_turn(work, point, 1, e[1], t);
+    const double a_first = across_per_slip(work, point, 0, e[0], t);
+    const double a_second = across_per_slip(work, point, 1, e[1], t);
     const double turn = a_first * r[1] + a_second * r[0]; /* sum_i r_j a_i */
     const double distance = r[0] + r[1];
     for (int i = 0; i < 2; ++i) {
@@ -227,7 +244,11 @@ static void onset_of_one(const bd_coulomb_work *work, const bd_element *element,
         motion_row(work, element, point->disk[0], axes[d], 0.0, D + d * n_columns(work));
 }
 
-/* Two disks: D_i = e_i (e_i . dp_i - dR_i) + t (t . D). */
+/* Two disks: derivatives D (2, 2, n_col) of the slider after either disk,
+ *
+ *     D_i = e_i (e_i . dp_i - dR_i) + t (t . D),
+ *
+ * with the unit vectors e (2, 2) and distances r (2) to the centres, and t across e_1. */
 static void onset_of_two(bd_coulomb_work *work, const bd_element *element,
                          const bd_disk_point *point, double (*e)[2], const double *r, double *D) {
     const size_t n_col = n_columns(work);
@@ -244,19 +265,23 @@ static void onset_of_two(bd_coulomb_work *work, const bd_element *element,
     }
 }
 
-/* Three disks: D_i = (I - e_i e_i^T) D_{i-1} + e_i (e_i . dp_i - dR_i), all around. The first pass
- * begins with D_0 = 0 and gives the part that does not depend on D_0. */
+/* Three disks: derivatives D (3, 2, n_col) of the slider after each disk,
+ *
+ *     D_i = (I - e_i e_i^T) D_{i-1} + e_i (e_i . dp_i - dR_i), all around.
+ *
+ * The first pass begins with D_0 = 0 and gives the part that does not depend on D_0;
+ * close_three_disks adds the other one. */
 static void onset_of_three(bd_coulomb_work *work, const bd_element *element,
                            const bd_disk_point *point, double (*e)[2], double *D) {
     const size_t n_col = n_columns(work);
     double *of_edge = work->next_slider;
     for (size_t i = 0; i < 3; ++i) {
         edge_motion(work, element, point->disk[i], e[i], of_edge);
-        const double *before = i > 0 ? D + 2 * (i - 1) * n_col : NULL;
         double *now = D + 2 * i * n_col;
+        const double *before = i > 0 ? now - 2 * n_col : NULL; /* NULL: D_0 = 0 */
         for (size_t d = 0; d < 2; ++d) {
             for (size_t j = 0; j + 2 < n_col; ++j) {
-                double along = 0.0;
+                double along = 0.0; /* e_i . D_{i-1} */
                 if (before) along = e[i][0] * before[j] + e[i][1] * before[n_col + j];
                 now[d * n_col + j] = e[i][d] * (of_edge[j] - along);
                 if (before) now[d * n_col + j] += before[d * n_col + j];
@@ -286,37 +311,44 @@ static void basis_sums_of_onset(const bd_coulomb_work *work, const bd_disk_point
                                 double *share) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
     memset(share, 0, sizeof(double) * (size_t)point->n * n_coef);
-    int part = point->n - 1;
+    int latest = point->n - 1; /* disk that has set the slider at sample k */
     for (int k = 0; k < work->n_time; ++k) {
         for (int i = 0; i < point->n; ++i)
-            if (point->disk[i] == k) part = i;
+            if (point->disk[i] == k) latest = i;
         const double *basis = bd_coulomb_basis(work, k);
-        double *sum = share + (size_t)part * n_coef;
-        for (size_t i = 0; i < n_coef; ++i)
-            sum[i] += basis[i] * (i == 0 ? 1.0 : 2.0) / work->n_time;
+        double *sum = share + (size_t)latest * n_coef;
+        for (size_t j = 0; j < n_coef; ++j) {
+            const double factor = j == 0 ? 1.0 : 2.0;
+            sum[j] += basis[j] * factor / work->n_time;
+        }
     }
 }
 
 /* Tangent of T_d = p_d - s_d for a slider that does not move, but whose derivative D (n_part, 2,
- * n_col) changes from part to part of the cycle. The displacement gives kt_d on the diagonal of
- * dT_d/du_d; each part of the cycle subtracts its share of the slider. */
+ * n_col) changes from part to part of the cycle. The share (n_part, n_coef) of a part is the sum of
+ * the basis over it, as a factor of the harmonic coefficients of the force.
+ *
+ *     dT_d = kt_d du_d - sum_parts share_part (D_part,d . motion).
+ *
+ * The displacement gives kt_d on the diagonal of dT_d/du_d; each part of the cycle subtracts its
+ * share of the slider. All blocks (n_coef, n_coef) of both directions are written to out. */
 static void write_tangent_parts(const bd_coulomb_work *work, const bd_element *element, int n_part,
                                 const double *D, const double *share, bd_response *out) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = n_columns(work);
     for (size_t d = 0; d < 2; ++d) {
-        double *of_motion[3]; /* blocks of u1, u2, v */
+        double *of_motion[BD_N_COMPONENT]; /* derivatives of T_d with respect to u1, u2, v */
         of_motion[d] = out->dT[d];
         of_motion[1 - d] = out->dTc[d];
-        of_motion[2] = out->dTv[d];
-        for (size_t c = 0; c < 3; ++c) {
-            double *block = of_motion[c];
+        of_motion[BD_NORMAL] = out->dTv[d];
+        for (size_t component = 0; component < BD_N_COMPONENT; ++component) {
+            double *block = of_motion[component];
             memset(block, 0, sizeof(double) * n_coef * n_coef);
-            if (c == d) {
+            if (component == d) {
                 for (size_t i = 0; i < n_coef; ++i) block[i * n_coef + i] = element->kt[d];
             }
             for (size_t part = 0; part < (size_t)n_part; ++part) {
                 const double *sum = share + part * n_coef;
-                const double *ds = D + (2 * part + d) * n_col + c * n_coef;
+                const double *ds = D + (2 * part + d) * n_col + component * n_coef;
                 for (size_t i = 0; i < n_coef; ++i)
                     for (size_t j = 0; j < n_coef; ++j) block[i * n_coef + j] -= sum[i] * ds[j];
             }
@@ -341,6 +373,8 @@ static void sort_disks(bd_disk_point *point) {
     }
 }
 
+/* Tangent of a point at the onset of slip: `found` are the disks that determine the slider, in any
+ * order. */
 void bd_sticking_write_onset(bd_coulomb_work *work, const bd_element *element,
                              const bd_disk_point *found, bd_response *out) {
     bd_disk_point point = *found;
@@ -350,6 +384,8 @@ void bd_sticking_write_onset(bd_coulomb_work *work, const bd_element *element,
     write_tangent_parts(work, element, point.n, work->slider_sums, work->products, out);
 }
 
+/* Tangent of a sticking point whose slider was shifted from `initial` (2) towards the centre of all
+ * disks, by `share` of their distance, up to the edge of disk k. */
 void bd_sticking_write_shifted(bd_coulomb_work *work, const bd_element *element,
                                const double *initial, const bd_disk_point *centre, double share,
                                int k, bd_response *out) {
@@ -359,6 +395,8 @@ void bd_sticking_write_shifted(bd_coulomb_work *work, const bd_element *element,
     write_tangent_parts(work, element, 1, work->slider_derivative, work->stick_basis, out);
 }
 
+/* Force and shares of a point with the motion x (3, n_coef) that sticks at the slider s (2), N,
+ * throughout the cycle: springs kt around the position s/kt. */
 void bd_sticking_write(bd_coulomb_work *work, const bd_element *element, const double *x,
                        const double *s, bd_response *out, bd_status_share *share) {
     bd_element stuck = *element;

@@ -116,8 +116,17 @@ BD_INLINE void record(const bd_time *t, const bd_time_path *path, long k) {
     if (path->response_harmonics) add_to_harmonics(t, path, k);
 }
 
-/* Contact forces at the first instant. With find_acceleration, also the coordinates without mass
- * and the accelerations. Return 0 if the forces were not found. */
+/* Contact forces at the first instant, for the excitation at `angle`. With find_acceleration, also
+ * the coordinates without mass and the accelerations. Return 0 if the forces were not found.
+ *
+ * Coordinates q with mass are given. Coordinates without mass depend on the contact forces g,
+ *
+ *     K q + g = E,    that is q = q* - beta g,    q* = E/K,    beta = 1/K.
+ *
+ * The end of a step also has q = q* - beta g, for all coordinates. Its solution for the forces g
+ * serves here with a step of length 0: the compliance of a coordinate with mass, proportional to
+ * h^2, is then 0, so that its q remains the given one, q*. The compliance of a coordinate without
+ * mass does not depend on the step. */
 static int start(bd_time *t, const bd_time_path *path, double angle) {
     const size_t n = t->n_coordinate;
     const double *m = t->mass, *c = t->damping, *K = t->stiffness;
@@ -128,22 +137,30 @@ static int start(bd_time *t, const bd_time_path *path, double angle) {
         return 1;
     }
 
-    /* coordinates without mass follow from the forces */
+    /* patterns and compliance of a step of length 0: beta is 1/K without mass, 0 with mass */
+    const double no_length = 0.0, any_radius = 0.0;
     bd_time_patterns *instant = &t->of_instant;
-    const double tolerance = larger(1e-3 * path->tolerance, 1e-13);
-    bd_time_make_patterns(t, instant, 0.0, 0.0);
+    double *beta = t->displacement_compliance;
+    bd_time_make_patterns(t, instant, no_length, any_radius);
+    bd_time_compliance(t, no_length, any_radius, beta, t->acceleration_compliance);
+
+    /* q* */
     find_load(t, angle, t->load);
     memcpy(t->q_next, t->q, sizeof(double) * n);
-    bd_time_compliance(t, 0.0, 0.0, t->displacement_compliance, t->acceleration_compliance);
-    for (size_t j = 0; j < n; ++j)
-        if (!(m[j] > 0.0)) t->q_next[j] = t->load[j] / K[j];
+    for (size_t j = 0; j < n; ++j) {
+        const int has_mass = m[j] > 0.0;
+        if (!has_mass) t->q_next[j] = t->load[j] / K[j];
+    }
+
+    /* more accurate forces than in a step, up to rounding */
+    const double tolerance = larger(1e-3 * path->tolerance, 1e-13);
     mark_outdated(t);
     if (!contact_at_end(t, instant, tolerance, 0)) return 0;
 
-    /* m a = E - c v - K q - g */
+    /* q = q* - beta g, and m a = E - c v - K q - g */
     for (size_t j = 0; j < n; ++j) {
         const double g = t->fourier_weight[j] * t->contact_force[j];
-        t->q[j] = t->q_next[j] - t->displacement_compliance[j] * g;
+        t->q[j] = t->q_next[j] - beta[j] * g;
         const double force = t->load[j] - c[j] * t->v[j] - K[j] * t->q[j] - g;
         t->a[j] = m[j] > 0.0 ? force / m[j] : 0.0;
     }

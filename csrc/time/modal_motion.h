@@ -65,15 +65,21 @@ BD_INLINE void multiply_complex(size_t rows, size_t columns, size_t stored_colum
     }
 }
 
-/* y (2, rows) = G q of one family. */
+/* Complex motion amplitudes y (2, rows) = G q of one family, from the coordinates q_next. G is
+ * stored in blocks of 8 rows (multiply_complex). */
 BD_INLINE void family_motion(const bd_time *t, int f, const double *G, double *y) {
     const size_t n_mode = (size_t)t->n_mode[f], n_stored = padded_modes(t, f);
     const double *q_re = t->q_next + t->first_coordinate[f], *q_im = q_re + n_stored;
     multiply_complex(t->rows, n_mode, n_stored, G, q_re, q_im, y, y + t->rows);
 }
 
-/* Modal force G^H z of one family, times N, from the amplitudes z (2, rows) of the forces. G^H is
- * stored in blocks of 8 modes (rows, 2, 8). */
+/* Modal force G^H z of one family, times the number of sectors, from the amplitudes z (2, rows) of
+ * the contact forces. G is stored in blocks of 8 modes, each block (rows, 2, 8) with the real and
+ * imaginary parts of a row's modes. The points of direction d have the rows d stride ... d stride +
+ * n_point - 1.
+ *
+ * A sum must not wait for its previous addition. Therefore SUMS sums are independent: SUMS/PART
+ * successive rows, each with PART vectors for the 8 modes. They are joined at the end. */
 BD_INLINE void family_force(const bd_time *t, int f, const double *G, const double *z) {
     const size_t n_mode = (size_t)t->n_mode[f], n_point = (size_t)t->n_point, rows = t->rows;
     const double *z_re = z, *z_im = z + rows;
@@ -88,9 +94,10 @@ BD_INLINE void family_force(const bd_time *t, int f, const double *G, const doub
             for (size_t row = start; row < start + n_point; row += SUMS / PART) {
                 for (size_t v = 0; v < SUMS; ++v) {
                     const size_t point_row = row + v / PART;
-                    const double *g = G + 16 * point_row + v % PART * BD_WIDTH;
+                    const size_t first_of_modes = v % PART * BD_WIDTH;
+                    const double *G_re = G + 16 * point_row + first_of_modes, *G_im = G_re + 8;
                     const bd_vec re = bd_all(z_re[point_row]), im = bd_all(z_im[point_row]);
-                    add_products(&sums, v, bd_load(g), bd_load(g + 8), re, im);
+                    add_products(&sums, v, bd_load(G_re), bd_load(G_im), re, im);
                 }
             }
         }
@@ -111,15 +118,22 @@ BD_INLINE void family_force(const bd_time *t, int f, const double *G, const doub
 
 /* ---- between sectors and nodal diameters, for vectors of n entries, a multiple of 8 ---- */
 
-/* Sectors k and N - k are computed together, because cos(k d phi) is equal for both and
- * sin(k d phi) opposite. The other sector of 0 and N/2 is the sector itself. */
+/* Sectors k and N - k are computed together, for k = 0 ... N/2. With phi = 2 pi/N, exp(i (N - k) d
+ * phi) = exp(-i k d phi): the phases of both sectors are conjugate, cos(k d phi) is equal and
+ * sin(k d phi) opposite. Sectors 0 and N/2 are their own partners; their sin(k d phi) is 0 except
+ * for rounding. The real and imaginary parts of an amplitude are two rows (2, n), of which a
+ * processor vector holds BD_WIDTH entries. */
 
-/* out (n_sector, n) = sum over families of Re[y exp(i k d phi)], y (n_family, 2, n). */
+/* Motion of the sectors from the amplitudes y (n_family, 2, n) of all families, one for each nodal
+ * diameter d,
+ *
+ *     out_k       = sum_d Re y_d cos(k d phi) - sum_d Im y_d sin(k d phi),     out (n_sector, n),
+ *     out_(N - k) = sum_d Re y_d cos(k d phi) + sum_d Im y_d sin(k d phi). */
 BD_INLINE void to_sectors(const bd_time *t, size_t n, const double *y, double *out) {
     const size_t n_sector = (size_t)t->n_sector;
     for (size_t k = 0; 2 * k <= n_sector; ++k) {
         const size_t other = (n_sector - k) % n_sector;
-        const double *phase = t->phase + 2 * k * (size_t)t->n_family;
+        const double *phase = t->phase + 2 * k * (size_t)t->n_family; /* (n_family, 2) */
         double *out_k = out + k * n, *out_other = out + other * n;
         for (size_t i = 0; i < n; i += 8) {
             bd_vec of_cosine[PART], of_sine[PART];
@@ -142,17 +156,25 @@ BD_INLINE void to_sectors(const bd_time *t, size_t n, const double *y, double *o
     }
 }
 
-/* z (n_family, 2, n) = sum over sectors of x exp(-i k d phi), x (n_sector, n). */
+/* Amplitudes z (n_family, 2, n) of all families, one for each nodal diameter d, from the values x
+ * (n_sector, n) of the sectors: z_d = sum_k x_k exp(-i k d phi). A pair of sectors adds
+ *
+ *     Re z_d += (x_k + x_(N - k)) cos(k d phi),    Im z_d -= (x_k - x_(N - k)) sin(k d phi).
+ *
+ * A sector that is its own partner counts once. It adds x_k cos(k d phi) to the real part, and to
+ * the imaginary part a multiple of sin(k d phi), which is 0 except for rounding. */
 BD_INLINE void to_diameters(const bd_time *t, size_t n, const double *x, double *z) {
     const size_t n_sector = (size_t)t->n_sector;
     const bd_vec none = bd_all(0.0);
     for (size_t k = 0; 2 * k <= n_sector; ++k) {
         const size_t other = (n_sector - k) % n_sector;
-        const double *phase = t->phase + 2 * k * (size_t)t->n_family;
+        const double *phase = t->phase + 2 * k * (size_t)t->n_family; /* (n_family, 2) */
+        const int has_partner = other != k;
         for (size_t i = 0; i < n; i += BD_WIDTH) {
             const bd_vec x_k = bd_load(x + k * n + i);
-            bd_vec sum = x_k, difference = x_k;
-            if (other != k) {
+            bd_vec sum = x_k;
+            bd_vec difference = x_k; /* without a partner its factor sin(k d phi) is 0 */
+            if (has_partner) {
                 const bd_vec x_other = bd_load(x + other * n + i);
                 difference = x_k - x_other;
                 sum = x_k + x_other;
@@ -209,7 +231,8 @@ BD_INLINE void multiply(size_t m, size_t n, size_t k, const double *A, const dou
     }
 }
 
-/* y (n) = A x, n a multiple of 8, with A in blocks of 8 rows, each stored by columns. */
+/* y (n) = A x, n a multiple of 8, with A (n, n) in blocks of 8 rows: (n/8, n, 8), each block stored
+ * column by column. */
 BD_INLINE void multiply_blocks(size_t n, const double *A, const double *x, double *y) {
     for (size_t i = 0; i < n; i += 8) {
         /* even and odd columns have independent sums */
@@ -226,8 +249,9 @@ BD_INLINE void multiply_blocks(size_t n, const double *A, const double *x, doubl
     }
 }
 
-/* Pattern motion u (n_sector, rank) = C p. The compliance C couples the sectors, but not the nodal
- * diameters. */
+/* Pattern motion u (n_sector, rank) = C p due to pattern forces p (n_sector, rank). The compliance
+ * C couples the sectors, but not the nodal diameters. Hence p is split into nodal diameters, each
+ * is multiplied by its complex compliance (rank, rank), and the motions are superposed. */
 static void compliance_times(bd_time *t, const bd_time_patterns *patterns, const double *p,
                              double *u) {
     const size_t rank = (size_t)patterns->rank;
@@ -241,7 +265,8 @@ static void compliance_times(bd_time *t, const bd_time_patterns *patterns, const
     to_sectors(t, rank, t->motion_amplitude, u);
 }
 
-/* Sum of the entries, in pairs. */
+/* Sum of the entries of a vector: add the second half to the first half until a single entry
+ * remains. */
 BD_INLINE double total(bd_vec x) {
     double part[BD_WIDTH];
     bd_store(part, x);
@@ -273,7 +298,8 @@ BD_INLINE double larger(double a, double b) { return a > b ? a : b; }
 
 /* ---- motion and forces of all families ---- */
 
-/* Motion x (n_sector, rows) of all points from the coordinates q_next. */
+/* Motion x (n_sector, rows) of all points from the coordinates q_next: x_k = shift + sum_d Re[G_d
+ * q_d exp(i k d phi)]. The shift (3, stride) is the same in all sectors. */
 static void find_motion(bd_time *t, double *x) {
     const size_t size = 2 * t->rows; /* complex amplitudes of one family */
     const double *G = t->motion_modes;
@@ -287,7 +313,8 @@ static void find_motion(bd_time *t, double *x) {
         add(3 * t->stride, 1.0, shift, x + k * t->rows);
 }
 
-/* Modal forces of the contact forces F. */
+/* Modal forces G_d^H sum_k F_k exp(-i k d phi) of all families, without their factor c_d/N
+ * (fourier_weight), from the contact forces F (n_sector, rows). */
 static void find_modal_forces(bd_time *t) {
     const size_t size = 2 * t->rows; /* complex amplitudes of one family */
     const double *G = t->force_modes;
