@@ -544,7 +544,8 @@ class _Loop:
             clearance = 0.0
             zero = middle
 
-        # travel (sliders,) of each slider from its turning point to slip
+        # travel (sliders,) of each slider from the turning point to its slip: mean times factors
+        # at equal distances from 1 - spread to 1 + spread
         places = (2.0 * np.arange(self.sliders) + 1.0) / self.sliders - 1.0
         mean_slip = 2.0 * np.exp(model.log_mu - model.log_kt) * self.normal
         slip = mean_slip * (1.0 + model.spread * places)
@@ -558,13 +559,17 @@ class _Loop:
 
         branches = {}
         for sense, turn in ((-1.0, high), (1.0, low)):
-            # the clearance is crossed at zero force, between two more corners
-            change_to_zero = float(np.clip(half_height + sense * (zero - middle), 0.0, change[-1]))
+            # the force of a branch is middle + sense (change - half_height); the clearance is
+            # crossed at its zero, between two more corners with the same force
+            exact_change = half_height + sense * (zero - middle)
+            change_to_zero = float(np.clip(exact_change, 0.0, change[-1]))
             travel_to_zero = np.interp(change_to_zero, change, travel)
-            crossing = [travel_to_zero, travel_to_zero + clearance]
-            i = int(np.searchsorted(change, change_to_zero))
-            travels = np.concatenate([travel[:i], crossing, travel[i:] + clearance])
-            changes = np.concatenate([change[:i], [change_to_zero, change_to_zero], change[i:]])
+            crossing_travel = [travel_to_zero, travel_to_zero + clearance]
+            crossing_change = [change_to_zero, change_to_zero]
+            before = int(np.searchsorted(change, change_to_zero))  # number of earlier corners
+            later_travel = travel[before:] + clearance
+            travels = np.concatenate([travel[:before], crossing_travel, later_travel])
+            changes = np.concatenate([change[:before], crossing_change, change[before:]])
             x = turn + sense * travels
             y = middle + sense * (changes - half_height)
             branches[sense] = np.column_stack([x, y])

@@ -499,10 +499,11 @@ class Wanted:
         """Return squared frequencies (n,) and shapes (3 n_nodes, n) of a sector, and the number of
         static shapes.
 
-        The static shapes include the part of the modes of ``faster``, the same sector at another
-        rotor speed, that the modes of ``sector`` cannot represent.  Without it frequencies at this
-        speed would be too high, by 0.09 % on an imported sector, and further modes of ``sector``
-        hardly improve them.
+        Static shapes are mass-normalised and orthogonal to the modes in the stiffness, so each is
+        one more mode whose squared frequency is its stiffness.  They include the part of the modes
+        of ``faster``, the same sector at another rotor speed, that the modes of ``sector`` cannot
+        represent.  Without it frequencies at this speed would be too high, by 0.09 % on an imported
+        sector, and further modes of ``sector`` hardly improve them.
         """
         omega2, modes = sector.modes(self.n_modes)
         if not self.static_shapes:
@@ -520,10 +521,13 @@ class Wanted:
             responses.append(modes_of_faster)
         if not loads:
             return omega2, modes, None
-        stiffness, static = residual_shapes(
+        # mass-normalised shapes: their stiffness is a squared frequency
+        omega2_of_static, static = residual_shapes(
             sector.body, modes, np.hstack(loads), np.hstack(responses)
         )
-        return np.append(omega2, stiffness), np.hstack([modes, static]), len(stiffness)
+        all_omega2 = np.append(omega2, omega2_of_static)
+        all_shapes = np.hstack([modes, static])
+        return all_omega2, all_shapes, len(omega2_of_static)
 
     def basis(
         self,

@@ -985,19 +985,28 @@ def _largest_stress(body: PreparedBody, rows: StressRows, ring: CyclicStructure)
 def _needs_partial_contact(model: Model, nodal_diameter: int, report: ImportReport) -> bool:
     """Return whether the model needs the force vectors of faces that touch at one end.
 
-    The shifts of modes by bonded faces, and the error of residual modes, are added to the report.
+    If faces or parts of them are bonded, mode 1 shifts.  Residual modes cause an error of this
+    shift.  They have the vectors of whole faces or, at more cost, also vectors of parts:
+
+    * no or hardly any shift: whole faces suffice;
+    * accurate with whole faces: they suffice;
+    * less error with parts of the faces: these are needed;
+    * otherwise parts of the faces are no remedy, and the report names another one.
+
+    The shifts of modes by bonded faces are also added to the report.
     """
     coupling = coupling_of_default(model, nodal_diameter)
     if coupling is None:
         return False
     try:
-        found = partial_contact(coupling, ResidualModes())
-        richer = partial_contact(coupling, ResidualModes(partial_contact=True))
+        whole_faces = partial_contact(coupling, ResidualModes())
+        with_parts = partial_contact(coupling, ResidualModes(partial_contact=True))
     except ModelError as error:
         report.missing.append(f"shift of mode 1 by parts of the faces: {error}")
         return False
-    by_mode = ", ".join(percent(shift) for shift in found.shifts)
-    held_modes = 1 + np.flatnonzero(np.asarray(found.shifts) >= SMALL_SHIFT)
+    shifts = whole_faces.shifts
+    by_mode = ", ".join(percent(shift) for shift in shifts)
+    held_modes = 1 + np.flatnonzero(np.asarray(shifts) >= SMALL_SHIFT)
     hint = ""
     if len(held_modes) and held_modes[0] > 1:
         hint = (
@@ -1005,16 +1014,21 @@ def _needs_partial_contact(model: Model, nodal_diameter: int, report: ImportRepo
             "in the methods of the study"
         )
     report.checks.append(
-        f"dampers: bonded faces raise the lowest {counted(len(found.shifts), 'frequency')} of "
+        f"dampers: bonded faces raise the lowest {counted(len(shifts), 'frequency')} of "
         f"nodal diameter {nodal_diameter} by {by_mode}{hint}"
     )
-    if WHOLE not in found.errors:
+    # the error is relative to the shift, and undefined without a shift
+    if WHOLE not in whole_faces.errors:
         report.checks.append("residual modes: bonding the faces does not shift mode 1")
         return False
 
-    has_effect = found.shift >= SMALL_SHIFT
-    is_needed = has_effect and not found.accurate and richer.largest_error < found.largest_error
-    chosen = richer if is_needed else found
+    has_effect = whole_faces.shift >= SMALL_SHIFT
+    is_needed = (
+        has_effect
+        and not whole_faces.accurate
+        and with_parts.largest_error < whole_faces.largest_error
+    )
+    chosen = with_parts if is_needed else whole_faces
     vectors = "residual modes for partial contact" if is_needed else "residual modes"
     whole = percent(abs(chosen.errors[WHOLE]))
     of_part = percent(abs(chosen.errors[chosen.worst_part]))
@@ -1023,7 +1037,7 @@ def _needs_partial_contact(model: Model, nodal_diameter: int, report: ImportRepo
         f"all vectors within {whole}, for parts within {of_part} ({chosen.worst_part})"
     )
     if is_needed:
-        without = percent(abs(found.errors[found.worst_part]))
+        without = percent(abs(whole_faces.errors[whole_faces.worst_part]))
         compared += f"; within {without} with only the vectors of whole faces"
     if chosen.accurate or not has_effect:
         report.checks.append(compared)

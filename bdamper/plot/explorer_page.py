@@ -691,7 +691,7 @@ class Page:
         """Mark the chosen point, and in the curve of peaks the peak of the curve."""
         self._put("point", curve.frequency[[point]], 1e6 * curve.amplitude[[point]])
         if curve.peak_at_end or curve.may_be_higher:
-            # the curve of peaks shows lower bounds; the marker belongs to peaks
+            # this curve has no peak, only a lower bound of it; so no marker in the curve of peaks
             self._put("marker")
         else:
             self._put("marker", [curve.preload], [1e6 * curve.peak.amplitude])

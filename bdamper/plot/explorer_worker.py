@@ -177,13 +177,13 @@ class Answers:
                 self.deliver(self.curve(question, 1))
             if work.interrupted or self.stop.is_set():
                 return
-        steps: list[Callable[[Question, int | None], Answer]] = [self.curve]
+        steps: list[Callable[[Question], Answer]] = [self.curve]
         if question.preloads:
             steps.append(self.optimal)
         steps.append(self.time_response)
         for step in steps:
             with LongWork() as work, stopped_by(self.stop):
-                self.deliver(step(question, None))
+                self.deliver(step(question))
             if work.interrupted or self.stop.is_set():
                 return
         self.deliver(None)
@@ -226,7 +226,7 @@ class Answers:
         low, high = self.once(key, interval)
         return float(f"{low:.3g}"), float(f"{high:.3g}")
 
-    def curve(self, question: Question, harmonics: int | None) -> Answer:
+    def curve(self, question: Question, harmonics: int | None = None) -> Answer:
         """Compute the response curve, and with all harmonics (None) its limits and the motion.
 
         The provisional curve has the interval of the unchanged settings, so that the axes do not
@@ -283,7 +283,7 @@ class Answers:
         loops = answer.study.hysteresis(curve, point)
         return replace(answer, contacts=contacts, loops=loops, point=point)
 
-    def optimal(self, question: Question, harmonics: int | None = None) -> Answer:
+    def optimal(self, question: Question) -> Answer:
         """Compute the optimal curve with all harmonics."""
         study = self.varied(question)
         preloads = question.preloads or (1.0, 2.0)
@@ -299,9 +299,10 @@ class Answers:
         curve = self.once(self._key(self.optimal, question, None), compute)
         return Answer(question, True, study, optimal=curve)
 
-    def time_response(self, question: Question, harmonics: int | None = None) -> Answer:
+    def time_response(self, question: Question) -> Answer:
         """Compute the steady-state amplitude in time at the peak of the response curve."""
-        answer = self.curve(question, None)
+        # the curve with all harmonics, usually cached
+        answer = self.curve(question)
         curve = answer.curve
         assert curve is not None
 

@@ -341,12 +341,14 @@ def monodromy(system: Equations[SectorData], u: NDArray, omega: float) -> NDArra
     point, kind, piece_begin, piece_end, weight = pieces
     stick_point, axis, stick_begin, stick_length, factor = events
 
-    # direction of the force of each kind of segment, and of the motion that causes it (2 is
-    # normal); kinds: normal spring, stick in both tangential directions, slip in both
+    # a segment adds a spring: its force along one direction is its weight times the motion along
+    # another one.  The kinds are, with the tangential directions 0 and 1 and the normal 2:
+    #                             normal  stick 0  stick 1  slip 0  slip 1
     force_direction = np.array([2, 0, 1, 0, 1])[kind]
     motion_direction = np.array([2, 0, 1, 2, 2])[kind]
     force = G[point, force_direction]
     motion = G[point, motion_direction]
+    # force of a displaced slider of the stick segments whose slider is set
     kt = system.structure.points.kt[stick_point, axis, None]
     slider_force = kt * G[stick_point, axis]
 
@@ -367,7 +369,8 @@ def monodromy(system: Equations[SectorData], u: NDArray, omega: float) -> NDArra
     first_slider = 2 * n_modes
     derivative = np.eye(first_slider + len(stick_point))
     for interval, (theta, end) in enumerate(zip(angles, ends)):
-        # a slip-to-stick event or a closing sets the slider from the motion at its instant
+        # a slip-to-stick event or a closing sets the slider from the motion at its instant:
+        # dw = du + factor dv (equations at the beginning of this file)
         for event in np.flatnonzero(interval_of_event == interval):
             tangential = G[stick_point[event], axis[event]]
             normal = G[stick_point[event], 2]

@@ -700,7 +700,7 @@ def test_a_chosen_point_is_told_once_it_is_the_one_that_is_shown(page, answers):
 
 def test_the_optimum_is_told_in_a_sentence(page, answers):
     """Tables of checks would leave no space for the panels."""
-    page.show(answers.optimal(page.question(), None))
+    page.show(answers.optimal(page.question()))
     text = page.text.text
     assert text.startswith("★ ") and "Lowest amplitude at" in text and text.endswith(".")
     assert "<table" not in text and len(text) < 250
