@@ -242,9 +242,9 @@ def test_a_part_of_a_result_is_never_kept_as_the_whole(monkeypatch, analysis, an
 
     monkeypatch.setattr(bd.Study, analysis, part)
     with pytest.raises(KeyboardInterrupt):
-        ask(question, None)
+        ask(question)
     monkeypatch.undo()
-    answer = ask(question, None)
+    answer = ask(question)
     assert not (answer.curve or answer.optimal).interrupted
 
 
