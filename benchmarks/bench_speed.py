@@ -1,4 +1,4 @@
-"""Crossings over rotor speed: three masses of the damper by eight engine orders, with nine and with 24 contact points.
+"""Crossings against rotor speed: three masses of the damper by eight engine orders, with nine and with 24 contact points.
 
 Eight orders of the first mode of the shipped disk, whose excitation is a fixed share of the preload, three harmonics.
 Processor time of one process; the crossings are independent, so that two cores take half of it.
@@ -20,7 +20,7 @@ SHARE = 400.0
 
 
 def over_speed(points: int) -> Model:
-    """The shipped disk if it has its bases over speed at all nodal diameters that are needed; otherwise made coarsely."""
+    """The shipped disk if it has speed-dependent bases at all nodal diameters that are needed; otherwise made coarsely."""
     shipped = bd.reference_model("bladed_disk", points)
     waves = {order * l % shipped.n_blades for order in ORDERS for l in (1, 2, 3)}
     diameters = {min(d, shipped.n_blades - d) for d in waves}

@@ -31,8 +31,8 @@ them again and writes this page. The values agree within the tolerances of `test
 TAIL = """## Elsewhere
 
 Frequencies at several rotor speeds compared with CalculiX: `tests/anchors`; mistuned bladed disks:
-`tests/mistuning`; amplitudes compared with an independent time integration: [in time](in-time.md);
-computing times compared with pyHarm: [compared](compared.md).
+`tests/mistuning`; amplitudes compared with an independent time integration:
+[time integration](in-time.md); computing times compared with pyHarm: [comparisons](compared.md).
 """
 
 

@@ -52,7 +52,7 @@ BONDED_DIAMETER = 5
 ROWS = ("modes", "contact")
 SPEED_REST = ("coriolis", "checked_at", "error", "source")
 SPEED_ORDERS, SPEED_HARMONICS, TOP_SPEED = range(3, 11), 3, 600.0
-"""Engine orders of the model over rotor speed with harmonics of each, and the speed (rad/s) at which it is checked."""
+"""Engine orders of the speed-dependent model with harmonics of each, and the speed (rad/s) at which it is checked."""
 ROOT = Path(__file__).resolve().parent.parent
 FOLDERS = (ROOT / "bdamper" / "data", ROOT / "tests" / "models")
 """Of the wheel, and of what is too large for it."""
