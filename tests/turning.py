@@ -1,4 +1,4 @@
-"""The shipped disk with made-up matrices over speed, for tests that need no particular values."""
+"""The shipped disk with made-up speed-dependent matrices, for tests that need no particular values."""
 
 from __future__ import annotations
 

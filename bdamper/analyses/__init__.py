@@ -4,5 +4,5 @@
 `fit_loop` identify contact parameters from measurements. `harmonic_convergence`, `estimate_errors`,
 `effect_significance` and `accuracy_cost` compare a study with more detailed ones. `nonlinear_mode`
 and `flutter` compute modes and limit cycles. `campbell`, `crossings` and `run_up` compute responses
-over rotor speed. `hysteresis` and `microslip` compute contact loops.
+against rotor speed. `hysteresis` and `microslip` compute contact loops.
 """

@@ -674,13 +674,15 @@ class AccuracyCost(Result, Plottable, Tabular, Storable, kind="bdamper-accuracy"
         if best is self.richest:
             return f"Only the most detailed settings have an error within {tolerance}"
         ratio = best.seconds / self.richest.seconds
-        beginning = f"Cheapest settings within {tolerance}: "
-        if ratio >= 1.0:
-            beginning = f"No settings within {tolerance} save time; "
         settings = _text(self.varied, best.values)
-        error = f"error {percent(self.error(best))}"
+        error = percent(self.error(best))
         time = f"computing time {ratio:.2g} times that of the most detailed settings"
-        return f"{beginning}{settings}: {error}, {time}"
+        if ratio >= 1.0:
+            reduced = f"No reduced settings with an error below {tolerance} save time"
+            return f"{reduced}; with {settings}: error {error}, {time}"
+        return (
+            f"Cheapest settings with an error below {tolerance}: {settings}; error {error}, {time}"
+        )
 
     def _reference_text(self) -> str:
         """Return a sentence on the error of the most detailed settings, with its sources."""
@@ -745,7 +747,7 @@ def last_steps(varied: Iterable[str], runs: Sequence[Run]) -> dict[str, float]:
 
 def _text(names: Iterable[str], values: Iterable[str]) -> str:
     """Return names with their values as text."""
-    return ", ".join(f"{spaced(name)} {value}" for name, value in zip(names, values))
+    return ", ".join(f"{spaced(name)} = {value}" for name, value in zip(names, values))
 
 
 def ladder_values(problem: Problem, name: str) -> list[Any]:

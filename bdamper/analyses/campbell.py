@@ -383,7 +383,7 @@ def _with_maximum(curve: ResponseCurve, index: int, top: Peak, harmonics: NDArra
     """Return the curve with the refined highest maximum, and without unknowns.
 
     ``top`` replaces the point with the given ``index``; ``harmonics`` (n_harmonics + 1,) are its
-    response (m).  Unknowns over speed cannot be used in a study at one speed, because their residual modes have
+    response (m).  Unknowns of a run-up cannot be used in a study at one speed, because their residual modes have
     other phases.
     """
     values: dict[str, Any] = {

@@ -356,7 +356,7 @@ def resonance_crossings(
 
 
 def speed_values(speeds: Any, n: int = 13) -> NDArray:
-    """Return speeds (n,) in rad/s: n values between two limits, or the given longer sequence.
+    """Return speeds (n,) in rad/s: n values between two limits, or the given sequence if longer.
 
     Raises
     ------

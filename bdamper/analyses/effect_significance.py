@@ -47,6 +47,9 @@ from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import Storable
 from bdamper.util.tables import Column, Tabular, columns_of_rows
 
+PRINTED_NAMES = {"bias": "change of the mean (bias)"}
+"""Effects whose printed name differs from that for :meth:`bdamper.Effects.without`."""
+
 
 @dataclass(frozen=True)
 class EffectRow:
@@ -201,7 +204,7 @@ class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-eff
             # a computed change has no uncertainty
             uncertainty = percent(effect.uncertainty) if effect.source == "estimated" else ""
             row = (
-                effect.name,
+                PRINTED_NAMES.get(effect.name, effect.name),
                 percent(effect.amplitude_change, sign=True),
                 percent(effect.frequency_change, sign=True),
                 uncertainty,

@@ -11,7 +11,7 @@ Response along the line
     lower than the highest point. The difference is small for a sharp, round peak, and some per cent
     if the response has a shoulder or ends a plateau.
 
-Equations over speed
+Equations as functions of speed
     At every node speed the problem is assembled: modes, contact stiffness, preload and static
     state. Its unknowns are transformed to the basis of the nearest known speed, so that they are
     comparable (:mod:`bdamper.harmonic_balance.parameters`). The equations are interpolated between
@@ -61,7 +61,7 @@ from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util.errors import NOT_FOUND, BdamperError, SettingError
 from bdamper.util.progress import Cost, CostMeter, progress_bar
 
-# ---- Equations over speed ----
+# ---- Equations as functions of speed ----
 
 
 T = TypeVar("T")
@@ -97,7 +97,7 @@ class SpeedFamily:
     Parameters
     ----------
     problem : Problem
-        Problem at any speed or without speed.
+        Problem at an arbitrary speed, or with no speed specified.
     conditions : Conditions
     """
 
@@ -263,7 +263,7 @@ def follow_line(
         end of the curve.
     """
     low, high = speeds
-    # a branch may leave the interval and return; tables over speed limit the range
+    # a branch may leave the interval and return; tables against speed limit the range
     margin = 0.05 * (high - low)
     lowest, highest = family.conditions.reach(int(family.whole.engine_order))
     equations = family.along(

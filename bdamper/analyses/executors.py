@@ -192,7 +192,7 @@ def run_points(
     Raises
     ------
     KeyboardInterrupt
-        On Ctrl-C or the end of the executor. All finished points are stored before this or another
+        On Ctrl-C or shutdown of the executor. All finished points are stored before this or another
         error is raised.
     """
     if executor is None or not todo:
@@ -360,7 +360,7 @@ def run_stored(
     Returns
     -------
     Records
-        After Ctrl-C or the end of the executor, unfinished points have the record :data:`NOT_RUN`
+        After Ctrl-C or shutdown of the executor, unfinished points have the record :data:`NOT_RUN`
         with the reason.
     """
     n = len(names)

@@ -192,8 +192,8 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
     def widen(self, richer: Fitted) -> Fitted:
         """Widen the intervals by the distance to a fit with more detailed settings.
 
-        The interval from a single model does not include an error that this model makes under all
-        loads.
+        The interval from a single model does not account for a systematic error of that model, which
+        is the same under all loads.
 
         Parameters
         ----------
@@ -221,7 +221,8 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
         """Return the settings of the fit that determine its parameters."""
         numbers = self.settings["harmonics"]
         plural = "s" if len(numbers) > 1 else ""
-        harmonics = f"harmonic{plural} {listed(map(str, numbers))}"
+        only_first = list(numbers) == [1]
+        harmonics = "1 harmonic" if only_first else f"harmonic{plural} {listed(map(str, numbers))}"
         modes = f"{self.settings['blade_modes']} blade modes"
         # the setting is None if all points of the model are in use
         points = f"{self.settings['contact_points'] or 'all'} contact points"
@@ -246,7 +247,7 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
 
     @property
     def wrong(self) -> str:
-        """Statement that the model does not describe the test with the largest misfit.
+        """Message with the largest misfit of a test, if the model does not describe that test.
 
         It includes a hint if the units may be wrong.  It is empty if the model describes all tests.
         """
@@ -291,8 +292,9 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
         if model_is_wrong:
             remarks.append(
                 "Remedy: fit again with more harmonics, modes and contact points, and pass that fit "
-                "to fitted.widen; the true constants may lie outside the intervals"
+                "to fitted.widen"
             )
+            remarks.append("The true constants may lie outside the intervals")
         remarks.append(f"Use these values only with {self._settings_text()}")
         if self.doubts:
             remarks.append(f"The fit is incomplete: {self.doubts}")

@@ -514,8 +514,8 @@ def microslip(
     SweepResult
         One row per force, beginning with zero.  "displacement" (m) is measured along the force.
         "slipping" is the fraction of closed points that slip, and "open" the fraction of friction
-        points without contact.  "residual" is the relative residual of modal equilibrium.  From the
-        force at which the damper slides, the status is "failed".
+        points without contact.  "residual" is the relative residual of modal equilibrium.  The status
+        is "failed" at the force at which the damper starts to slide, and above.
 
     Raises
     ------

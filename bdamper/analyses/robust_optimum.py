@@ -314,7 +314,7 @@ class OptimalCurveUncertainty(
     reason : tuple of str
         Reason for the status of each draw, "" if there is none.
     settings : mapping
-        Settings of the varied problem.
+        Settings of the problem before the draws change it.
     model_hash : str
     warnings : tuple of str
         Warning of the optimal curve of each draw, empty if there is none.
@@ -510,7 +510,7 @@ def _check_samples(samples: Any) -> None:
 
 @dataclass(frozen=True)
 class SteadyPeak(PeakTask):
-    """Evaluation of the highest peak at a preload, as the search for an optimum counts it.
+    """Evaluation of the highest peak at a preload, as used in the search for an optimum.
 
     The amplitude is a lower bound if it is not known, zero if nothing was found, and infinite if
     the damper rattles.
@@ -519,7 +519,7 @@ class SteadyPeak(PeakTask):
     ----------
     lowest : float, N
         Lowest preload of the search.  It has no lower neighbour whose peak could be followed, so
-        that its own response is computed at lower preloads as well.
+        its own response is computed at lower preloads as well.
     """
 
     lowest: float = 0.0
@@ -727,8 +727,8 @@ class _Draws:
         self.samples = samples
         self.task = task
         self.n = len(next(iter(samples.values())))
-        # by preload, an entry per draw: amplitude as SteadyPeak counts it, amplitude of the highest
-        # point, and 1 if the amplitude is known
+        # by preload, an entry per draw: amplitude as SteadyPeak returns it, amplitude of the
+        # highest point, and 1 if the amplitude is known
         self.size: dict[float, NDArray] = {}
         self.height: dict[float, NDArray] = {}
         self.known: dict[float, NDArray] = {}

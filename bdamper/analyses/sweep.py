@@ -197,11 +197,11 @@ class SweepResult(WithRowStatus, Plottable, Tabular, Recorded, Storable, kind="b
     names : tuple of str
         Names of the settings.
     points : (n,) array with named fields
-        Settings of each point: ``points["preload"]`` are all preloads.
+        Settings of each point: ``points["preload"]`` contains all preloads.
     values : (n,) array with named fields
         Results of each point; NaN or None if there is none.
     status : tuple of str
-        "complete", "failed", "not run" after an interruption, or the status of the answer.
+        "complete", "failed", "not run" after an interruption, or the status of the returned result.
     reason : tuple of str
         Reason for the status of each point, "" if there is none.
     seconds : (n,) float
@@ -210,7 +210,7 @@ class SweepResult(WithRowStatus, Plottable, Tabular, Recorded, Storable, kind="b
         Shape of the grid of settings, in which the last setting varies fastest; one number for a
         list of points.
     settings : mapping
-        Settings of the varied problem.
+        Settings of the base problem, before the sweep changes it.
     model_hash : str
     cost : (n,) array with the fields of Cost, optional
         Cost of each point as returned by the evaluation; otherwise its elapsed time only.
@@ -462,7 +462,7 @@ class SweepResult(WithRowStatus, Plottable, Tabular, Recorded, Storable, kind="b
                 end = "upper"
             else:
                 continue
-            remarks.append(f"The lowest value is at the {end} end of the range of {spaced(name)}")
+            remarks.append(f"The lowest value is at the {end} end of the {spaced(name)} range")
         return remarks
 
 
@@ -743,7 +743,7 @@ def sweep(
     Returns
     -------
     SweepResult
-        After Ctrl-C or the end of the executor, unfinished points have the status "not run".
+        After Ctrl-C or shutdown of the executor, unfinished points have the status "not run".
 
     Raises
     ------

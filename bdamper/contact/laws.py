@@ -323,7 +323,7 @@ class ContactLaw:
         *,
         kn: float = 0.0,
     ) -> Self:
-        """Return parallel Jenkins elements along each tangential direction.
+        """Return a law with parallel Jenkins elements in each tangential direction.
 
         An element is a spring and a slider in series.
 
@@ -369,7 +369,7 @@ class ContactLaw:
     ) -> Self:
         """Return Segalman's four-parameter Iwan model.
 
-        It consists of Jenkins elements along each tangential direction, two for each interval of
+        It consists of Jenkins elements in each tangential direction, two for each interval of
         slip displacements and one that slips last.  Strength, total stiffness and the stiffness of
         each interval are exact.  The dissipation is within 2 % of the power law for amplitudes
         between 10^(-decades) times the macroslip displacement (the ``resolution`` of the law) and
@@ -428,7 +428,7 @@ class ContactLaw:
         *,
         kn: float = 0.0,
     ) -> Self:
-        """Return Bouc-Wen hysteresis along each tangential direction.
+        """Return a law with Bouc-Wen hysteresis in each tangential direction.
 
         The force is T = alpha k u + (1 - alpha) k z.  The state z follows dz = du - beta abs(du)
         abs(z)^(n - 1) z - gamma du abs(z)^n.

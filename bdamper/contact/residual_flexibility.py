@@ -129,8 +129,8 @@ class ResidualModes(validation.Checked):
         Include the inertia of the omitted modes in the model.
     n_soft : int
         Number of further force vectors for partial contact, those with the largest flexibility.
-        For two reference models at preloads from the optimum upward, six of them reduce the error
-        of the peak due to edge contact, which is 3 to 7 % otherwise, to less than 1 %, in 1.5 to 2
+        For two reference models at and above the optimal preload, six of them reduce the error of
+        the peak due to edge contact, which is 3 to 7 % otherwise, to less than 1 %, in 1.5 to 2
         times the time (docs/evidence/measured.md).
     partial_contact : bool
         Add the force vectors of faces that touch at one end: outer, inner, front or rear third.

@@ -146,6 +146,8 @@ class Margins(
 ):
     """Safety factors of one solution at every point of the stress sets.
 
+    The margin is a reserve factor: 1 is the limit.
+
     ``plot`` draws the Haigh diagram with the points (:func:`bdamper.plot.plot_haigh`),
     ``plot_critical`` the critical point on the body (:func:`bdamper.plot.plot_critical`).
 

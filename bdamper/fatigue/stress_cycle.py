@@ -4,7 +4,7 @@ r"""Stress over the vibration cycle of a solution at the points of stress sets.
           + \sum_{l \ge 1} \mathrm{Re}[(S_l q_l + A_l F_l)\,e^{i l \theta}]
 
 All modes of the model contribute. The solution contains the coordinates of the retained modes. The
-other modes respond to contact forces and excitation at ``l omega``. The centrifugal stress belongs
+other modes respond to contact forces and excitation at ``l omega``. The centrifugal stress applies
 to the rotor without dampers; the effect of the dampers is contained in ``q_0`` and ``F_0``. A free
 curve has no contact forces. In a stuck curve linear springs replace the contacts, and the mean is
 the static state.
@@ -48,7 +48,7 @@ class AtPoints:
         Stress set and node number of each point, or its position in the set from 1: "root node
         215", "root point 3".
     counted : (n,) bool
-        Points away from contact faces; margins ignore the others.
+        Points away from contact faces; margins ignore the others.  Printed as "used".
     spread : (n,) float
         Difference in stress between adjacent elements, divided by its mean, an indicator of the
         mesh error; NaN if not available.

@@ -353,7 +353,7 @@ def _complex_waves(
     forward_error = np.linalg.norm(_difference(shapes, faces, d), axis=0) / size
     backward_error = np.linalg.norm(_difference(shapes.conj(), faces, d), axis=0) / size
     error = np.minimum(forward_error, backward_error)
-    _refuse(error, frequency, d, "")
+    _refuse(error, frequency, d, "mode")
     backward = backward_error < forward_error
     toward_x = np.where(backward, shapes.conj(), shapes)
     return Waves(
@@ -390,7 +390,7 @@ def _combined(
         waves.append(real[:, k] + c * real[:, k + 1])
     error = np.array(errors)
     first = np.array(index, int)
-    _refuse(error, frequency[first], d, "the pair of shapes ")
+    _refuse(error, frequency[first], d, "pair of modes")
     return Waves(
         index=first, shapes=np.array(waves).T, mismatch=error, turned=0, combined=len(index)
     )
@@ -405,10 +405,10 @@ def _standing(
         shapes = shapes * np.exp(-0.5j * np.angle(square))
         size_of_shape = np.maximum(np.linalg.norm(shapes, axis=0), 1e-300)
         imaginary_part = np.linalg.norm(shapes.imag, axis=0) / size_of_shape
-        _refuse(imaginary_part, frequency, d, "the imaginary part of ")
+        _refuse(imaginary_part, frequency, d, "imaginary part of the mode")
         shapes = shapes.real
     error = np.linalg.norm(_difference(shapes, faces, d), axis=0) / size
-    _refuse(error, frequency, d, "")
+    _refuse(error, frequency, d, "mode")
     return Waves(
         index=np.arange(len(frequency)),
         shapes=np.array(shapes),
@@ -424,7 +424,7 @@ def _refuse(error: NDArray, frequency: NDArray, d: int, what: str) -> None:
         return
     worst = int(np.argmax(error))
     raise ValueError(
-        f"nodal diameter {d}: {what}{frequency[worst]:.6g} Hz does not repeat from one sector face "
-        "to the other with the phase of a wave of this nodal diameter, "
-        f"in either direction (off by {100.0 * error[worst]:.3g} %)"
+        f"nodal diameter {d}: the {what} at {frequency[worst]:.6g} Hz does not satisfy the phase "
+        "condition between the two sector faces for a wave of this nodal diameter, "
+        f"in either direction of travel (off by {100.0 * error[worst]:.3g} %)"
     )

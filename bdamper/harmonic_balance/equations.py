@@ -148,7 +148,7 @@ class Correction:
     y, tangent : (n_unknowns + 1,) float
         Point and tangent of the curve, the tangent of unit length in scaled unknowns.
     scale : (n_unknowns + 1,) float
-        Units of the unknowns.
+        Scale of each unknown.
     iterations : int
     residual : float
         Largest residual relative to the excitation (harmonics) or the static load (mean).
@@ -380,8 +380,8 @@ class Equations(Generic[S]):
     core
         Object of the C core.
     structure
-        Structure that the equations describe: a sector, a family over rotor speed, a mode or a
-        bladed disk.
+        Structure that the equations describe: a sector, a sector with speed-dependent
+        data, a mode or a bladed disk.
     layout : Layout
     response_rows : sequence of (n_modes,) complex
         For each harmonic, the row of modal amplitudes that gives the response.
@@ -546,7 +546,7 @@ class Equations(Generic[S]):
             Guess.
         condition : Plane, Fixed, Fold or Maximum
         scale : (n_unknowns + 1,) float
-            Units of the unknowns.
+            Scale of each unknown.
         tolerance : float
             Tolerance of the largest residual, relative to the excitation and the static load.
         max_iterations : int
@@ -555,7 +555,7 @@ class Equations(Generic[S]):
             halves steps after which the next step with the same factorisation would not be shorter.
         reach : float
             Largest length of a Newton step in scaled unknowns.  A longer step ends the iteration
-            without convergence; 0 is no limit.
+            without convergence; 0 means no limit.
         loose, rough : float
             Only for ``Plane`` and ``Fixed``.  A full Newton step shorter than ``loose`` counts as
             convergence if the residual is then below ``rough``; 0 for ``rough`` accepts any

@@ -62,7 +62,9 @@ class FaceInSection:
 
 
 def rolling_dampers(problem: Problem) -> tuple[str, ...]:
-    """Describe each free damper that rolls on its contact points but would not on its whole faces.
+    """Describe each free damper that rolls because its faces have too few rows of contact points.
+
+    With contact over its full faces it would slide.
 
     Only dampers with two friction faces and Coulomb friction are examined.
     """
@@ -97,8 +99,8 @@ def rolling_dampers(problem: Problem) -> tuple[str, ...]:
 def rows_to_slide(faces: list[FaceInSection], load: NDArray, loaded_at: NDArray) -> int:
     """Return the number of rows of points that keep a damper with two faces from rolling.
 
-    The result is 0 if the damper does not roll on its contact points, or would also roll on its
-    whole faces.  Both directions of rotation are examined.
+    The result is 0 if the damper does not roll on its contact points, or would also roll with
+    contact over its full faces.  Both directions of rotation are examined.
 
     Parameters
     ----------

@@ -302,8 +302,8 @@ class SectorData:
         return laws.core(memory)
 
     def core(self, **over_speed: Any) -> _core.SectorEquations:
-        """Create the equations in the C core; ``over_speed`` contains further arrays of a family
-        over rotor speed."""
+        """Create the equations in the C core; ``over_speed`` contains further arrays of a
+        sector with speed-dependent data."""
         mode, n_time = self.evaluation_code
         arguments: dict[str, Any] = self.arrays | over_speed | {"own": self.own}
         return _core.SectorEquations(

@@ -749,7 +749,8 @@ def settings_of(record: Mapping[str, Any]) -> dict[str, Any]:
     # a setting of older versions, of which one value is left
     if record.get("friction_axes", "contact") != "contact":
         raise SettingError(
-            'friction_axes: expected "contact", the axes of this version, found "major"'
+            'friction_axes: expected "contact", the only choice supported in this version, '
+            'found "major"'
         )
     hints = get_type_hints(Settings)
     settings = {

@@ -390,12 +390,13 @@ class PreparedBody:
         n = len(self.nodes)
         if self.raw.dofs is None:
             expected = f"{3 * n} rows for {n} nodes, or a table of nodes and components"
-            self.require(n_eq == 3 * n, "stiffness", expected, f"{n_eq} rows and no table")
+            self.require(n_eq == 3 * n, "stiffness", expected, f"{n_eq} rows but no table")
             return np.arange(3 * n), np.zeros((n, 3), bool)
         item = "table of nodes and components"
         dofs = np.asarray(self.raw.dofs)
         good = dofs.shape == (n_eq, 2) and dofs.dtype.kind in "iu"
-        self.require(good, item, f"whole numbers ({n_eq}, 2)", f"{dofs.shape}")
+        found = f"{dofs.dtype} array of shape {dofs.shape}"
+        self.require(good, item, f"an integer array of shape ({n_eq}, 2)", found)
         others = dofs[(dofs[:, 1] < 1) | (dofs[:, 1] > 3)]
         if len(others):
             node, component = others[0]

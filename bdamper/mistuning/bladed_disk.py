@@ -54,7 +54,7 @@ from bdamper.util.errors import (
 from bdamper.util.formatting import amount
 from bdamper.util.progress import CostMeter, one_thread
 
-# ---- Peaks over the preload ----
+# ---- Peaks against preload ----
 
 OF_PEAKS = "amplitude", "frequency", "blade", "residual", "springs", "error"
 """Quantities of a peak in sweeps and samples."""
@@ -104,7 +104,7 @@ def optimal_curve(
     -------
     SweepResult
         At each preload: amplitude, frequency and number of the blade with the largest amplitude,
-        holding springs of the dampers, error of the amplitude
+        auxiliary support springs of the dampers, error of the amplitude
         (:class:`~bdamper.mistuning.peak.DiskPeak`), and tuned amplitude.
     """
     check_contacts(problem_of(disk.study), "optimal_curve")
@@ -123,7 +123,7 @@ def first_point(system: DiskSystem, omega: float) -> NDArray | None:
 
     Return None if both fail.
     """
-    # holding springs relative to the stuck stiffness; each solution is the guess of the next
+    # support springs relative to the stuck stiffness; each solution is the guess of the next
     free = (0.0,)
     weaker = (1.0, 0.1, 0.01, 0.0)
     for sequence in (free, weaker):

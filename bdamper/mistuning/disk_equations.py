@@ -19,9 +19,9 @@ The core (``csrc/bladed_disk/wheel_equations.c``) computes it, its products and 
 linear equations. Unknowns have the same layout as for one sector, the mean of all sectors first, so
 the solvers and the continuation also accept a bladed disk.
 
-**Holding springs** hold the mean of dampers at its static position.  A damper in full slip is free
-along its axis, and the springs make the equations easier to solve.  Their solutions are initial
-guesses for the solutions without springs (:mod:`bdamper.mistuning.peak`).
+**Support springs** are auxiliary springs that hold the mean of dampers at its static position.  A
+damper in full slip is free along its axis, and the springs make the equations easier to solve.
+Their solutions are initial guesses for the solutions without springs (:mod:`bdamper.mistuning.peak`).
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ from bdamper.util.formatting import short_repr
 def local_model(model: Model) -> Model:
     """Return the model with all modes of its local basis at every nodal diameter from 0 to N/2.
 
-    A study of it with all these ``blade_modes`` spans the same space as the bladed disk.  Mode
-    shapes for plots, stress rows and the dependence on rotor speed refer to the replaced modes and
+    The basis of a study with all these ``blade_modes`` spans the same space as the basis of the
+    bladed disk.  Mode shapes for plots, stress rows and the dependence on rotor speed refer to the replaced modes and
     are omitted.
 
     Raises
@@ -85,15 +85,15 @@ def local_model(model: Model) -> Model:
 
 
 def blade_of(model: Model) -> Body:
-    """Return the body with the local basis of a model that has one."""
+    """Return the body that carries the local basis; the model must have a local basis."""
     return next(body for body in model.bodies.values() if body.local is not None)
 
 
 # ---- Matrices ----
 
 KEPT = 8
-"""Number of root shapes, the most important ones, whose coupling to neighbours the elimination
-includes.  On the shipped disk (9 points, 16 shapes) with one harmonic 16, 8, 6 and 4 take 3, 3, 3
+"""Number of root shapes, the most important ones, for which the elimination retains the coupling to
+neighbouring blades.  On the shipped disk (9 points, 16 shapes) with one harmonic 16, 8, 6 and 4 take 3, 3, 3
 and 4 iterations to 1e-2.  With three harmonics 16, 8 and 6 take 29, 36 and 104 to 1e-4.  The cost
 of the ring grows with the third power of this number.  The reduced disk
 (:mod:`bdamper.mistuning.peak_search`) includes only the family's shape with one harmonic, with the
@@ -109,7 +109,7 @@ class DiskMatrices:
     Parameters
     ----------
     tuned : Problem
-        Study of one sector that spans the same space.
+        Study of one sector whose basis spans the same space.
     local : LocalBasis
         Local basis, with the root shapes in reverse order, so that the most important one is last.
     order : (n,) int
@@ -126,12 +126,13 @@ class DiskMatrices:
     damper_stiffness, damper_damping : (n_damper,) float
     damper_mass : (n_blades, n_damper) float
     rows : (n_points, 3, n + n_damper) float
-        Relative motion (u1, u2, v) at the points of one sector, by blade and damper coordinates.
+        Relative motion (u1, u2, v) at the points of one sector, in terms of blade and damper
+        coordinates.
     sector : (n_points,) int
         Offset of the sector of the point's blade: 0 or 1.
     n_kept : int
-        Number of coordinates at the end of the blade coordinates whose coupling to neighbours the
-        elimination includes.
+        Number of trailing blade coordinates for which the elimination retains the coupling to
+        neighbouring blades.
     """
 
     tuned: Problem
@@ -490,7 +491,7 @@ class InWidths(InFrequency):
     narrowest: float = 0.0
 
     def units(self, y: NDArray, vibration: float, width: float) -> NDArray:
-        """Return the units of the unknowns and the frequency."""
+        """Return the scales of the unknowns and the frequency."""
         # with the width of the interval as the unit, the first step along a curve of a lumped disk
         # of six blades passes over all its resonances
         most_widths = 10.0
@@ -523,10 +524,10 @@ class DiskScene:
     force_scale : (2,) float
         Scales of the residual of the mean and of the harmonics.
     mean : (n_blades, n_sector) float
-        Static state, at which holding springs have no force.
+        Static state, at which support springs have no force.
     contact_forces : {"event_driven"} or AFT
     holding : float
-        Holding springs on the mean of dampers, relative to their stuck stiffness.
+        Support springs on the mean of dampers, relative to their stuck stiffness.
     """
 
     structure: DiskMatrices
@@ -714,7 +715,7 @@ class DiskScene:
         )
 
     def held(self, springs: float) -> DiskSystem:
-        """Return the equations with holding springs on the mean of dampers, of ``springs`` times
+        """Return the equations with support springs on the mean of dampers, of ``springs`` times
         their stuck stiffness."""
         return replace(self, holding=springs).equations
 

@@ -95,7 +95,7 @@ def static_disk(
     """
     if (points.law == LAW_CUBIC).any():
         raise SettingError(
-            "dampers must be equal in a model with cubic springs; found dampers that differ"
+            "dampers must be identical in a model with cubic springs; found different dampers"
         )
     load = loading.load
     constant = loading.constant
@@ -433,7 +433,7 @@ class DiskProblem(Summarised):
         return Mistuning.of(self.n_blades, self.mistuning).deviation.reshape(self.n_blades, -1)
 
     def tuned(self) -> StudyLike | Problem:
-        """Return the study of one sector that spans the same space, with the same contact
+        """Return the study of one sector whose basis spans the same space, with the same contact
         stiffness."""
         return in_type_of(self.study, self.structure.tuned)
 

@@ -83,13 +83,13 @@ class DiskPeak(Result, Plottable, Recorded, Storable, kind="bdamper-wheel-peak")
     sweep_frequency : (n,) float, Hz
         Frequencies of the coarse sweep with a solution.
     status, reason : str
-        "complete"; "held" if the peak was found only with holding springs on the dampers or on the
+        "complete"; "held" if the peak was found only with support springs on the dampers or on the
         reduced disk; "incomplete" for a lower bound, if the sweep has a gap or no blade reaches the
         amplitude of the tuned disk; "not found".
     residual : float
     unknowns : (n_blades, n_coefficients, n_sector) float
     springs : float
-        Holding springs on the mean of dampers, relative to their stuck stiffness; 0 if dampers are
+        Support springs on the mean of dampers, relative to their stuck stiffness; 0 if dampers are
         free.
     error : float
         Relative estimate of how much higher the highest peak with free dampers may be.  It is the
@@ -347,7 +347,7 @@ def peak(
 
         * "complete": the peak was found with free dampers, and the sweep has no gap of two or more
           adjacent frequencies.
-        * "held": the peak was found only with holding springs on the dampers (``springs``), or only
+        * "held": the peak was found only with support springs on the dampers (``springs``), or only
           on the reduced disk.
         * "incomplete": a lower bound.  The sweep has a gap, or no blade reaches the amplitude of
           the tuned disk; or the resonance is unbounded, or sharper than double precision resolves.

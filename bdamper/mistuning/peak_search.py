@@ -161,7 +161,7 @@ class Search:
         Peaks outside are ignored.
     meter : CostMeter
     springs : float
-        Stiffness of the holding springs during the sweep, relative to the stuck contacts.
+        Stiffness of the support springs during the sweep, relative to the stuck contacts.
     """
 
     system: DiskSystem
@@ -172,7 +172,7 @@ class Search:
     _held: dict[float, DiskSystem] = field(default_factory=dict, init=False, repr=False)
 
     def held(self, springs: float) -> DiskSystem:
-        """Return the equations with holding springs of a relative stiffness; the meter counts their
+        """Return the equations with support springs of a relative stiffness; the meter counts their
         work."""
         if springs not in self._held:
             self._held[springs] = self.system.structure.held(springs) if springs else self.system
@@ -180,7 +180,7 @@ class Search:
         return self._held[springs]
 
     def sweep(self, omega: Iterable[float]) -> list[NDArray | None]:
-        """Solve approximately, with holding springs, at ascending frequencies (rad/s).
+        """Solve approximately, with support springs, at ascending frequencies (rad/s).
 
         Return one solution with its frequency, (n_unknowns + 1,), for each frequency; None if
         Newton iteration fails.
@@ -461,7 +461,7 @@ def uphill(
         Tangent of the curve.  The first point lies in the plane normal to it; if omitted, the
         frequency is fixed.
     scale : (n_unknowns + 1,) float
-        Units of the unknowns.
+        Scale of each unknown.
 
     Returns
     -------

@@ -135,14 +135,14 @@ class Audit(Summarised, Tabular, row="search"):
     def share(self) -> Interval:
         """Fraction of the disks with a missed peak, with its binomial 95 % interval.
 
-        Only decided disks count: disks with a missed peak, and disks for which both searches found
-        all peaks.
+        Only disks with a conclusive result count: disks with a missed peak, and disks for which
+        both searches found all peaks.
         """
         return share(*self._disk_counts)
 
     @property
     def _disk_counts(self) -> tuple[int, int]:
-        """Numbers of disks with a missed peak and of decided disks."""
+        """Numbers of disks with a missed peak and of disks with a conclusive result."""
         missed = np.unique(self.disk[self.missed])
         undecided = np.setdiff1d(self.disk[self.undecided], missed)
         return len(missed), len(np.setdiff1d(self.disk, undecided))
@@ -162,7 +162,7 @@ class Audit(Summarised, Tabular, row="search"):
         if numbers:
             rows.append(Row("Affected disks", "", numbers))
         affected, decided = self._disk_counts
-        part = f"{affected} of {decided} decided disks"
+        part = f"{affected} of {decided} disks with a conclusive result"
         interval = f"{share:.3g} %; 95 % confidence: {low:.3g} to {high:.3g} %"
         verdict = f"A thorough search finds higher peaks in {part} ({interval})"
         remarks = [MISSED_REMEDY] if missed.any() else []
@@ -261,7 +261,7 @@ class MistunedSample(
     amplitude, frequency, blade : float, m and Hz
         Amplitude and frequency of the blade with the largest amplitude, and its number.
     residual, springs, error : float
-        Residual, holding springs of the dampers, and error estimate of the amplitude
+        Residual, support springs of the dampers, and error estimate of the amplitude
         (:class:`~bdamper.mistuning.peak.DiskPeak`).
     tuned_amplitude : (n_preloads,) float, m
         Amplitude of the tuned disk at the same preload.
@@ -333,7 +333,7 @@ class MistunedSample(
 
     @property
     def held(self) -> float:
-        """Fraction of the peaks that were found only with holding springs on the dampers."""
+        """Fraction of the peaks that were found only with support springs on the dampers."""
         springs_of_peaks = self.springs[np.isfinite(self.springs)]
         if not len(springs_of_peaks):
             return 0.0

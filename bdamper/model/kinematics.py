@@ -133,7 +133,7 @@ def body_axes(body: Body) -> NDArray:
 def principal_axes(body: Body) -> tuple[NDArray, NDArray]:
     """Return principal moments (3,), kg m2, and axes as rows (3, 3) of a free body.
 
-    They have the order and the directions of the closest body axes.
+    They are ordered and oriented to match the closest body axes.
     """
     assert body.inertia is not None
     axes = body_axes(body)

@@ -126,7 +126,7 @@ def read_model(file: h5py.Group) -> Model:
     return _with_bases(model, lambda path, basis: _with_derived(basis, place(file, path)))
 
 
-# ---- Data over speed that follow from the basis ----
+# ---- Speed-dependent data that follow from the basis ----
 
 
 def _with_bases(model: Model, change: Callable[[str, ModalBasis], ModalBasis]) -> Model:

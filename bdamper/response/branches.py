@@ -42,7 +42,7 @@ from bdamper.util.progress import CostMeter
 GAP = 1e-3
 """Widest gap of a complete curve, relative to the interval."""
 NO_SOLUTION = "no solution found"
-UNBOUNDED, NO_DIGITS = "unbounded", "no digits are left"
+UNBOUNDED, NO_DIGITS = "unbounded", "no significant digits remain"
 """First words of the reason of a part without amplitudes."""
 OPERATIONS = 1.5e6
 """Default budget in million operations (:attr:`bdamper.util.progress.Cost.work`), about half a

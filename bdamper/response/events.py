@@ -1,4 +1,6 @@
-"""Events within a step along a curve: folds, maxima, corners and resonances; settings of a path.
+"""Events within a step along a curve: folds, maxima, corners and resonances.
+
+The module also defines the settings of a path.
 
 At a fold the frequency component of the tangent changes sign; at a maximum the derivative of the
 response amplitude does. Newton's method on the equations and this condition starts from the cubic

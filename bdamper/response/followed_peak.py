@@ -283,7 +283,7 @@ def with_lower_preloads(
     if not response.known or not len(response.curve.folds) or response.rattles:
         return response
     for share in LOWER:
-        # a model over rotor speed may end above the lower preload
+        # a speed-dependent model may end above the lower preload
         try:
             lower = _coarse_at(problem, share * response.preload, frequency, options)
         except FAILURES_AT_ONE_PRELOAD:

@@ -401,11 +401,11 @@ class AtPreload:
 
     @property
     def amplitude(self) -> float:
-        """Amplitude (m) of the highest point: NaN if nothing was found or no digits are left,
+        """Amplitude (m) of the highest point: NaN if nothing was found or no digits remain,
         infinite if unbounded."""
         if self.top is None:
             return np.nan
-        # a resonance whose amplitude is unbounded or has no digits may exceed the highest point
+        # a resonance whose amplitude is unbounded or has no significant digits may exceed the highest point
         without_amplitude = self.curve.without_amplitude
         if without_amplitude is not None:
             return without_amplitude.amplitude

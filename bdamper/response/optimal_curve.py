@@ -196,7 +196,7 @@ def optimal_curve(
     -------
     OptimalCurve
         Table of the requested preloads and the preloads of the search, with the optimum.  After
-        Ctrl-C, or the end of the executor, it contains the part computed so far.
+        Ctrl-C, or shutdown of the executor, it contains the part computed so far.
 
     Raises
     ------
@@ -742,7 +742,7 @@ def _columns(
 def preload_values(preload: Any, n: int) -> NDArray:
     """Return the preloads of a curve.
 
-    They are ``n`` in geometric progression between two values, or the longer sequence as given.
+    They are ``n`` in geometric progression between two values, or the given sequence if longer.
 
     Raises
     ------

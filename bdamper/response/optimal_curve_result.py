@@ -271,7 +271,7 @@ class OptimalCurve(
 
     @property
     def ok(self) -> bool:
-        """Whether a value was found at every preload and no lower amplitude is possible elsewhere."""
+        """Whether every preload has a value and the optimum is known to be the lowest in the range."""
         return self.complete and self.optimum.ok
 
     @property

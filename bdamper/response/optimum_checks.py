@@ -103,7 +103,7 @@ def _model(curve: OptimalCurve) -> Check:
     """Report dampers that roll only because they have few rows of contact points."""
     name = "Damper rolling"
     rule = (
-        "red if a damper rolls on its contact points but not on its whole faces, white if unknown"
+        "red if a damper rolls only because it has too few rows of contact points, white if unknown"
     )
     doubts = curve.model_doubts
     if doubts is None:

@@ -69,7 +69,7 @@ def statement(curve: OptimalCurve, further: Sequence[Check] = ()) -> Statement:
 
 
 def _verdict(curve: OptimalCurve) -> str:
-    """Return the answer with its subject: engine order, excitation, friction coefficient."""
+    """Return the verdict with its subject: engine order, excitation, friction coefficient."""
     settings = curve.settings
     subject = []
     if settings.get("engine_order"):

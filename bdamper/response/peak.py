@@ -446,7 +446,7 @@ class _Search:
 
 
 def rounding(system: Equations, y: NDArray) -> float:
-    """Return the relative residual that rounding of its terms can cause at a point."""
+    """Return the relative residual attributable to round-off in its terms at a point."""
     u = y[:-1]
     omega = y[-1]
     _, J, _ = system.evaluate(u, omega)
@@ -477,7 +477,7 @@ def find_peak(
         Estimated direction of the curve in scaled unknowns.  The first corrector is normal to it,
         or at fixed frequency.
     scale : (n_unknowns + 1,) float, optional
-        Units of the unknowns (``Equations.units``); from the curve by default.
+        Scale of each unknown (``Equations.units``); from the curve by default.
     curvature : float
         Estimated second derivative of ln(amplitude) along the curve in scaled unknowns.
     options : PeakOptions

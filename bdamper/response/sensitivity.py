@@ -17,9 +17,10 @@ A point of a curve moves by ``z_p``, normal to the curve in scaled unknowns.  Th
 regular at folds, where the derivative at a fixed frequency is infinite.
 
 The unknowns are modal coordinates, and modes may depend on the parameter: the mass-normalised modes
-of a damper are inversely proportional to the root of its mass.  Factors on the unknowns at another
-parameter value therefore preserve the motion of the contact points.  Without them the differences
-would cross contact events, such as slip-to-stick, only because modes change.
+of a damper are inversely proportional to the root of its mass.  The unknowns at a
+perturbed parameter value are therefore rescaled to preserve the motion of the contact points.
+Otherwise the differences would cross contact events, such as slip-to-stick, merely because the
+modes change.
 """
 
 from __future__ import annotations
@@ -825,7 +826,7 @@ def setting_value(problem: Problem, name: str) -> float:
                 attribute = "response_location"
             value = getattr(value, attribute)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise SettingError(f"{name}: expected a setting that is one number, found {value!r}")
+        raise SettingError(f"{name}: expected a scalar setting, found {value!r}")
     return float(value)
 
 

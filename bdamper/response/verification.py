@@ -264,7 +264,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
 
     @property
     def largest(self) -> float:
-        """Amplitude (m) for the stress: the larger of ``highest`` and ``highest_period``."""
+        """Amplitude (m) to use for the stress: the larger of ``highest`` and ``highest_period``."""
         return float(np.fmax(self.highest, self.highest_period))
 
     @property
@@ -278,7 +278,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
     def text(self) -> str:
         """Mean and range, "55 µm (53 to 58)".
 
-        If the answers differ, it is the range only; if nothing was found, it is the status.
+        If the integrations differ, it is the range only; if nothing was found, it is the status.
         """
         if np.isnan(self.mean):
             return self.status_text
@@ -325,7 +325,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
     def _time_rows(self) -> list[Row]:
         """Return the range of the amplitude with its frequency and mean, and single periods."""
         place = amount(self.frequency, "Hz")
-        # answers that differ have no common mean
+        # integrations that differ have no common mean
         if "not settled" not in self.reason:
             place += f", mean {amount(self.mean, 'm')}"
         value = span(self.lowest, self.highest, "m")
@@ -350,7 +350,9 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
             outcome = "pass" if self.ok else "FAIL"
             means = extent(min(self.answers.values()), max(self.answers.values()), "m")
             finding = f"mean {means} with {_integrations_text(self.answers)}"
-            rows.append(Row("Other integrations", outcome, finding))
+            only_steps = all(name.endswith(" steps") for name in self.answers)
+            name = "Time step" if only_steps else "Other integrations"
+            rows.append(Row(name, outcome, finding))
         if self.starts:
             outcome = "uncertain" if self.elsewhere else "pass"
             finding = f"{self.elsewhere} of {len(self.starts)} lead to a different motion"
@@ -452,7 +454,7 @@ class MotionInTime(
         if not self.verdict:
             verdict = f"Amplitude by time integration {amount(self.mean, 'm')}{subject}"
         elif self.verdict == "undecided":
-            verdict = f"Undecided whether time integration stays at {solution}{subject}"
+            verdict = f"Inconclusive: time integration may or may not stay at {solution}{subject}"
         elif self.verdict == "agrees":
             verdict = f"Confirmed: time integration stays at {solution}{subject}"
         else:
@@ -484,10 +486,10 @@ class MotionInTime(
 
 
 def _integrations_text(names: Collection[str]) -> str:
-    """Return the names of integrations as a list, such as "256 and 512 steps, at the jump"."""
+    """Return the names of integrations, such as "256 and 512 steps per period, at the jump"."""
     numbers = [name.removesuffix(" steps") for name in names if name.endswith(" steps")]
     others = [name for name in names if not name.endswith(" steps")]
-    steps = [f"{listed(numbers)} steps"] if numbers else []
+    steps = [f"{listed(numbers)} steps per period"] if numbers else []
     return ", ".join([*steps, *others])
 
 
@@ -591,8 +593,8 @@ class FrictionLimit(NamedTuple):
     Parameters
     ----------
     inside : float
-        Factor farthest from 1 up to which no computed amplitude reaches twice the amplitude of the
-        study.
+        Computed factor farthest from 1 for which the amplitude, here and at all computed factors
+        closer to 1, stays below twice the amplitude of the study.
     outside : float
         Next computed factor, at which the amplitude is at least doubled; NaN if it does not double.
     known : bool

@@ -32,7 +32,7 @@ diameters are not examined.
 
 **Time integration.** All this applies to the motion with the harmonics of the solution.  Only time
 integration shows whether the actual motion is stable.  With ``with_stability(in_time=True)`` the
-motion starts at the solution with a disturbance of every nodal diameter, and
+motion starts at the solution, perturbed in every nodal diameter, and
 ``bdamper.time_domain.transient.judged`` decides whether its amplitude is maintained.  An undamped
 damper chatters at many points next to separated peaks, without any period; the criterion is the
 resulting amplitude, averaged over many periods.
@@ -317,7 +317,7 @@ def rests(system: Equations[SectorData], u: NDArray) -> bool:
 
 
 def monodromy(system: Equations[SectorData], u: NDArray, omega: float) -> NDArray:
-    """Return the monodromy matrix of (q, q', sliders that are set) over one period from angle 0.
+    """Return the monodromy matrix of (q, q', slider positions) over one period from angle 0.
 
     Parameters
     ----------
@@ -329,14 +329,16 @@ def monodromy(system: Equations[SectorData], u: NDArray, omega: float) -> NDArra
     Returns
     -------
     (2 n_modes + m, 2 n_modes + m) float
-        One slider for each of the m stick segments at whose beginning it is set.
+        m is the number of stick segments at the start of which the motion sets a slider position;
+        these positions are state variables.
     """
     basis = real_basis(system)
     assert basis is not None
     G = np.asarray(basis.G).real
     n_modes = len(basis.omega2)
     displacements, _, _ = system.contact(np.asarray(u))
-    # segments with a stiffness of one kind, and segments in stick whose slider is set
+    # segments with a stiffness of one kind, and stick segments that begin with a new slider
+    # position
     pieces, events = cycles(system, displacements)
     point, kind, piece_begin, piece_end, weight = pieces
     stick_point, axis, stick_begin, stick_length, factor = events

@@ -784,9 +784,9 @@ class AllSectors:
         return np.column_stack([signed, amplitude])[descending]
 
     def seeded(self, motion: Motion, share: float, seed: int) -> Motion:
-        """Return the motion with a disturbance of each nodal diameter.
+        """Return the motion, perturbed in each nodal diameter.
 
-        Without disturbances, only rounding errors would break the symmetry.
+        Without perturbations, only rounding errors would break the symmetry.
 
         Parameters
         ----------

@@ -490,8 +490,10 @@ class SteadySearch:
         return self.settle(frequency, moving.motion, point.mean)
 
     def look_around(self, best: SteadyPoint, way: float) -> None:
-        """Find steady motions on both sides of a steady motion until the highest is known,
-        beginning on the side ``way`` (1 or -1).
+        """Find steady motions at frequencies on both sides of the highest motion, until it is bounded.
+
+        ``best`` is the first highest motion; a higher one that is found takes its place.  The
+        search begins on the side ``way`` (1 or -1).
         """
         for _ in range(CRITERIA.most_points):
             frequency = self._next(best, way)

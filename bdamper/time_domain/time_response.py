@@ -780,7 +780,7 @@ def _not_integrated(preload: float) -> TimeResponse:
 
 
 def disturbed(sectors: AllSectors, u: NDArray, omega: float, steps: int | None = None) -> Transient:
-    """Return a time integration from a solution (n_unknowns,) with a disturbance of every nodal
+    """Return a time integration that starts from a solution (n_unknowns,) perturbed in every nodal
     diameter.
     """
     solution = Transient(sectors, omega, u, steps)

@@ -572,7 +572,7 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
     if n < 3 * look:
         periods = min(n, look)
         few = (
-            f"mean amplitude of {periods} periods {_in_percent(last)} % from the solution; at least "
+            f"mean amplitude over {periods} periods {_in_percent(last)} % from the solution; at least "
             f"{3 * look} periods are required"
         )
         return Verdict(UNDECIDED, few, periods)

@@ -299,7 +299,7 @@ class Summarised:
         shown = rows[: SHOWN_ROWS + 1]
         if len(shown) == len(rows):
             return shown, []
-        return shown, [f"{counted(len(rows) - len(shown), 'further row')} in the summary"]
+        return shown, [f"{counted(len(rows) - len(shown), 'further row')} in result.summary()"]
 
     def _rows(self) -> list[tuple[str, ...]]:
         """Return the header and rows of the table of a tabular result; otherwise an empty list."""

@@ -233,8 +233,8 @@ def table_lines(
         remaining = remaining[n_shown:]
     if remaining:
         others = ", ".join(f'"{column[0]}"' for column in remaining)
-        columns_text = "Column" if len(remaining) == 1 else "Columns"
-        lines.append(truncate(f"{indent}{columns_text} only in the summary: {others}", width))
+        columns_text = "Further column" if len(remaining) == 1 else "Further columns"
+        lines.append(truncate(f"{indent}{columns_text} in result.summary(): {others}", width))
     return lines
 
 

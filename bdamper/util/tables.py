@@ -55,6 +55,8 @@ class Column(NamedTuple):
 
 SHOWN_IN_PER_CENT = frozenset({"stick", "slip", "open", "damping_ratio", "error", "difference"})
 """Columns with fractions, which printed tables show in per cent."""
+PRINTED_HEADS = {"counted": "used"}
+"""Columns whose printed head differs from their name."""
 FEW_ROWS = 30
 """Largest number of rows that ``summary()`` prints."""
 ROW = ""
@@ -142,7 +144,7 @@ def quantities(cls: Any) -> dict[str, Quantity]:
 
 
 def _mark_of_property(member: object) -> Quantity | None:
-    """Return the mark in the return type of a property; None for other members of a class."""
+    """Return the annotation of the return type of a property; None for other members of a class."""
     getter: Any
     if isinstance(member, property):
         getter = member.fget
@@ -316,7 +318,7 @@ class Tabular:
     def _check_width(
         name: str, shape: tuple[int, ...], mark: Quantity, entry: EachRow | None
     ) -> None:
-        """Raise ValueError if the rows of a field do not have the width that its mark says."""
+        """Raise ValueError if the rows of a field do not have the width that its annotation says."""
         if mark.parts and shape[-1:] != (len(mark.parts),):
             raise ValueError(f"'{name}' needs {len(mark.parts)} columns, but has the shape {shape}")
         # mean and first harmonic
@@ -370,7 +372,7 @@ class Tabular:
                 cells[name] = [_per_cent(value) for value in values[name]]
                 continue
             prefix = _column_prefix(values[name], column.unit)
-            heads[name] = spaced(name)
+            heads[name] = PRINTED_HEADS.get(name, spaced(name))
             if column.unit:
                 heads[name] += f" ({prefix.strip()}{column.unit})"
             largest = max(map(abs, _numbers_in(values[name])), default=0.0)

@@ -59,7 +59,7 @@ T = TypeVar("T")
 
 
 class Declared(NamedTuple):
-    """Type of a field without its marks and without None.
+    """Type of a field without its annotations and without None.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class Declared(NamedTuple):
     optional : bool
         Whether None is allowed.
     marks : tuple
-        Marks of the annotated type, the outermost last.
+        Metadata of the annotated type, the outermost last.
     """
 
     kind: Any
@@ -75,7 +75,7 @@ class Declared(NamedTuple):
     marks: tuple[Any, ...] = ()
 
     def mark(self, kind: type[T]) -> T | None:
-        """Return the outermost mark of a class, or None."""
+        """Return the outermost metadata of a class, or None."""
         for mark in reversed(self.marks):
             if isinstance(mark, kind):
                 return mark
@@ -83,7 +83,7 @@ class Declared(NamedTuple):
 
 
 def declared(hint: object) -> Declared:
-    """Separate a type hint into type, marks and optionality."""
+    """Separate a type hint into type, metadata and optionality."""
     if get_origin(hint) is Annotated:
         inner, *marks = get_args(hint)
         annotated = declared(inner)
@@ -579,7 +579,7 @@ def _checks(cls: Callable[..., Any]) -> dict[str, Callable[[str, Any], Any]]:
 
 
 def _check_of(field: Declared) -> Callable[[str, Any], Any] | None:
-    """Return the check of a field, or None: its outermost mark that is a function, or its type."""
+    """Return the check of a field, or None: its outermost annotation that is a function, or its type."""
     for mark in reversed(field.marks):
         if callable(mark):
             return cast(Callable[[str, Any], Any], mark)

@@ -427,7 +427,7 @@ def test_unknown_answers_are_not_recommended(study, place):
     )
     assert np.isnan(found.uncertainty) and not found.reached
     with pytest.raises(
-        bd.BdamperError, match="no peak with the most detailed settings, harmonics 2"
+        bd.BdamperError, match="no peak with the most detailed settings, harmonics = 2"
     ):
         bd.accuracy_cost(study, *place, vary={"harmonics": [1, 2]}, quantity=scene(errors))
 

@@ -1,4 +1,4 @@
-"""Crossings over rotor speed, the run-up along a line, and both against each other."""
+"""Crossings against rotor speed, the run-up along a line, and both against each other."""
 
 import re
 from dataclasses import replace

@@ -190,7 +190,7 @@ def test_intervals_beside_a_richer_fit(jenkins, tests):
         )
         assert both.values == found.values
         assert both.notes[-1].startswith(
-            "intervals include a fit with harmonic 1, 10 blade modes, "
+            "intervals include a fit with 1 harmonic, 10 blade modes, "
         )
     with pytest.raises(bd.SettingError, match="richer: expected a fit of"):
         found.widen(replace(found, names=("damping_factor",)))
@@ -708,7 +708,7 @@ class TestMistakes:
         again = bd.load(tmp_path / "fit.h5")
         assert again.values == pytest.approx(found.values)
         settings = (
-            "harmonic 1, 10 blade modes, all contact points and the contact stiffness of this fit"
+            "1 harmonic, 10 blade modes, all contact points and the contact stiffness of this fit"
         )
         message = rf"study for constants that were fitted with {settings}: .* found harmonics = \[1\] instead"
         with pytest.raises(bd.SettingError, match=message):

@@ -1,4 +1,4 @@
-"""Families of equations over speed: against plain equations whose arrays are polynomials of NumPy, and differences."""
+"""Equations as functions of speed: against plain equations whose arrays are polynomials of NumPy, and differences."""
 
 import numpy as np
 import pytest

@@ -85,7 +85,7 @@ def test_a_table_that_is_cut_keeps_the_worst_points_and_counts_the_others():
     assert [line.split("root point ")[1].split()[0] for line in table] == [
         cycle.names[i].split()[2] for i in high
     ]
-    assert "2 further rows in the summary" in lines
+    assert "2 further rows in result.summary()" in lines
     factors = ten.margin(cycle, AISI_1050)
     first = next(
         line for line in factors.summary().split("\n") if line.startswith("  ") and "root" in line

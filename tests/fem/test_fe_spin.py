@@ -1,4 +1,4 @@
-"""Rotating bodies against closed forms, and data over speed against finite element runs at other speeds."""
+"""Rotating bodies against closed forms, and speed-dependent data against finite element runs at other speeds."""
 
 import numpy as np
 import pytest

@@ -110,7 +110,7 @@ def test_modes_beside_matrices_are_compared(fe, bodies, built):
     bent[low] += 0.1 * np.abs(bent).max()
     wrong = replace(given, modes=(replace(given.modes[1], shapes=bent),))
     with pytest.warns(
-        BdamperWarning, match=r"does not repeat .* in either direction \(off by .* %\)"
+        BdamperWarning, match=r"does not satisfy .* in either direction of travel \(off by .* %\)"
     ):
         found = build(wrong, damper, **HELD)
     assert found.model.hash == built.model.hash
@@ -123,7 +123,7 @@ def test_wrong_nodal_diameter_is_noticed(fe, bodies):
     given = bare(blade, modes=wrong)
     with pytest.raises(
         ModelError,
-        match=r"does not repeat from one sector face to the other .* in either direction",
+        match=r"does not satisfy the phase condition between the two sector faces .* in either direction",
     ):
         build(given, damper, **SETTINGS | {"nodal_diameters": (ND + 1,)})
 

@@ -108,7 +108,8 @@ def test_without_a_solution_the_error_of_harmonics_is_unknown(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("damping", "amplitude", "words"), [(0.0, np.inf, "unbounded"), (1e-8, np.nan, "no digits")]
+    ("damping", "amplitude", "words"),
+    [(0.0, np.inf, "unbounded"), (1e-8, np.nan, "no significant digits")],
 )
 def test_a_resonance_without_an_amplitude_is_no_peak(damping, amplitude, words):
     """Bonded contacts dissipate nothing: what limits the amplitude is damping."""
@@ -127,4 +128,4 @@ def test_a_peak_sharper_than_rounding_has_no_amplitude(monkeypatch):
     monkeypatch.setattr("bdamper.response.resolution.frequency_rounding", lambda *_: 1e-6)
     options = DiskPeakOptions(least=12, most=12, climbs=1)
     top = BladedDisk(study(), mistuning=PATTERN).peak(2000.0, options=options)
-    assert np.isnan(top.amplitude) and top.reason.startswith("no digits are left at ")
+    assert np.isnan(top.amplitude) and top.reason.startswith("no significant digits remain at ")

@@ -1,4 +1,4 @@
-"""A model over rotor speed: the basis of a speed from two matrices."""
+"""A speed-dependent model: the basis of a speed from two matrices."""
 
 import hashlib
 from dataclasses import replace
@@ -24,7 +24,7 @@ def hermitian(rng, n, size):
 
 @pytest.fixture(scope="module")
 def turning():
-    """The shipped disk with made-up matrices over speed at nodal diameter 5."""
+    """The shipped disk with made-up speed-dependent matrices at nodal diameter 5."""
     model = bd.reference_model("bladed_disk", 9)
     body, rng = model.bodies["blade"], np.random.default_rng(1)
     basis = replace(body.bases[5], speed=None)

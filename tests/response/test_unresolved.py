@@ -72,7 +72,7 @@ def test_linear_response_without_damping_has_no_amplitude(kind):
 def test_a_resonance_sharper_than_the_rounding_of_its_frequency_has_no_digits(ratio):
     """Its amplitude depends on the order of sums in the BLAS."""
     peak = oscillator(1.6, ratio, harmonics=7).peak(0.0, INTERVAL)
-    assert peak.status_text.startswith("incomplete: no digits are left at 0.15915 Hz")
+    assert peak.status_text.startswith("incomplete: no significant digits remain at 0.15915 Hz")
     assert np.isnan(peak.amplitude)
     assert np.isnan(peak.lower_bound)
 

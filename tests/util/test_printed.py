@@ -452,7 +452,7 @@ def test_tables_are_at_most_120_wide():
     lines = table_lines(rows, "  ")
     assert (
         max(map(len, lines)) <= 120
-        and lines[-1].startswith('  Columns only in the summary: "column 10"')
+        and lines[-1].startswith('  Further columns in result.summary(): "column 10"')
         and "empty" not in lines[-1]
     )
     below = table_lines(rows, "  ", whole=True)
