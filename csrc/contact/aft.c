@@ -51,6 +51,9 @@ static void fill_powers(bd_sampled_work *work) {
     }
 }
 
+/* Take all arrays from one piece of memory, and fill the table of powers. Lanes are points that are
+ * evaluated together; each array that ends with (BD_LANES) has one entry for each. `interpolate`:
+ * the slider of a closing contact is set at the instant of the closing, not at a sample. */
 bd_status bd_sampled_create(bd_sampled_work *work, int n_harm, int n_time, int interpolate) {
     memset(work, 0, sizeof *work);
     work->kernel = bd_kernel_get();
@@ -360,6 +363,10 @@ static void stick_throughout(const bd_element *element, int n_harm, const double
     }
 }
 
+/* Forces, tangents and shares of n <= BD_LANES points with the motion x (n, 3, n_coef): normal
+ * direction first, because it gives the load of both tangential directions. All points without
+ * contact or friction keep the values that are set at the start. The pieces of the cycle are listed
+ * only for a point that is evaluated alone. */
 void bd_sampled_evaluate(int n, const bd_element *element, const double *x, bd_response *out,
                          bd_status_share *share, bd_sampled_work *work) {
     const int n_harm = work->n_harm;

@@ -32,6 +32,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* Set all sums of a cycle to zero; a cycle without a tangent has no sums of derivatives. */
 void bd_cycle_clear(bd_cycle *cycle) {
     const size_t n_coef = (size_t)bd_n_coef(cycle->n_harm);
     const size_t n_power = (size_t)bd_n_power(cycle->n_harm);
@@ -196,6 +197,9 @@ void bd_cycle_normal(const bd_element *element, int n_harm, const double *contac
     out->normal = BD_BLOCK_FULL;
 }
 
+/* Normal force of a point that is in contact throughout the cycle, N = n0 + kn v for the motion v
+ * (n_coef). The preload n0 belongs to the mean, coefficient 0. The tangent is kn times the identity;
+ * its blocks are not written (BD_BLOCK_LINEAR). */
 void bd_element_closed(const bd_element *element, int n_harm, const double *v, bd_response *out) {
     const int n_coef = bd_n_coef(n_harm);
     double *N = out->F + BD_NORMAL * (size_t)n_coef;
@@ -204,6 +208,9 @@ void bd_element_closed(const bd_element *element, int n_harm, const double *v, b
     out->normal = BD_BLOCK_LINEAR;
 }
 
+/* Friction force of direction d of a point that sticks throughout the cycle, T = kt (u - w) for the
+ * motion u (n_coef). The slider w is constant, so it affects the mean, coefficient 0, only. The
+ * tangent is kt times the identity. */
 void bd_element_stuck(const bd_element *element, int n_harm, int d, const double *u,
                       bd_response *out) {
     const int n_coef = bd_n_coef(n_harm);
@@ -214,6 +221,7 @@ void bd_element_stuck(const bd_element *element, int n_harm, int d, const double
     out->tangential[d] = BD_BLOCK_LINEAR;
 }
 
+/* No forces and no tangent: the point is open throughout the cycle. */
 void bd_element_open(const bd_element *element, int n_harm, bd_response *out) {
     (void)element;
     memset(out->F, 0, sizeof(double) * 3 * (size_t)bd_n_coef(n_harm));
@@ -287,6 +295,10 @@ static void force_of_weight(int n_harm, const double *E, const double *u, double
     }
 }
 
+/* Force T = k u^3 and tangent of the cubic springs in both tangential directions, for the motion x
+ * (3, n_coef). T is the weight k u^2 times u, and its tangent three times the matrix of products
+ * with this weight, because dT = 3 k u^2 du. The products are integrals over the cycle, which
+ * row_scale turns into coefficients. The normal direction has no force. */
 void bd_element_cubic(const bd_element *element, int n_harm, const double *x, bd_response *out) {
     const size_t n = (size_t)bd_n_coef(n_harm);
     double E[4 * BD_MAX_HARM + 2];
@@ -318,6 +330,9 @@ bd_block bd_element_form(const bd_response *out) {
     return all_equal ? form : BD_BLOCK_FULL;
 }
 
+/* Write the tangent blocks (n_coef, n_coef) that an evaluation left out: zero, or the diagonal of a
+ * spring. Blocks between components are written by an evaluation only if the direction has a full
+ * tangent; dTc and dNt may have no memory (NULL). */
 void bd_element_write_blocks(const bd_element *element, int n_harm, bd_response *out) {
     const int n_coef = bd_n_coef(n_harm);
     for (int d = 0; d < 2; ++d) {
@@ -325,8 +340,8 @@ void bd_element_write_blocks(const bd_element *element, int n_harm, bd_response 
         const int is_linear = out->tangential[d] == BD_BLOCK_LINEAR;
         if (!is_full) set_diagonal(out->dT[d], n_coef, is_linear ? element->kt[d] : 0.0);
         if (!is_full || !out->with_normal[d]) set_diagonal(out->dTv[d], n_coef, 0.0);
-        const int with_other =
-            is_full && out->coupled; /* derivatives with respect to the other direction */
+        /* derivatives with respect to the other direction */
+        const int with_other = is_full && out->coupled;
         if (out->dTc[d] && !with_other) set_diagonal(out->dTc[d], n_coef, 0.0);
         if (out->dNt[d] && !out->with_tangential) set_diagonal(out->dNt[d], n_coef, 0.0);
     }

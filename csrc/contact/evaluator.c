@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* Create the workspace of event-driven (BD_EXACT) or sampled evaluation; the latter also has
+ * coupled friction, which uses its samples. BD_SAMPLED interpolates the instant of a closing. */
 bd_status bd_evaluator_create(bd_evaluator *evaluator, bd_evaluation evaluation, int n_harm,
                               int n_time) {
     memset(evaluator, 0, sizeof *evaluator);
@@ -25,6 +27,8 @@ bd_status bd_evaluator_create(bd_evaluator *evaluator, bd_evaluation evaluation,
     return status;
 }
 
+/* Create the workspace of user laws point_law (n, or NULL), for the law with the most states.
+ * The function of a point without user law is NULL. */
 bd_status bd_evaluator_add_laws(bd_evaluator *evaluator, int n, const bd_point_law *point_law) {
     if (!point_law) return BD_OK;
     int most_states = -1;
@@ -78,6 +82,9 @@ static void centre_tangential(int n, const bd_element *element, const double *x,
     }
 }
 
+/* Forces and tangents out (n) and shares of the cycle (n, or NULL) of n <= BD_LANES points with the
+ * motion x (n, 3, n_coef). Friction depends on the motion relative to the slider, so its tangential
+ * means are removed before; cubic springs and user laws need the actual motion. */
 void bd_contact_evaluate_many(int n, const bd_element *element, const double *x, bd_response *out,
                               bd_status_share *share, bd_evaluator *evaluator) {
     const size_t size = 3 * (size_t)bd_n_coef(evaluator->n_harm);
@@ -112,6 +119,8 @@ void bd_contact_evaluate(const bd_element *element, const double *x, bd_response
     bd_contact_evaluate_many(1, element, x, out, share, evaluator);
 }
 
+/* Parts of the cycle of direction d of the point that was evaluated last, alone; return their
+ * number. Both directions of coupled friction have the same parts. */
 int bd_contact_segments(const bd_evaluator *evaluator, int d, const bd_segment **segment) {
     if (evaluator->evaluation == BD_EXACT) {
         *segment = evaluator->event.segment[d];

@@ -66,6 +66,9 @@ static void values_at(int n_harm, const double *x, const double *y, const double
     *at_y = sum_y;
 }
 
+/* Value of the trigonometric polynomial f (n_coef) inside the interval of this length, where its
+ * sign is clear: in the middle or, if this is nearly a double root, at other positions. Return the
+ * first value that is not small, otherwise the largest of all. */
 double bd_clear_value(int n_harm, const double *f, double start, double length) {
     enum { N_OTHER = 4 };
     static const double other_position[N_OTHER] = {0.29, 0.67, 0.11, 0.87};
@@ -103,6 +106,7 @@ void bd_slider_whole_cycle(bd_event_work *work, int d, int state) {
     push_segment(work, d, 0.0, BD_TWO_PI, state);
 }
 
+/* Reverse the order of n parts of the cycle. */
 static void reverse(bd_segment *s, int n) {
     for (int i = 0, j = n - 1; i < j; ++i, --j) {
         const bd_segment swap = s[i];
@@ -171,14 +175,17 @@ static double piece_end(const bd_direction *dir, int i) {
     return is_last ? theta + BD_TWO_PI : theta;
 }
 
+/* Index and length (angle) of the longest piece between two events. Piece i begins at event i in
+ * the order of angles. */
 static int longest_piece(const bd_direction *dir, double *length) {
     const bd_event_work *work = dir->work;
     int longest = 0;
     *length = -1.0;
     for (int i = 0; i < dir->n_event; ++i) {
-        const double l = piece_end(dir, i) - work->event_theta[work->order[i]];
-        if (l > *length) {
-            *length = l;
+        const double start = work->event_theta[work->order[i]];
+        const double length_of_piece = piece_end(dir, i) - start;
+        if (length_of_piece > *length) {
+            *length = length_of_piece;
             longest = i;
         }
     }

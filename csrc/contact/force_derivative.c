@@ -72,6 +72,11 @@ static void equivalent_change(const bd_element *element, const bd_element *rate,
     change[2][0] += relative_change(rate->n0, element->kn);
 }
 
+/* Derivative dF (3, n_coef) of the forces of a point, if its parameters change at `rate` and its
+ * motion X (3, n_coef) at dX. `response` has the forces and tangents at X. A change of the stiffness
+ * acts like a change of the motion (equivalent_change), so the tangents give its effect. Only a
+ * relative change of the friction limit mu N needs more: mu dT/dmu = T - B_u (u - w), where B_u is
+ * the tangent dT/du and `stretch` is u - w. */
 void bd_force_derivative(const bd_element *element, const bd_element *rate, int n_harm,
                          const double *X, const double *dX, const bd_response *response,
                          double *dF) {

@@ -474,6 +474,10 @@ static int count_open(const double *force, size_t n_time) {
     return n_open;
 }
 
+/* Force, tangent and shares of a point with a user law, for the motion x (3, n_coef). The law is
+ * called at every sample until its states are periodic. Fourier coefficients of the force are sums
+ * over the last period: 1/n_time for the mean and 2/n_time for the others. Samples are (3, n_time):
+ * t1, t2 and closing. */
 void bd_user_evaluate(const bd_element *element, const double *x, bd_response *out,
                       bd_status_share *share, bd_user_work *work) {
     const bd_point_law *point_law = element->point_law;

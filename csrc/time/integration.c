@@ -256,6 +256,9 @@ static void set_coordinates(bd_time *t, const bd_time_input *in) {
 
 /* ---- compliance of a step ---- */
 
+/* Weights am and af of the accelerations and forces at the start of a step, and gamma and b of the
+ * acceleration at its end, for a spectral radius 0 to 1 at infinite frequency (Chung and Hulbert
+ * 1993). */
 bd_time_alpha bd_time_weights(double radius) {
     const double am = (2.0 * radius - 1.0) / (radius + 1.0);
     const double af = radius / (radius + 1.0);
@@ -267,6 +270,8 @@ bd_time_alpha bd_time_weights(double radius) {
     };
 }
 
+/* Displacement beta and acceleration (n_coordinate each) of every coordinate at the end of a step h,
+ * due to a unit force there. With h = 0 only coordinates without mass move. */
 void bd_time_compliance(const bd_time *t, double h, double radius, double *beta,
                         double *acceleration) {
     const bd_time_alpha w = bd_time_weights(radius);
@@ -500,6 +505,11 @@ static void write_compliance(const bd_time *t, const double *beta, const double 
     }
 }
 
+/* Compute the patterns of the motion of a sector by which contact forces change it in a step of
+ * length h (0: an instant). S (rows, rows) is the compliance of the points of a sector to their own
+ * forces, times their stiffness (set_row_scales). Few columns L with S = L' L up to a tolerance
+ * suffice; made orthogonal, the largest of them are the patterns. Nothing is done if those of h and
+ * the spectral radius are known. */
 void bd_time_make_patterns(bd_time *t, bd_time_patterns *patterns, double h, double radius) {
     const size_t rows = t->rows, most = (size_t)t->max_rank;
     const int is_available = patterns->rank >= 0 && patterns->length == h;
@@ -594,6 +604,8 @@ static void set_laws(bd_time *t) {
     }
 }
 
+/* Copy the input: first integers, whose sums determine the lengths of the arrays of numbers. Patterns
+ * follow later, for the length of a step; a rank of -1 means that they are unknown. */
 bd_status bd_time_create(bd_time *t, const bd_time_input *in) {
     memset(t, 0, sizeof *t);
     t->kernel = bd_kernel_get();
@@ -633,7 +645,8 @@ void bd_time_destroy(bd_time *t) {
     memset(t, 0, sizeof *t);
 }
 
-/* Copy from the storage of the time steps to the caller if `out` is 1, otherwise back. */
+/* Copy a number from the storage of the time steps (inside) to the caller (outside) if `out` is 1,
+ * otherwise from the caller to the storage. */
 static void copy_number(double *inside, double *outside, int out) {
     if (out)
         *outside = *inside;
@@ -676,6 +689,9 @@ static void reset(bd_time *t) {
     t->largest_force = 0.0;
 }
 
+/* Integrate the state of the caller in place: coordinates q, velocities v, accelerations a
+ * (2, n_total), and sliders and memories w (n_sector, n_point, 2 + n_memory). The time steps store
+ * them padded to multiples of 8 and in another order, so they are copied there and back. */
 bd_status bd_time_integrate(bd_time *t, const bd_time_path *path, double *q, double *v, double *a,
                             double *w, bd_time_effort *effort) {
     reset(t);
@@ -695,6 +711,8 @@ bd_status bd_time_integrate(bd_time *t, const bd_time_path *path, double *q, dou
     return status;
 }
 
+/* Move the sliders and memories w (n_sector, n_point, 2 + n_memory) along the prescribed
+ * coordinates q (n_step, 2, n_total), one contact evaluation for each step. */
 void bd_time_update_sliders(bd_time *t, long n_step, const double *q, double *w) {
     reset(t);
     copy_sliders(t, w, 0);
