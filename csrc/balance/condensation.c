@@ -436,6 +436,11 @@ static bd_status use_dense(bd_condensation *c) {
     return status;
 }
 
+/* Factorise the Jacobian [J C] of n equations with the row of the border below it. Modes far from
+ * their resonance are eliminated. The reduced matrix A (n_reduced, n_reduced) has the motion x of
+ * the contact points, whose block begins as the identity, then the kept unknowns and the border
+ * (head of the file). If A is close to singular, or if too many modes are near their resonance,
+ * dense factors replace it. */
 bd_status bd_condensation_factor(bd_condensation *c, const bd_border *border) {
     bd_equations *e = &c->dense->base;
     const size_t n_all = (size_t)e->n + 1, m = (size_t)c->n_motion;
@@ -557,6 +562,9 @@ static int solve_refined(bd_condensation *c, int transposed, double *x) {
     return correction <= LARGEST_CORRECTION * largest(c, transposed, x);
 }
 
+/* Replace b (n + 1) by the solution of B x = b or B^T x = b with the bordered matrix B. Its columns
+ * belong to scaled unknowns: the solution is divided by border_scale, and for B^T the right-hand
+ * side. If refinement changes the solution too much, dense factors replace the reduced ones. */
 bd_status bd_condensation_solve(bd_condensation *c, int transposed, double *b) {
     bd_equations *e = &c->dense->base;
     const size_t n_all = (size_t)e->n + 1;

@@ -66,6 +66,8 @@ static void expand_modes(double *real, const double *complex_G, size_t n_compone
     }
 }
 
+/* Parameters of each contact point from the arrays of the input. Without an array of constant loads,
+ * the load is n0. */
 static void set_elements(bd_hbm *hbm, const bd_hbm_input *in) {
     for (int p = 0; p < in->n_point; ++p) {
         hbm->element[p] = (bd_element){
@@ -240,6 +242,7 @@ static bd_status modes_create(bd_hbm *hbm, const bd_hbm_input *in) {
     return springs_create(hbm);
 }
 
+/* Copy the input, and create the workspace of an evaluation. On failure nothing remains. */
 bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *in) {
     memset(hbm, 0, sizeof *hbm);
     hbm->kernel = bd_kernel_get();
@@ -709,6 +712,9 @@ bd_status bd_hbm_evaluate(bd_hbm *hbm, const double *u, double omega, double *r,
     return bd_hbm_evaluate_at(hbm, u, omega, r, J, r_omega);
 }
 
+/* Residual r (n) of the equations at the unknowns u (n) and omega: linear part plus contact forces.
+ * J (n, n) and the derivative r_omega (n) with respect to omega may be NULL. Condensation needs the
+ * parts of the Jacobian instead, hbm->parts. The cost counts evaluations and their times. */
 bd_status bd_hbm_evaluate_at(bd_hbm *hbm, const double *u, double omega, double *r, double *J,
                              double *r_omega) {
     const size_t n = (size_t)hbm->n_unknown;

@@ -233,6 +233,9 @@ static bd_status condense(modes_equations *modes) {
     return BD_OK;
 }
 
+/* Create the equations of a nonlinear mode from a sector, with two more unknowns and equations than
+ * the sector: weight (re . P - 1) = 0 and weight im . P = 0 fix amplitude and phase. re and im are
+ * rows (n). The sector must exist as long as these equations. */
 bd_status bd_modes_create(bd_equations **out, bd_sector *sector, const double *re, const double *im,
                           double weight, const double *row_scale) {
     const bd_hbm *hbm = &sector->hbm;

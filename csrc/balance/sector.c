@@ -12,6 +12,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* Residual r (n) at y (n + 1), the unknowns and omega. Derivatives are J (n, n) and C (n), with
+ * respect to the unknowns and to omega. Condensed equations have the parts of J instead. */
 static bd_status evaluate_sector(bd_equations *e, const double *y, int derivative) {
     bd_sector *sector = (bd_sector *)e;
     bd_hbm *hbm = &sector->hbm;
@@ -74,6 +76,8 @@ static bd_status condense(bd_sector *sector) {
     return status;
 }
 
+/* Create the equations of one sector. They are solved by elimination of the modes if this was chosen
+ * (BD_CONDENSED) or pays for their size (BD_BY_SIZE), otherwise as a dense matrix. */
 bd_status bd_sector_create(bd_sector **out, const bd_hbm_input *input, const double *row_scale,
                            const bd_lapack *lapack, bd_elimination elimination) {
     *out = NULL;
@@ -129,6 +133,8 @@ static void add_support(const eased_equations *eased, const double *y, int deriv
     }
 }
 
+/* Residual and derivatives at y (n + 1), the unknowns and the factor s on the excitation, at fixed
+ * omega: r + (1 - s) ramp + (1/s - 1) S u, where C is the derivative by s. */
 static bd_status evaluate_eased(bd_equations *e, const double *y, int derivative) {
     const eased_equations *eased = (const eased_equations *)e;
     const size_t n = (size_t)e->n;
@@ -162,6 +168,9 @@ static const bd_equations_type EASED = {
     .destroy = destroy_eased,
 };
 
+/* Create equations with the factor s on the excitation as parameter, for the sector at fixed omega:
+ * ramp (n) is the vibratory excitation, support (n, n) the matrix S or NULL. The sector must exist
+ * as long as these equations. */
 bd_status bd_eased_create(bd_equations **out, bd_sector *sector, double omega, const double *ramp,
                           const double *support) {
     const bd_equations *base = &sector->dense.base;

@@ -261,6 +261,9 @@ static bd_status read_nodes(bd_family *family, const bd_hbm *const *node, const 
     return BD_OK;
 }
 
+/* Let the equations hbm depend on the rotor speed: their matrices are interpolated between those of
+ * n_node equal models at the squared speeds `square` (n_node). The speed follows from omega and the
+ * engine order. */
 bd_status bd_family_create(bd_hbm *hbm, const bd_hbm_input *input, int n_node,
                            const bd_hbm *const *node, const double *square, double order) {
     if (n_node < 2 || !(order > 0.0) || hbm->variation) return BD_BAD_ARGUMENT;

@@ -133,6 +133,8 @@ typedef struct {
     const double *X, *F;
 } points;
 
+/* Contact points, motions and forces of the latest evaluation: those of all sectors of a disk, or of
+ * one sector. */
 static points points_of(const core_equations *self) {
     const bd_hbm *sector = self->hbm;
     const bd_wheel *wheel = self->wheel;
@@ -188,6 +190,9 @@ static bd_status fill_jacobian(bd_equations *e, double *J) {
     return status;
 }
 
+/* evaluate(y, r, J=None, C=None) -> status: residual r (n) at y (n + 1), the unknowns and the
+ * parameter, and on request its derivatives J (n, n) and C (n). Outputs are written only if the
+ * status is BD_OK. */
 static PyObject *evaluate(core_equations *self, PyObject *args, PyObject *kwargs) {
     static char *names[] = {"y", "r", "J", "C", NULL};
     PyObject *y_object, *r_object, *J_object = Py_None, *C_object = Py_None;
@@ -249,6 +254,8 @@ static int read_condition(core_arguments *arguments, PyObject *row, PyObject *re
     return core_check_number(condition->max_step, "max_step", BD_POSITIVE);
 }
 
+/* Return whether the options of the solver are in their ranges; otherwise raise an exception with
+ * their names in Python. */
 static int check_options(const bd_solver_options *options) {
     if (options->max_iterations < 0) {
         PyErr_Format(PyExc_ValueError, "max_iterations: expected at least 0, found %d",
@@ -266,6 +273,8 @@ static int check_options(const bd_solver_options *options) {
     return core_check_number(options->max_newton_step, "reach", BD_NON_NEGATIVE);
 }
 
+/* solve(y, tangent, scale, ...): Newton's method in one call without the GIL. The point y and the
+ * tangent (n + 1 each) are overwritten; the result is a named tuple with status and counts. */
 static PyObject *solve(core_equations *self, PyObject *args, PyObject *kwargs) {
     static char *names[] = {
         "y",        "tangent", "scale", "tolerance", "max_iterations", "line_search",

@@ -756,6 +756,8 @@ typedef struct {
     size_t wave_work, elimination, krylov;
 } lengths;
 
+/* Lengths of all arrays, in numbers, from the sizes of the input. Some arrays serve several purposes,
+ * one after the other, and have the length of the largest. */
 static lengths find_lengths(const bd_wheel_input *in, size_t n_unknown) {
     const size_t n_sector = (size_t)in->n_sector, n_blade = (size_t)in->n_blade;
     const size_t n_root = (size_t)in->n_root, n_kept = (size_t)in->n_kept;

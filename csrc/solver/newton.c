@@ -93,6 +93,9 @@ static double length(const double *x, size_t n) {
     return sqrt(sum);
 }
 
+/* Slope phi along the tangent (n + 1, in units of scale) at the point y (n + 1). Without an
+ * amplitude (a fold), it is the component of the parameter. Otherwise it is the relative slope
+ * Re(conj x x')/|x|^2 of the complex amplitude x = (re + i im) . y. */
 double bd_slope(const bd_condition *condition, const double *y, const double *tangent,
                 const double *scale, size_t n) {
     if (!condition->re) return tangent[n];
@@ -264,6 +267,8 @@ static int oscillates(newton_run *run) {
     return run->n_stall > MOST_BACK;
 }
 
+/* Take a Newton step towards the curve, with line search 1 for a smaller residual or 2 for the
+ * length of the step; 0 takes it as it is. Update the residual of the linear condition. */
 static void advance_to_curve(newton_run *run) {
     const size_t n1 = (size_t)run->equations->n + 1;
     const int line_search = run->options->line_search;
@@ -420,6 +425,10 @@ static bd_status iterate_to_stationary(newton_run *run) {
     return BD_OK;
 }
 
+/* Solve n equations for the point y (n + 1) by Newton's method, with one further condition: a linear
+ * one (condition->row), or a stationary point of the amplitude or of the parameter along the curve.
+ * The tangent (n + 1) of the curve is also found. The normal of the plane in which a step ends is the
+ * row of the linear condition or, on the way to a stationary point, the latest tangent. */
 bd_status bd_solve(bd_equations *equations, const bd_condition *condition,
                    const bd_solver_options *options, const double *scale, double *y,
                    double *tangent, bd_solver_report *report) {
@@ -487,6 +496,12 @@ static bd_status subtract_product(bd_equations *e, const double *scale, const do
     return BD_OK;
 }
 
+/* Gradient of the slope phi along the curve at y (n + 1), in units of scale (head of the file):
+ *
+ *     row . w = (a_y w) . t - nu . (D^2 R [t, w]),      B^T (nu, .) = a,
+ *
+ * with row (n + 1) and nu (n). B is [J C] with the tangent t below it. The second derivative is a
+ * central difference of nu^T [J C] over steps of the given length along t. */
 bd_status bd_gradient(bd_equations *e, const bd_condition *condition, const double *scale,
                       const double *y, const double *tangent, double step, double *row,
                       double *nu) {

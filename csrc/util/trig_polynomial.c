@@ -126,6 +126,9 @@ double bd_trig_amplitude(int n_harm, const double *x) {
     return sum;
 }
 
+/* Root of the trigonometric polynomial f (n_coef) between a and b, at which its signs differ:
+ * Newton's method inside the bracket, which shrinks with each value. A step that leaves the bracket
+ * is replaced by bisection. */
 double bd_trig_bracketed_root(int n_harm, const double *f, double a, double b) {
     double slope;
     double fa = value_and_slope(n_harm, f, a, &slope);
@@ -340,6 +343,11 @@ static void move_last_root(int n, double *root, double *z) {
     z[1] = z_last[1];
 }
 
+/* Roots of the trigonometric polynomial f (n_coef) in a period, ascending, and z = exp(i root) (2 for
+ * each); return their number, at most 2 n_harm. The samples (n_time) are values and slopes on the
+ * grid. Each cell between two samples has one root if the signs at its ends differ, otherwise two or
+ * none; an extremum inside the cell decides. A sample that is zero counts once, with the sign of its
+ * slope. */
 int bd_trig_roots_with_powers(const bd_trig_grid *grid, const double *f, const double *value,
                               const double *slope, double *root, double *z) {
     if (grid->n_harm == 1) return roots_of_one_harmonic(f, root, z);
