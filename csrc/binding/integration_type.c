@@ -274,6 +274,9 @@ static int read_harmonics(core_arguments *arguments, PyObject *object, const bd_
     return *X != NULL;
 }
 
+/* integrate(q, v, a, w, ...), see the docstring below: integrate n_state states, one after the
+ * other. q, v and a are (n_state, 2 n_total), w is (n_state, n_sector, n_point, 2 + n_memory), and
+ * all outputs have n_state as first dimension. A status other than BD_OK ends the loop. */
 static PyObject *TimeIntegration_integrate(TimeIntegrationObject *self, PyObject *args,
                                            PyObject *kwargs) {
     static char *names[] = {"q",     "v",         "a",      "w",         "n_step", "per_period",
@@ -335,19 +338,24 @@ static PyObject *TimeIntegration_integrate(TimeIntegrationObject *self, PyObject
     return Py_BuildValue("ill", (int)status, effort.n_solution, effort.n_evaluation);
 }
 
+/* follow(q, w): move the sliders w (n_sector, n_point, 2 + n_memory) along the coordinates q (n_step,
+ * 2 n_total), without the GIL. */
 static PyObject *TimeIntegration_follow(TimeIntegrationObject *self, PyObject *args) {
     PyObject *q_object, *w_object;
     if (!PyArg_ParseTuple(args, "OO:follow", &q_object, &w_object)) return NULL;
     core_arguments arguments = {0};
     const bd_time *t = &self->time;
-    const npy_intp n = length(q_object, "q", 100000000), by_q[2] = {n, 2 * t->n_total},
-                   by_w[3] = {t->n_sector, t->n_point, 2 + t->n_memory};
-    double *q, *w;
-    if (n < 0 || !(q = core_numbers(&arguments, q_object, "q", 2, by_q, BD_FINITE))) return NULL;
-    if (!(w = state(&arguments, w_object, "w", 3, by_w))) return NULL;
+    const npy_intp n_step = length(q_object, "q", 100000000);
+    if (n_step < 0) return NULL;
+    const npy_intp by_q[2] = {n_step, 2 * t->n_total};
+    const npy_intp by_w[3] = {t->n_sector, t->n_point, 2 + t->n_memory};
+    const double *q = core_numbers(&arguments, q_object, "q", 2, by_q, BD_FINITE);
+    if (!q) return NULL;
+    double *w = state(&arguments, w_object, "w", 3, by_w);
+    if (!w) return NULL;
     Py_BEGIN_ALLOW_THREADS;
     PyThread_acquire_lock(self->lock, WAIT_LOCK);
-    bd_time_update_sliders(&self->time, (long)n, q, w);
+    bd_time_update_sliders(&self->time, (long)n_step, q, w);
     PyThread_release_lock(self->lock);
     Py_END_ALLOW_THREADS;
     Py_RETURN_NONE;

@@ -278,6 +278,7 @@ static void set_sliders(bd_coulomb_work *work, int n) {
     }
 }
 
+/* Return whether the steady slider of any of the n lanes is still sought. */
 static int any_searching(const bd_coulomb_work *work, int n) {
     for (int lane = 0; lane < n; ++lane)
         if (work->search[lane].state == BD_SEARCHING) return 1;
@@ -445,6 +446,7 @@ static void sum_period(bd_coulomb_work *work, const bd_element *element, int lan
         }
         if (state == BD_STICK) ++n_stick;
 
+        /* the row of powers begins one entry before its part that is the basis */
         const double *basis = bd_coulomb_basis(work, k), *power = basis - 1;
         const double T[2] = {work->x[k] - s[0][at], work->y[k] - s[1][at]};
         for (int d = 0; d < 2; ++d)
