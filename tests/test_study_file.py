@@ -83,7 +83,7 @@ def test_one_friction_coefficient_stays_one_number(model, tmp_path):
     back = bd.load_study(tmp_path / "study.h5")
     assert setting_value(back.problem, "friction_coefficient") == 0.25
     two = back.replace(friction_coefficient={name: 0.1 * (k + 1) for k, name in enumerate(FACES)})
-    with pytest.raises(SettingError, match="one number"):
+    with pytest.raises(SettingError, match="expected a scalar setting"):
         setting_value(two.problem, "friction_coefficient")
 
 
