@@ -752,6 +752,8 @@ class _Swept:
         # the excitation without static loads, and no change of the frequency (last entry)
         load = np.append(self.system.structure.force, 0.0)
         load[: self.system.n_mean] = 0.0
+        # Two unknowns produce a response of given amplitude and phase: a factor on the excitation
+        # (load) and a factor on another right-hand side, which the two cases below choose.
         direction: Any  # unit phasor of the response
         if free_frequency:
             distance = np.angle(value(self.y) / target)

@@ -336,8 +336,8 @@ def travelling_waves(
     require(0 <= d <= n // 2, f"nodal diameter {d}: expected 0 to {n // 2} with {n} sectors")
     size = np.linalg.norm(shapes.reshape(-1, 3, len(frequency))[faces.nodes], axis=(0, 1))
     whole = np.linalg.norm(shapes, axis=0)
-    # a mode without motion of the faces does not determine the phase; its size elsewhere is then
-    # the scale
+    # the motion of the faces determines the phase; where they hardly move, a millionth of the motion
+    # of all nodes is the scale, so that rounding does not look like a wrong phase
     size = np.maximum(size, 1e-6 * whole)
     if 2 * d % n == 0:
         return _standing(frequency, shapes, faces, d, size)

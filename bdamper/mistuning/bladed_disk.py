@@ -452,10 +452,12 @@ def _settle_twice(
     steady = coarse
     periods = len(coarse.transient.harmonics)
     if coarse.stays:
+        # the accelerations of the method belong to its time steps, which are half as long now
         motion = coarse.transient.motion._replace(a=None)
         steady = settle(Transient(ring, omega, motion, 2 * steps), expected)
         periods += len(steady.transient.harmonics)
-    # the integration stops when the motion falls
+    # the integration stops where the motion falls; the amplitude is the mean of the last window,
+    # which must not contain periods from before the fall
     if not steady.stays:
         steady.transient.advance(window)
         periods += window

@@ -425,6 +425,7 @@ NAME_PLACES = [
 
 
 def _move_name(text: Any, place: tuple[int, int, int]) -> None:
+    # right and up are 1, 0 or -1; as an index -1 selects the last word of each tuple
     distance, right, up = place
     text.set(
         position=(distance * right, distance * up),

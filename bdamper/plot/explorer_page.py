@@ -560,6 +560,7 @@ class Page:
         self.motion.patches("xs", "ys", source=patches, **look)
         quads = self._source("quads", "a", "b", "c", "d", "fill", "line")
         nodes = self._source("nodes", "x", "y", "cx", "cy", "sx", "sy")
+        # no glyph draws the quads themselves, so that a tag keeps them in the page
         self.text.tags += [quads]
         args = {"nodes": nodes, "faces": quads, "patches": patches}
         quads.js_on_change("data", self.models.CustomJS(args=args, code=MOVE))
@@ -771,6 +772,7 @@ class Page:
         edges_and_states = [np.zeros((5, 0))]
         right_end = 0.0
         model = study.problem.coupling.model
+        # the first option is the whole contact, the others are the names of the faces
         faces = self.loop.options[1:]
         for name in faces:
             face = model.interfaces[name]

@@ -300,6 +300,8 @@ def rests(system: Equations[SectorData], u: NDArray) -> bool:
     passive.
     """
     arrays = system.structure.arrays
+    # slip may lie between samples, and the stiffness of a cubic spring changes in each cycle even
+    # without slip
     if not system.structure.exact or np.isin(arrays["law"], LAW_CUBIC).any():
         return False
     for name in ("kt", "kn", "damping"):

@@ -538,6 +538,7 @@ def step_error(transient: Transient) -> str:
     bound = transient.sectors.amplitude_bound(transient.omega)
     mean = np.abs(second_half(transient.blades)).mean(axis=0)
     if transient.sectors.n > 1:
+        # a single blade may exceed the bound, which holds for the root mean square over all
         amplitude = float(np.sqrt((mean**2).mean()))
     else:
         # one sector may contain all blades of a mistuned disk
