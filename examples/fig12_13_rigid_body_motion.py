@@ -1,6 +1,6 @@
 """
 Rigid-body motion of the damper against preload, mean and vibratory (Figs 12 and 13)
-=================================================================================
+====================================================================================
 
 As in the paper, the figures show the modal coefficients of mass-normalised rigid-body modes at the
 resonance of mode 1.
