@@ -75,11 +75,10 @@ def over_speed(bodies: Mapping[float, FEBody]) -> FEBody:
     Parameters
     ----------
     bodies : mapping of rotor speed (rad/s) to FEBody
-        Two speeds, or three. For example
-        ``{0.0: read_calculix("standstill"), 600.0: read_calculix("running")}``.  The modes of the
-        model are the modes of the lowest speed, and the highest one determines how they change.
-        The import warns if the model does not have
-        the frequencies of the middle speed.
+        Two or three speeds, for example
+        ``{0.0: read_calculix("standstill"), 600.0: read_calculix("running")}``.  The model
+        has the modes of the lowest speed, and the highest speed determines how they change.  The
+        import warns if the model does not have the frequencies of the speed between them.
 
     Returns
     -------
@@ -365,8 +364,8 @@ def check_between_speeds(
 
     Parameters
     ----------
-    mask : (3 n_nodes,) bool, optional
-        Held components of a body with matrices.
+    mask : (n_nodes, 3) bool, optional
+        Fixed components of a body with matrices; None for a body with modes only.
     """
     between = body.between
     if between is None:
@@ -376,7 +375,9 @@ def check_between_speeds(
     sectors = None if mask is None else cyclic_sectors(between, ring, mask, ())
     for d, basis in bases.items():
         of_model, _ = basis.at_speed(omega)
-        computed = np.sqrt(of_model.omega2[: basis.n_natural]) / (2.0 * np.pi)
+        # squared frequencies of a stiffness that is not linear may be negative
+        squared = np.maximum(of_model.omega2[: basis.n_natural], 0.0)
+        computed = np.sqrt(squared) / (2.0 * np.pi)
         item = f"{body.name}, nodal diameter {d} at {omega:g} rad/s"
         with body.report.comparison():
             if sectors is None:
