@@ -132,3 +132,11 @@ def test_limits_have_the_interval_of_a_peak_by_default():
     assert free.peak.frequency == pytest.approx(poles(K)[0], rel=1e-3)
     assert stuck.peak.frequency == pytest.approx(held[0], rel=1e-3)
     assert second.frequency[0] < poles(K)[1] < second.frequency[-1]
+
+
+def test_a_free_blade_has_the_interval_of_its_loaded_damper():
+    """Without a preload nothing touches, so that the stuck resonance would not be in the interval."""
+    study = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, harmonics=1)
+    free, stuck = study.free(), study.stuck()
+    np.testing.assert_array_equal(free.frequency[[0, -1]], stuck.frequency[[0, -1]])
+    assert free.frequency[0] < free.peak.frequency < stuck.peak.frequency < free.frequency[-1]
