@@ -799,14 +799,16 @@ class Study(Comparable):
             Executor that computes the response curves; threads by default.
         check : {"time", "neighbours", "range", False}
             "time": compute the peak at the optimum with up to 16 harmonics (``curve.convergence``)
-            and the amplitude by time integration there and at 1.35 times its preload
-            (``curve.time_response``).  At the better of the two preloads, compute the peaks with
-            0.7 and 1.3 times the friction coefficients (``curve.other_friction``).  Then find the
-            factors on the friction coefficients at which the amplitude doubles
-            (``curve.friction_range``, 6 to 13 peaks).  With "neighbours" the time integration also
-            includes the preload of the optimum divided by 1.35.  With "range" it includes both ends
-            of ``curve.near_best``, the range in which the harmonic-balance amplitude is at most 1.2
-            times the lowest one.
+            and the amplitude by time integration there (``curve.time_response``).  If this
+            integration is not complete or differs from harmonic balance by more than 20 %, 1.35
+            times its preload follows, and the better of the two preloads is recommended.  At the
+            recommended preload, compute the peaks with 0.7 and 1.3 times the friction coefficients
+            (``curve.other_friction``).  Then find out whether the amplitude doubles with 1/1.5 or
+            1.5 times the friction coefficients, and if so, at which factor
+            (``curve.friction_range``, 5 to 7 peaks).  With "neighbours" the time integration always
+            includes the preload of the optimum times 1.35 and divided by 1.35.  With "range" it
+            includes 1.35 times this preload, and both ends of ``curve.near_best``, the range in
+            which the harmonic-balance amplitude is at most 1.2 times the lowest one.
         progress : bool, optional
             Show the current step and the remaining time; on by default.
         resume : path, optional
@@ -931,7 +933,8 @@ class Study(Comparable):
         curve : OptimalCurve
             Optimal curve of this study.
         preload : sequence of float, N, optional
-            By default, the preload of the optimum and 1.35 times this preload.
+            By default, the preload of the optimum, and 1.35 times this preload if the integration
+            at the optimum is not complete or differs from harmonic balance by more than 20 %.
         progress : bool, optional
             Show the progress at each preload; on by default.
 

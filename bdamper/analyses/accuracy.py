@@ -20,6 +20,11 @@ Harmonic convergence
     * if the last two changes are below a fifth of the tolerance and no later harmonic is near a
       stuck mode.
 
+    At the optimum of a curve the peaks with more harmonics have all modes of the time integration,
+    because the superharmonic resonances depend on them. At its optimum the turbine blade has 71.0
+    um with 16 harmonics and all modes, and 69.4 um with 10 blade modes. Time integration with 1,024
+    steps gives 70.8 to 72.0 um.
+
     A harmonic ``l`` is near a mode if ``l omega`` is within 5 % of a natural frequency with stuck
     contacts at its nodal diameter.
 
@@ -81,6 +86,7 @@ from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak, PeakOptions, check_peak, peak_of_sign, sign_of_jacobian
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import Convergence, HarmonicPeak, Meeting
+from bdamper.time_domain.time_response import structure_in_time
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable, Result
 from bdamper.util.errors import (
@@ -141,17 +147,33 @@ def harmonic_convergence(
     numbers = [validation.integer("harmonics", n, 1, MAX_HARMONIC) for n in harmonics]
     increasing = numbers == sorted(set(numbers))
     validation.check(increasing and numbers, "harmonics", "increasing numbers", numbers)
+    return _converge(problem, peak, problem, numbers, tolerance, progress)
+
+
+def _converge(
+    problem: Problem,
+    peak: Peak,
+    structure: Problem,
+    numbers: Sequence[int],
+    tolerance: float,
+    progress: bool | None,
+) -> Convergence:
+    """Compute the peak of a problem, then those of a structure with increasing numbers of harmonics.
+
+    ``structure`` is the problem itself, or the problem with more modes.
+    """
     highest = problem.harmonic_numbers[-1]
     meter = CostMeter()
-    highest_useful, limit = _highest_useful(problem, peak.frequency, max(highest, numbers[-1]))
+    highest_useful, limit = _highest_useful(structure, peak.frequency, max(highest, numbers[-1]))
     new_numbers = {min(n, highest_useful) for n in numbers if n > highest} - {highest}
-    problems, limit = _richer_problems(problem, sorted(new_numbers), limit)
+    problems, limit = _richer_problems(structure, sorted(new_numbers), limit)
+    more_modes = bool(problems) and structure is not problem
     peaks = [HarmonicPeak(highest, peak.amplitude, peak.frequency)]
     end = Ending()
     internal_resonances: tuple[Meeting, ...] = ()
     progress = shows_progress(progress)
     with LongWork() as work, progress_stages(progress, "harmonic convergence", "step") as report:
-        richest = problems[-1] if problems else problem
+        richest = problems[-1] if problems else structure
         internal_resonances = tuple(_meetings(richest, peak))
         for i, richer in enumerate(problems):
             n = richer.harmonic_numbers[-1]
@@ -179,6 +201,7 @@ def harmonic_convergence(
         peaks=tuple(peaks),
         internal_resonances=internal_resonances,
         highest_harmonic=limit,
+        blade_modes=structure.settings.blade_modes if more_modes else 0,
         status=end.status,
         reason=end.reason,
         cost=meter.read(),
@@ -188,7 +211,8 @@ def harmonic_convergence(
 def at_optimum(problem: Problem, curve: OptimalCurve, progress: bool = False) -> Convergence | None:
     """Compute the peak at the optimum of an optimal curve with up to 16 harmonics.
 
-    Return None without an optimum.
+    The peaks with more harmonics have the modes of the time integration.  Return None without an
+    optimum.
     """
     optimum = curve.optimum
     if not np.isfinite(optimum.preload):
@@ -198,7 +222,8 @@ def at_optimum(problem: Problem, curve: OptimalCurve, progress: bool = False) ->
         try:
             peak = _peak_at_optimum(problem, curve)
             numbers = [n for n in HARMONICS if n <= 16]
-            convergence = harmonic_convergence(problem, peak, harmonics=numbers, progress=progress)
+            structure, _ = structure_in_time(problem, peak.frequency)
+            convergence = _converge(problem, peak, structure, numbers, TOLERANCE, progress)
             cost = convergence.cost
             if peak.cost is not None:
                 cost = cost + peak.cost

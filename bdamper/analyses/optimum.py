@@ -1,6 +1,7 @@
 """Checks of the optimum of an optimal curve, which :meth:`bdamper.Study.optimal_curve` runs after the curve.
 
-1. Time integration gives the amplitude at the optimum and at other preloads.  A second thread computes the peak at the
+1. Time integration gives the amplitude at the optimum, and at other preloads if it does not
+   confirm the optimum or on request.  A second thread computes the peak at the
    optimum with more harmonics.
 2. The peaks with less and more friction follow, and the range of friction in which the amplitude at most doubles.
 3. The fatigue margins are computed along the curve.

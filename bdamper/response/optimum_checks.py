@@ -225,10 +225,9 @@ def _more_harmonics(curve: OptimalCurve) -> Check:
     remedy = "rely on the amplitude by time integration"
     # from the first of these peaks on, the amplitude no longer changes
     settled = convergence.settled
-    if len(settled) > 1 and convergence.status == COMPLETE:
-        sufficient = settled[0].harmonics
-        if sufficient > first.harmonics:
-            remedy = f"use harmonics={sufficient}"
+    is_settled = len(settled) > 1 and convergence.status == COMPLETE
+    if is_settled and settled[0].harmonics > first.harmonics:
+        remedy = convergence.settings_text(settled[0])
     failure = f"more harmonics may be needed, {convergence.verdict}"
     return Check(colour, "More harmonics", convergence.note, rule, failure, remedy)
 

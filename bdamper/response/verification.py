@@ -765,6 +765,8 @@ class Convergence(Result, Plottable, Tabular):
         Internal resonances up to the highest possible harmonic.
     highest_harmonic : str
         Reason why the sequence ends before the highest requested harmonic, or "".
+    blade_modes : int
+        Blade modes of the peaks with more harmonics; 0 for the modes of the study.
     status : str
         "complete", "interrupted" or "incomplete".
     reason : str
@@ -777,6 +779,7 @@ class Convergence(Result, Plottable, Tabular):
     peaks: tuple[HarmonicPeak, ...]
     internal_resonances: tuple[Meeting, ...] = ()
     highest_harmonic: str = ""
+    blade_modes: int = 0
     status: str = COMPLETE
     reason: Reason = ""
     cost: Cost = field(default_factory=Cost)
@@ -844,6 +847,8 @@ class Convergence(Result, Plottable, Tabular):
         peak = self.peaks[0]
         harmonics = counted(peak.harmonics, "harmonic")
         text = f"{amount(peak.amplitude, 'm')} with {harmonics}, {self.verdict}"
+        if self.blade_modes:
+            text += f"; {self._modes_text}"
         if self.highest_harmonic:
             text += f"; {self.highest_harmonic}"
         if self.status != COMPLETE:
@@ -875,14 +880,33 @@ class Convergence(Result, Plottable, Tabular):
         ]
         remarks = [
             sentence(text)
-            for text in (self.highest_harmonic, self.status_text if self.status != COMPLETE else "")
+            for text in (
+                self._modes_text if self.blade_modes else "",
+                self.highest_harmonic,
+                self.status_text if self.status != COMPLETE else "",
+            )
             if text
         ]
         settled = self.settled
         if not self.ok and 1 < len(settled) < len(self.peaks):
-            remarks.append(f"Remedy: use harmonics={settled[0].harmonics}")
-        remarks.append("Not covered: time integration, more blade modes, more contact points")
+            remarks.append(f"Remedy: {self.settings_text(settled[0])}")
+        open_effects = ["time integration", "more blade modes", "more contact points"]
+        if self.blade_modes:
+            open_effects.remove("more blade modes")
+        remarks.append(f"Not covered: {', '.join(open_effects)}")
         return Statement([verdict], rows, self._spread_checks(), remarks, table)
+
+    @property
+    def _modes_text(self) -> str:
+        """Modes of the peaks with more harmonics."""
+        return f"the peaks with more harmonics have {counted(self.blade_modes, 'blade mode')}"
+
+    def settings_text(self, peak: HarmonicPeak) -> str:
+        """Return the settings with which a study has one of the peaks, as a remedy."""
+        text = f"use harmonics={peak.harmonics}"
+        if self.blade_modes:
+            text += f", blade_modes={self.blade_modes}"
+        return text
 
     def _others_text(self) -> str:
         """Return the amplitudes with more harmonics, "" without."""

@@ -37,6 +37,7 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.model.kinematics import RIGID_NAMES
 from bdamper.response.continuation import TWO_PI
 from bdamper.response.optimal_curve_result import OptimalCurve
+from bdamper.response.optimum_checks import FAIR
 from bdamper.response.peak import Peak
 from bdamper.response.response_curve import check_curve, frequency_response
 from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
@@ -89,8 +90,8 @@ from bdamper.util.progress import (
 from bdamper.util.workers import on_threads
 
 NEIGHBOUR = 1.35
-"""Ratio of the preloads at which an optimum is checked in time: the amplitude rises steeply below
-it and slowly above.
+"""Ratio of a second preload, at which time integration follows if it does not confirm the optimum,
+to the preload of the optimum: the amplitude rises steeply below it and slowly above.
 """
 RIGID_BEYOND = 3.0
 """Ratio of the first elastic frequency of a free body to the highest harmonic above which the body
@@ -520,9 +521,9 @@ def _with_steps(
         # accelerations belong to the steps and the structure that they were computed with
         motion = motion._replace(a=None)
         refined = search.settle_apart(sectors, point.frequency, motion, point.mean, step_factor)
-        # a beat that the longer steps had damped needs more periods to show its full range
-        moved = abs(refined.mean / point.mean - 1.0) > 0.5 * CRITERIA.drift
-        if refined.stays and moved:
+        # a beat that the longer steps had damped needs more periods to show its full range; other
+        # steps also move the mean of a periodic motion, which is then known
+        if refined.stays and refined.deviation > 0.5 * CRITERIA.drift:
             latest = refined.transient.motion
             refined = search.settle_apart(
                 sectors, point.frequency, latest, refined.mean, step_factor, parting=True
@@ -681,7 +682,7 @@ def error_range(
     staying = [run for run in runs if run.stays]
     changes = [abs(run.change) for run in staying]
     change = max(CRITERIA.drift, *changes)
-    deviations = [float(np.std(run.amplitude)) / run.mean for run in staying]
+    deviations = [run.deviation for run in staying]
     widening = max(change, *deviations)
 
     doubts = []
@@ -734,13 +735,10 @@ def with_time_response(
     if preload is None:
         best = curve.optimum.preload
         # none without an optimum
-        preloads = [p for p in (best, NEIGHBOUR * best) if np.isfinite(p)]
+        preloads = [best] if np.isfinite(best) else []
     else:
         preloads = [float(p) for p in validation.numbers("preload", preload, above=0.0, unit="N")]
-    # every preload counts as interrupted until its integration has ended
-    not_integrated = {p: _not_integrated(p) for p in preloads}
-    earlier = {response.preload: response for response in curve.time_response}
-    responses = not_integrated | earlier
+    responses = {response.preload: response for response in curve.time_response}
     costs: dict[float, Cost] = {}
 
     def integrate(load: float) -> None:
@@ -751,16 +749,35 @@ def with_time_response(
             responses[load] = time_response(problem, tracked, progress=progress)
             costs[load] += responses[load].cost
         except BdamperError as error:
-            responses[load] = replace(not_integrated[load], status=NOT_FOUND, reason=str(error))
+            responses[load] = replace(_not_integrated(load), status=NOT_FOUND, reason=str(error))
+
+    def integrate_all(loads: Sequence[float]) -> None:
+        """Integrate at several preloads (N), each of which counts as interrupted until it ends."""
+        for load in loads:
+            responses.setdefault(load, _not_integrated(load))
+        on_threads([partial(integrate, load) for load in loads])
 
     start = time.perf_counter()
     with LongWork():
-        on_threads([partial(integrate, p) for p in preloads])
+        integrate_all(preloads)
+        if preload is None and not all(_confirms(responses[p]) for p in preloads):
+            # another preload may be better
+            integrate_all([NEIGHBOUR * p for p in preloads])
     # the preloads share the time, so their seconds do not add up
     seconds = curve.cost.seconds + time.perf_counter() - start
     cost = sum((costs[p] for p in sorted(costs)), curve.cost)
     in_order = tuple(responses[p] for p in sorted(responses))
     return replace(curve, time_response=in_order, cost=replace(cost, seconds=seconds))
+
+
+def _confirms(response: TimeResponse) -> bool:
+    """Return whether a time response is complete and agrees with harmonic balance.
+
+    The difference may be as large as in a check that is not failed.  The preload of an optimum that
+    is confirmed remains recommended.
+    """
+    change = abs(response.mean / response.balance - 1.0)
+    return response.ok and change <= FAIR
 
 
 def _not_integrated(preload: float) -> TimeResponse:

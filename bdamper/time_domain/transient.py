@@ -76,8 +76,12 @@ class SteadyCriteria:
     fewest, most : int
         Smallest and largest number of periods of :func:`settle`.
     lasting : int
-        Smallest number of periods of the result of a search.  Near an unstable solution a motion
-        may seem steady for 20 periods before it decreases to half.
+        Smallest number of periods of the result of a search, unless its disturbances have decayed.
+        Near an unstable solution a motion may seem steady for 20 periods before it decreases to
+        half.
+    decayed : float
+        Amplitude of the waves, relative to ``seed``, below which they have decayed.  A motion is
+        then the result if its mean has been constant for ``window`` periods.
     longest : int
         Largest number of periods until a verdict; the 50 points take at most 336.
     tolerance : float
@@ -131,6 +135,7 @@ class SteadyCriteria:
     fewest: int = 20
     most: int = 240
     lasting: int = 100
+    decayed: float = 0.1
     longest: int = 1000
     tolerance: float = 0.05
     drift: float = 0.01
@@ -362,6 +367,11 @@ class SteadyPoint(NamedTuple):
         return float(self.amplitude.mean())
 
     @property
+    def deviation(self) -> float:
+        """Standard deviation of the amplitude of single periods, relative to their mean."""
+        return float(np.std(self.amplitude)) / self.mean
+
+    @property
     def half_range(self) -> float:
         """Half of the largest peak-to-peak response of a blade, mean over the same periods, m."""
         return float(half_range(second_half(self.transient.response)).mean())
@@ -382,10 +392,10 @@ def settle(transient: Transient, expected: float, parting: bool = False) -> Stea
     expected : float, m
         Amplitude near which the motion may stay.
     parting : bool
-        Whether to continue for :attr:`SteadyCriteria.lasting` periods, and while the motion in
-        other waves than the excited wave grows.
+        Whether to continue until the motion has lasted, and while the motion in other waves than
+        the excited wave grows.  It has lasted after :attr:`SteadyCriteria.lasting` periods, or
+        after fewer if these waves have decayed.
     """
-    fewest = CRITERIA.lasting if parting else CRITERIA.fewest
     while True:
         transient.advance(CRITERIA.fewest // 2)
         n = len(transient.harmonics)
@@ -402,9 +412,23 @@ def settle(transient: Transient, expected: float, parting: bool = False) -> Stea
             return SteadyPoint(transient, stays=False, change=change)
         if at_end:
             return SteadyPoint(transient, stays=True, change=change)
-        diverges = parting and outside(transient, n // 4).growth > CRITERIA.rise
-        if n >= fewest and abs(change) <= CRITERIA.drift and not diverges:
+        is_constant = abs(change) <= CRITERIA.drift
+        if is_constant and (not parting or _has_lasted(transient)):
             return SteadyPoint(transient, stays=True, change=change)
+
+
+def _has_lasted(transient: Transient) -> bool:
+    """Return whether a motion of constant mean has lasted, so that the blades do not part further.
+
+    The mean is constant over the last three quarters of the periods.
+    """
+    n = len(transient.harmonics)
+    quarter = n // 4
+    waves = outside(transient, quarter)
+    if n >= CRITERIA.lasting:
+        return waves.growth <= CRITERIA.rise
+    is_long = 3 * quarter >= CRITERIA.window
+    return is_long and waves.size <= CRITERIA.decayed * CRITERIA.seed
 
 
 class _Change(NamedTuple):
@@ -458,7 +482,7 @@ class OtherWaves(NamedTuple):
     ----------
     growth : float
         Ratio of the size to the size in the same number of periods before, or 0 if the size is
-        below a tenth of the disturbances.
+        below the fraction :attr:`SteadyCriteria.decayed` of the disturbances.
     size : float
         Root mean square of the fraction of the motion in other waves.
     """
@@ -475,7 +499,7 @@ def outside(transient: Transient, periods: int) -> OtherWaves:
     size_before = float(np.sqrt((earlier**2).mean()))
     size = float(np.sqrt((latest**2).mean()))
     growth = 0.0
-    if size > 0.1 * CRITERIA.seed and size_before > 0.0:
+    if size > CRITERIA.decayed * CRITERIA.seed and size_before > 0.0:
         growth = size / size_before
     return OtherWaves(growth=growth, size=size)
 

@@ -569,6 +569,26 @@ def test_a_refinement_that_falls_is_repeated_from_the_next_highest_motion(search
     assert not search.points and not search.fell and search.periods == 20 * 8
 
 
+@pytest.mark.parametrize(("beat", "periods"), [(0.0, 20), (4e-3, 20), (0.01, 120)])
+def test_only_a_refinement_that_beats_takes_more_periods(search_of, monkeypatch, beat, periods):
+    """Shorter steps move every mean, here by 3 %, which needs no more periods to be known.
+
+    A hundred follow if the standard deviation of single periods exceeds half a per cent.
+    """
+
+    class Beating(OnBranches):
+        @property
+        def amplitude(self):
+            return super().amplitude * (1.0 + beat * (-1.0) ** np.arange(len(self.harmonics)))
+
+    # waves that do not decay, so that the result needs a hundred periods
+    monkeypatch.setattr(Branches, "departure", lambda self, blades: np.full(len(blades), 0.1))
+    search = search_of(Branches(flank=lambda f: 2.0, shorter={128: {"flank": lambda f: 2.06}}))
+    monkeypatch.setattr(steady_amplitude, "Transient", Beating)
+    refined = _refine(search, [point(100.0, 2.0)], search.sectors, 2)
+    assert refined.mean == pytest.approx(2.06) and search.periods == periods
+
+
 @each(("points", "fell", "mean"), [
     ({100.0: 2.0, 102.0: 1.9}, [99.0], 2.05), ({100.0: 2.0, 102.0: 1.9, 101.0: 1.98}, [99.0], 2.02),
     ({100.0: 2.0}, [99.0], 2.0), ({100.0: 2.0, 98.0: 1.9}, [101.0], 2.05),

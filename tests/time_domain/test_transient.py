@@ -333,10 +333,10 @@ def test_a_steady_mean_is_that_of_many_beats(period, size):
 
 @each(
     ("size", "rate", "periods"),
-    [(0.02, 1.025, 240), (0.02, 1.003, 100), (4e-5, 1.025, 100), (0.02, 0.9, 100)],
+    [(0.02, 1.025, 240), (0.02, 1.003, 100), (0.02, 0.99, 100), (4e-5, 1.025, 60), (0.02, 0.9, 60)],
 )
 def test_integration_continues_while_blades_part(size, rate, periods):
-    """By a tenth from a quarter to the next, and for a hundred periods; a part below a thousandth does not count."""
+    """By a tenth from a quarter to the next, and for a hundred periods, or fewer if the part is below a thousandth."""
     away = {"away": lambda k: size * rate**k}
     assert len(settle(Known(lambda k: 1.0 + 0.0 * k, **away), 1.0).transient.harmonics) == 20
     transient = settle(Known(lambda k: 1.0 + 0.0 * k, **away), 1.0, parting=True).transient
@@ -348,6 +348,17 @@ def test_integration_continues_while_blades_part(size, rate, periods):
     assert last == pytest.approx(
         np.sqrt(np.mean(away["away"](np.arange(n - n // 4, n)) ** 2)), rel=1e-9
     )
+
+
+@each(("memory", "periods"), [(1.0, 60), (8.0, 80), (12.0, 110)])
+def test_a_mean_must_be_constant_for_forty_periods(memory, periods):
+    """Without other waves the mean of the last three quarters, at least 40 periods, decides."""
+    transient = Known(lambda k: 1.0 + 0.3 * np.exp(-k / memory), memory)
+    point = settle(transient, 1.0, parting=True)
+    n = len(transient.harmonics)
+    assert n == periods and point.steady
+    quarters = transient.amplitude[n - 3 * (n // 4) :].reshape(3, -1).mean(axis=1)
+    assert np.ptp(quarters) <= 2.0 * CRITERIA.drift
 
 
 # ---- transients of a structure ----
