@@ -1,7 +1,6 @@
 # Everything a user or developer runs.  Prerequisites: Python 3.11+, a C compiler, make.
 #   make demo      main job on the shipped reference model, figures in figures/
-#   make test      quick tests (make test-slow: those that take longer, make test-ci: both in one run,
-#                  make test-all: those of make nightly too)
+#   make test      quick tests (make test-slow: those that take longer, make test-all: those of make nightly too)
 #   make examples  all figures of the paper, with times, in figures/
 #   make docs      documentation with the gallery, in docs/_build/html (the first time some four minutes)
 #   make docs-check  the same pages without running notebooks and examples, half a minute
@@ -18,7 +17,7 @@
 #   make oldest    quick tests of the core and its equations with the oldest supported dependencies
 #   make newest    quick tests with the newest dependencies
 #   make wheel     source distribution and a wheel for every Python of this machine, in dist/, each tried in an empty environment
-#   make readme    commands and Python of the README as they are pasted, in a fresh copy and an empty environment
+#   make readme    the commands of the README (make demo, make test), its installation and its Python in a fresh copy, as a new user
 #   make browser   the explorer in a real browser (Debian: chromium, chromium-driver)
 #   make cross     the core compiled for aarch64 Linux
 #   make peers     small problems beside a published package, in an environment of its own (needs a network)
@@ -55,7 +54,7 @@ define step
   echo "== $(1): $$(($$(date +%s) - begin)) s"
 endef
 
-.PHONY: demo test test-slow test-ci test-nightly test-all nightly portability bench examples docs docs-check manual links accuracy validate hard fuzz lint sanitize kernels nastran others oldest newest wheel readme browser cross peers clean prerequisites
+.PHONY: demo test test-slow test-nightly test-all nightly portability bench examples docs docs-check manual links accuracy validate hard fuzz lint sanitize kernels nastran others oldest newest wheel readme browser cross peers clean prerequisites
 
 demo: $(VENV)/demo.stamp
 	$(call step,demonstration,$(PY) examples/demo.py)
@@ -65,9 +64,6 @@ test: $(VENV)/test.stamp
 
 test-slow: $(VENV)/test.stamp
 	$(call step,slow tests,$(PY) -m pytest -n auto --dist worksteal -m "slow and not nightly" $(APART) $(SLOWEST) $(PYTEST_ARGS))
-
-test-ci: $(VENV)/test.stamp
-	$(call step,tests without those of every night,$(PY) -m pytest -n auto --dist worksteal -m "not nightly" $(APART) $(SLOWEST) $(PYTEST_ARGS))
 
 test-nightly: $(VENV)/test.stamp
 	$(call step,tests of every night,$(PY) -m pytest -n auto --dist worksteal -m nightly $(APART) $(SLOWEST) $(PYTEST_ARGS))
@@ -141,7 +137,7 @@ wheel: | prerequisites
 	$(call step,wheels in empty environments,sh tools/test_wheel.sh)
 
 readme: | prerequisites
-	$(call step,the README as it is pasted,PYTHON=$(PYTHON) sh tools/test_readme.sh)
+	$(call step,the README as a new user follows it,PYTHON=$(PYTHON) sh tools/test_readme.sh)
 
 browser: $(VENV)/test.stamp
 	$(call step,explorer in a browser,$(PY) -m pip install -qq --no-build-isolation -e ".[app-test]" && $(PY) -m pytest -n 0 tests/plot/test_explorer.py)

@@ -27,7 +27,97 @@ def test_fragments_of_the_changelog_have_a_part():
             assert len(path.read_text().split()) <= 40
 
 
-def test_the_readme_has_at_most_350_words_with_the_terms_of_the_field():
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert len(text.split()) <= 350
-    assert "under-platform damper" in text and "bladed disk" in text
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+INDEX = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+
+
+def test_the_readme_defines_the_package_in_its_first_sentence():
+    paragraph = " ".join(README.split("\n\n")[1].split())
+    first = paragraph.partition(". ")[0]
+    assert first.startswith("bdamper is a Python package with a C core")
+    assert "bladed disk" in first and "friction damper" in first
+    assert "under-platform damper" in paragraph and "Designers of turbines" in paragraph
+
+
+def test_the_readme_fits_a_screen_of_100_columns():
+    assert max(len(line) for line in README.splitlines()) <= 100
+    assert len(README.split()) <= 750
+
+
+def test_readme_and_manual_name_the_two_commands():
+    (commands,) = re.findall(r"```\n(make .*?)```", README, re.S)
+    assert [line.split("#")[0].strip() for line in commands.splitlines()] == [
+        "make demo",
+        "make test",
+    ]
+    for text in (README, INDEX):
+        assert "`.venv`" in text and '`pip install ".[fe]"`' in text
+        assert "make demo" in text and "make test" in text
+    assert "make readme" not in README
+    # continuous integration runs the commands of the README, and the quick tests by them alone
+    lanes = re.findall(r"^check (.+?)(?: >.*)?$", (ROOT / ".ci" / "run").read_text(), re.M)
+    targets = " ".join(lanes).split()
+    assert "readme" in targets and "test-slow" in targets and "test" not in targets
+
+
+def test_the_manual_begins_where_the_readme_ends():
+    """No eight words in a row are the same."""
+    runs = [
+        {tuple(words[k : k + 8]) for k in range(len(words) - 7)}
+        for words in (README.split(), INDEX.split())
+    ]
+    assert not runs[0] & runs[1]
+
+
+def largest_deviation(*headings):
+    """Largest relative error that docs/evidence/validated.md states for quantities that agree."""
+    text = (ROOT / "docs" / "evidence" / "validated.md").read_text(encoding="utf-8")
+    found = []
+    for heading in headings:
+        (section,) = re.findall(rf"^## {heading}$(.*?)(?=^## )", text, re.S | re.M)
+        # a row that differs states its reason
+        rows = [
+            row
+            for row in section.splitlines()
+            if "differs" not in row and "time integration" not in row
+        ]
+        found += [float(row.split("|")[3]) for row in rows if re.search(r"\d[eE][-+]\d+ \|$", row)]
+    return max(found)
+
+
+def test_deviations_of_the_readme_are_those_of_the_evidence():
+    """Rows of its table, by the pages that it names."""
+    rows = dict(re.findall(r"^\| (.+?) \| (.+?) \|$", README, re.M))
+    simple = largest_deviation(
+        "Griffin's oscillator", "Duffing", "Nonlinear mode of the Jenkins element", "Limit cycles"
+    )
+    assert rows["closed forms: Griffin, Duffing, Jenkins element, limit cycles"] == "below 1e-5"
+    assert 1e-6 < simple < 1e-5
+    rigid = largest_deviation("Den Hartog's oscillator", "Goodman and Klumpp's beam")
+    assert rows["closed forms: Den Hartog, Goodman and Klumpp"] == "below 1 %"
+    assert 1e-3 < rigid < 1e-2
+    programs = largest_deviation(
+        "Two masses beside pyHarm",
+        "NLvib's two masses",
+        "NLvib's chain of three masses",
+        "CalculiX",
+    )
+    assert rows["other programs: NLvib, pyHarm, CalculiX on the same mesh"] == "below 0.2 %"
+    assert 1e-3 < programs < 2e-3
+
+    measured = (ROOT / "docs" / "measurements.md").read_text(encoding="utf-8")
+    low, high, test = re.search(
+        r"damping ([\d.]+) to ([\d.]+) % instead of up to (\d+) %", measured
+    ).groups()
+    assert (
+        rows["measured beam with a friction contact, nothing fitted"]
+        == f"damping {float(low):.0f} to {float(high):.0f} % for measured {test} %"
+    )
+    assert "fitted to the sweeps | -15 to +2 % |" in measured
+    assert "fitted to the hammer test | -10 % at 94 µm, -54 % at 275 µm |" in measured
+    small = rows["measured bolted joint, predicted from another test"]
+    assert small == "damping up to 15 % at small amplitudes"
+    larger = rows["the same, at larger amplitudes than those of the fit"]
+    assert larger == "damping up to 54 % too low"
+    factors = [float(f) for f in re.findall(r"^\| .* \| \d+ % \| ([\d.]+) \|$", measured, re.M)]
+    assert f"[{min(factors):g} to {max(factors):g}](docs/measurements.md" in README
