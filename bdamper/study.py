@@ -69,7 +69,6 @@ from bdamper.model.structure import Model
 from bdamper.model.validation import check_model, check_model_once
 from bdamper.response import followed_peak, linear_limits, sensitivity
 from bdamper.response import optimal_curve as optimal
-from bdamper.response import response_curve as tracking
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimal_curve_result import OptimalCurve
@@ -481,13 +480,15 @@ class Study(Comparable):
         Returns
         -------
         ResponseCurve
-            ``status`` is "complete" if the branches span the interval. Otherwise, ``reason`` gives
-            the cause, and the curve contains the points that were found.
+            ``status`` is "complete" if the branches span the interval, and no higher response is
+            known. Otherwise, ``reason`` gives the cause, and the curve contains the points that
+            were found. If the curve has folds, the response at up to two lower preloads is computed
+            as well: one of its peaks may be higher at this preload on a separate branch.
         """
         problem = self.problem
         validation.flag("stability", stability)
         check_question(problem, [problem.check_preload(preload)], frequency)
-        curve = tracking.frequency_response(
+        curve = followed_peak.response_curve(
             problem, preload, frequency, options=options, progress=shows_progress(progress)
         )
         problem.sizes.check_faces(preload)
@@ -762,7 +763,7 @@ class Study(Comparable):
         frequency = peak_interval(problem.at(preload), frequency, mode)
         check_question(problem, [preload], frequency)
         problem.sizes.check_faces(preload)
-        return followed_peak.single_peak(
+        return followed_peak.highest_peak(
             problem, preload, frequency, mode=mode, options=options, progress=progress
         )
 

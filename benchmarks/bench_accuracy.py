@@ -24,7 +24,7 @@ from bdamper.fem import MeshDensity, SectorFE, bladed_disk
 from bdamper.harmonic_balance.equations import OK
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.plot import plot_accuracy, save_figure
-from bdamper.response.highest_peak import highest_peak
+from bdamper.response.followed_peak import highest_peak
 from bdamper.response.peak import Peak
 from bdamper.time_domain.integration import STEPS, AllSectors, Motion
 from bdamper.util.formatting import percent

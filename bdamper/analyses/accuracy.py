@@ -79,8 +79,9 @@ from bdamper.harmonic_balance.checks import check_question
 from bdamper.harmonic_balance.effects import MAX_HARMONIC
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.study_boundary import StudyLike, in_type_of, problem_of
+from bdamper.response.followed_peak import highest_peak
 from bdamper.response.highest_peak import NEAR as NEAR_HIGHEST
-from bdamper.response.highest_peak import found_at, highest_peak
+from bdamper.response.highest_peak import found_at
 from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak, PeakOptions, check_peak, peak_of_sign, sign_of_jacobian

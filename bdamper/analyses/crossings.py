@@ -23,6 +23,7 @@ from bdamper.analyses.engine_order_line import (
     SpeedFamily,
     exact_at_fixed_speed,
     follow_mode,
+    highest_at_speed,
     peak_at_fixed_speed,
     refined,
 )
@@ -40,13 +41,22 @@ from bdamper.harmonic_balance.rotor_speed import (
     preload_at,
 )
 from bdamper.response.continuation import TWO_PI
+from bdamper.response.highest_peak import FOLLOWED
 from bdamper.response.linear_limits import free_and_stuck
 from bdamper.response.peak import Peak
+from bdamper.response.response_curve_result import NO_STEADY, ResponseCurve
 from bdamper.response.sensitivity import sensitivities
 from bdamper.util import validation
-from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, SettingError
+from bdamper.util.errors import (
+    COMPLETE,
+    FAILURES_AT_ONE_PRELOAD,
+    INCOMPLETE,
+    NOT_FOUND,
+    Ending,
+    SettingError,
+)
 from bdamper.util.formatting import amount, counted, extent, peak_text, percent, short_repr
-from bdamper.util.progress import CostMeter
+from bdamper.util.progress import Cost, CostMeter
 from bdamper.util.records import named_fields, numbers_of, row_of
 from bdamper.util.statement import Row, Statement
 
@@ -196,6 +206,12 @@ class CrossingTask:
         else:
             results["fixed_speed"] = fixed.parameter
             results["fixed_speed_amplitude"] = fixed.amplitude
+        doubt = self._doubt_at_speed(family, curve, solution.parameter, meter)
+        if doubt.status == NOT_FOUND:
+            return {"kind": NOT_FOUND, "warning": [*warnings, doubt.reason]}
+        if not doubt.ok:
+            results["kind"] = INCOMPLETE
+            warnings.append(doubt.reason)
         at_speed = family.problem(solution.parameter)
         if self.margin is not None:
             unknowns = solution.y[:-1]
@@ -205,6 +221,25 @@ class CrossingTask:
             warnings.append(f"edge contact, more blade modes may change it: {edges}")
         results["warning"] = warnings
         return results
+
+    def _doubt_at_speed(
+        self, family: SpeedFamily, curve: ResponseCurve, speed: float, meter: CostMeter
+    ) -> Ending:
+        """Return the doubt about a crossing that the response at its speed (rad/s) gives.
+
+        It is "not found" if no steady periodic response is expected there, and "incomplete" if a
+        peak of a lower preload is higher.  A line without folds loses no branch.
+        """
+        if not len(curve.folds):
+            return Ending()
+        try:
+            peak = highest_at_speed(family, speed, self.mode)
+        except FAILURES_AT_ONE_PRELOAD:
+            return Ending()
+        meter.add(peak.cost or Cost())
+        if peak.reason.startswith((NO_STEADY, FOLLOWED)):
+            return Ending(peak.status, f"at fixed speed: {peak.reason}")
+        return Ending()
 
 
 @short_repr

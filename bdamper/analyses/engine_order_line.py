@@ -46,7 +46,8 @@ from bdamper.model.validation import as_checked
 from bdamper.response.branches import Coverage, ending, evaluation_budget, first_point
 from bdamper.response.continuation import TWO_PI
 from bdamper.response.events import ContinuationOptions
-from bdamper.response.highest_peak import Highest, highest_of_curve, highest_peak
+from bdamper.response.followed_peak import highest_peak
+from bdamper.response.highest_peak import Highest, highest_of_curve
 from bdamper.response.linear_limits import beyond, free_and_stuck, resonance_interval
 from bdamper.response.peak import (
     LOOSEST,
@@ -430,6 +431,21 @@ def interpolated_at_fixed_speed(
     return at_fixed_speed(peak_at, order, structure.speeds, top, PeakOptions().position_tolerance)
 
 
+def highest_at_speed(family: SpeedFamily, speed: float, mode: int) -> Peak:
+    """Return the highest peak at a rotor speed (rad/s), with the verdict on it.
+
+    The search goes beyond the engine order line, up to the next mode, because vibration may raise
+    the resonance above the stuck one.
+    """
+    order = float(family.whole.engine_order)
+    beyond_line = 1.1
+    problem = family.problem(speed)
+    preload = family.preload(speed)
+    low, high = resonance_interval(problem.at(preload), mode)
+    limit = min(beyond_line * order * speed, family.following(speed, mode)) / TWO_PI
+    return highest_peak(problem, preload, (low, max(high, limit)), mode=mode)
+
+
 def exact_at_fixed_speed(
     family: SpeedFamily, speeds: tuple[float, float], mode: int, top: Peak, meter: CostMeter
 ) -> Peak | str:
@@ -437,19 +453,13 @@ def exact_at_fixed_speed(
 
     If there is no such peak, return the reason as text.
 
-    At each speed the highest peak is sought. The search goes beyond the line, up to the next mode,
-    because vibration may raise the resonance above the stuck one.
+    At each speed the highest peak is sought (:func:`highest_at_speed`).
     """
     order = float(family.whole.engine_order)
-    beyond_line = 1.1
 
     def peak_at(speed: float, _: NDArray) -> Peak:
-        problem = family.problem(speed)
-        preload = family.preload(speed)
         try:
-            low, high = resonance_interval(problem.at(preload), mode)
-            limit = min(beyond_line * order * speed, family.following(speed, mode)) / TWO_PI
-            peak = highest_peak(problem, preload, (low, max(high, limit)), mode=mode)
+            peak = highest_at_speed(family, speed, mode)
         except BdamperError as error:
             return replace(top, parameter=speed, status=NOT_FOUND, reason=str(error))
         meter.add(peak.cost or Cost())

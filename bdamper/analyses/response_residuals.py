@@ -45,7 +45,7 @@ from bdamper.harmonic_balance.sector import SectorData
 from bdamper.importers.measured_modes import MeasuredMode
 from bdamper.importers.measurements import Measured, Measurement
 from bdamper.response.events import ContinuationOptions
-from bdamper.response.highest_peak import highest_peak
+from bdamper.response.followed_peak import highest_peak
 from bdamper.response.linear_limits import linear_peak, peak_interval
 from bdamper.response.peak import Family
 from bdamper.response.response_curve import frequency_response, sweep_of

@@ -51,7 +51,6 @@ from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimal_curve import Curves, at_preload, preload_values
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak, find_peak
-from bdamper.response.response_curve_result import NO_STEADY
 from bdamper.response.scalar_search import Sample, find_minimum
 from bdamper.response.verification import FRICTION_SPREAD, MUCH, FrictionPeak, FrictionRange
 from bdamper.util import validation
@@ -65,7 +64,6 @@ from bdamper.util.errors import (
     NOT_FOUND,
     NOT_RUN,
     BdamperError,
-    Ending,
     SettingError,
     WithRowStatus,
     all_complete,
@@ -528,13 +526,12 @@ class SteadyPeak(PeakTask):
         problem = problem_of(study)
         load = float(preload or 0.0)
         search = self.response(problem, load)
+        ending = search.ending
         if search.rattles:
             amplitude = np.inf
-            ending = Ending(NOT_FOUND, f"{NO_STEADY}: {search.rattles}")
         else:
             # NaN if nothing was found; it becomes zero, an infinite amplitude remains
             amplitude = float(np.nan_to_num(search.amplitude, posinf=np.inf))
-            ending = search.ending
         return {
             "amplitude": amplitude,
             "known": search.known,
@@ -657,7 +654,8 @@ class _FrictionPeaks:
         return self.computed[key]
 
     def _compute(self, preload: float, factor: float) -> FrictionPeak:
-        evaluate = SteadyPeak(frequency=self.frequency)
+        # these preloads have no neighbours, so each counts as the lowest
+        evaluate = SteadyPeak(frequency=self.frequency, lowest=preload)
         try:
             values = evaluate(vary(self.problem, {"friction_factor": factor}), preload)
         except BdamperError as error:

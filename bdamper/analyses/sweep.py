@@ -33,8 +33,7 @@ from bdamper.harmonic_balance.parameters import (
 )
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.study_boundary import StudyLike, in_type_of, problem_of
-from bdamper.response.followed_peak import drops, followed_peaks, single_peak
-from bdamper.response.highest_peak import highest_peak
+from bdamper.response.followed_peak import drops, followed_peaks, highest_peak
 from bdamper.response.linear_limits import free_and_stuck
 from bdamper.response.optimal_curve import optimal_curve, preload_values
 from bdamper.response.optimal_curve_result import OptimalCurve
@@ -106,13 +105,9 @@ class PeakTask(validation.Checked):
     mode: validation.Count = 1
 
     def __call__(self, study: StudyLike | Problem, preload: float | None) -> Values:
-        peak: Peak
-        if preload is None:
-            constant_preload: Any = self.preload
-            peak = single_peak(problem_of(study), constant_preload, self.frequency, mode=self.mode)
-        else:
-            # a sweep over the preload compares its points with each other at the end
-            peak = highest_peak(problem_of(study), preload, self.frequency, mode=self.mode)
+        # the preload of the task, if the sweep does not vary it
+        load: Any = self.preload if preload is None else preload
+        peak = highest_peak(problem_of(study), load, self.frequency, mode=self.mode)
         stick, slip, separation = peak.shares
         warning = ""
         search = with_reason(peak.search_status, peak.search_reason)

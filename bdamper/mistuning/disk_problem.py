@@ -30,7 +30,7 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.study_boundary import StudyLike, in_type_of, problem_of
 from bdamper.mistuning.disk_equations import DiskMatrices, DiskScene, DiskSystem
 from bdamper.mistuning.mistuning import DamperVariation, Mistuning
-from bdamper.response.highest_peak import highest_peak
+from bdamper.response.followed_peak import highest_peak
 from bdamper.response.peak import Peak
 from bdamper.util import validation
 from bdamper.util.display import Summarised

@@ -34,7 +34,7 @@ from bdamper.plot.axes import (
 )
 from bdamper.plot.motion import PLAIN, STATES, ContactStatus, contact_status
 from bdamper.plot.studies import draw_table
-from bdamper.response.highest_peak import highest_peak
+from bdamper.response.followed_peak import highest_peak
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak, check_peak
 from bdamper.response.response_curve import check_curve

@@ -107,9 +107,9 @@ def _draw_tracking(
             style = {**look, "linestyle": DASHED if is_unstable else "-"}
             ax.plot(x[stretch], amplitude[stretch], **style)
     if len(curve):
-        is_bound = bool(curve.may_be_higher)
-        # filled at a peak, open at the end of a computed part
-        is_open = is_bound or _only_highest(curve)
+        is_bound = bool(curve.may_be_higher) and not curve.without_steady
+        # filled at a peak, open at the end of a computed part, and if no motion stays there
+        is_open = is_bound or curve.without_steady or _only_highest(curve)
         ax.plot(
             x[curve.peak_index],
             curve.peak.amplitude,

@@ -27,6 +27,7 @@ from bdamper.plot.motion import ContactStatus, LineDrawing, contact_status, line
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimal_curve_result import OptimalCurve
+from bdamper.response.response_curve import frequency_response
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import TimeResponse
 from bdamper.study import Study
@@ -272,7 +273,10 @@ class Answers:
         band = self.band(replace(question, settings=order_only))
         curve: ResponseCurve = self.once(
             self._key(self.curve, question, harmonics),
-            lambda: _whole(study.frequency_response(question.preload, band, options=MOVING)),
+            # without the verdict on its peak, which the curve with all harmonics has
+            lambda: _whole(
+                frequency_response(study.problem, question.preload, band, options=MOVING)
+            ),
         )
         answer = Answer(question, False, study, curve)
         return self._with_contacts(answer, curve, curve.peak_index) if len(curve) else answer

@@ -28,7 +28,7 @@ from bdamper.mistuning.peak import DiskPeak
 from bdamper.mistuning.sample import MistunedSample
 from bdamper.plot.axes import save_figure
 from bdamper.response import linear_limits
-from bdamper.response.highest_peak import highest_peak
+from bdamper.response.followed_peak import highest_peak
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.optimum_checks import Check, checks, graded
 from bdamper.response.optimum_statement import statement

@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bdamper.harmonic_balance.problem import Problem
+from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import (
     FOLLOWED,
     NEAR,
@@ -34,16 +35,17 @@ from bdamper.response.highest_peak import (
     Highest,
     as_peak,
     check_options,
-    found_at,
     highest_of_curve,
+    of_curve,
+    within_budget,
 )
 from bdamper.response.linear_limits import peak_interval
 from bdamper.response.peak import Peak, PeakOptions, coarse_options, find_peak
-from bdamper.response.response_curve import frequency_response, open_at_rest, rattles
-from bdamper.response.response_curve_result import uninterrupted
-from bdamper.util.errors import FAILURES_AT_ONE_PRELOAD
+from bdamper.response.response_curve import frequency_response
+from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
+from bdamper.util.errors import FAILURES_AT_ONE_PRELOAD, INCOMPLETE
 from bdamper.util.formatting import amount, peak_text
-from bdamper.util.progress import CostMeter, one_thread
+from bdamper.util.progress import CostMeter, one_thread, single_thread
 
 DROP = 1.0 / 3.0
 """Relative decrease of the amplitude from one preload to the next one above which the lower
@@ -243,7 +245,7 @@ def without_lost_peaks(
 
 
 @one_thread
-def single_peak(
+def highest_peak(
     problem: Problem,
     preload: float,
     frequency: tuple[float, float] | None = None,
@@ -252,21 +254,75 @@ def single_peak(
     options: PeakOptions | None = None,
     progress: bool = False,
 ) -> Peak:
-    """Compute the highest point of the response at one preload that has no neighbours.
+    """Compute the highest point of the response at one preload
+    (:mod:`bdamper.response.highest_peak`).
 
-    If a peak of a lower preload still exists at this one and is higher, the status is "incomplete"
-    and this peak is the lower bound.  Otherwise :func:`bdamper.response.highest_peak.highest_peak`
-    has the same result; it explains the parameters.  Up to two more curves are computed if the
-    curve has folds and the damper does not rattle; the cost includes them.
+    Parameters
+    ----------
+    problem : Problem
+    preload : float, N
+    frequency : (low, high), Hz, optional
+        Around the free and the stuck resonance of ``mode`` by default.
+    mode : int
+        Mode of the constrained bodies, 1 for the lowest.
+    options : PeakOptions
+    progress : bool
+
+    Returns
+    -------
+    Peak
+        ``corner`` is set unless it is a smooth maximum.  The status is "incomplete" if the curve is
+        incomplete, has no maximum in the interval, has a branch that was stopped among many folds,
+        or is higher at an end or on a separate branch, or if a peak followed from a lower preload
+        is higher.  The amplitude is then NaN, and ``lower_bound`` contains the highest computed
+        maximum, or the end.  The amplitude of an unbounded resonance is infinite.  The status is
+        "not found" with the reason, and there are no unknowns, if no response was found in the
+        interval or if no steady periodic response is expected.  Up to two more curves are computed
+        if the curve has folds and the damper does not rattle; the cost includes them.
     """
     frequency = peak_interval(problem.at(preload), frequency, mode)
     check_options(options)
-    response = found_at(problem, preload, frequency, options=options, progress=progress)
-    if response.known:
-        rattling = rattles(response.curve, open_at_rest(problem.at(preload)))
-        response = replace(response, rattles=rattling)
+    response = within_budget(problem, preload, frequency, options=options, progress=progress)
     response = with_lower_preloads(problem, response, frequency, options)
     return as_peak(problem, response, frequency)
+
+
+def response_curve(
+    problem: Problem,
+    preload: float,
+    frequency: tuple[float, float],
+    *,
+    options: ContinuationOptions | None = None,
+    progress: bool = False,
+) -> ResponseCurve:
+    """Compute the response curve at one preload, with the verdict on its highest point.
+
+    The curve is that of :func:`bdamper.response.response_curve.frequency_response`; see
+    :func:`with_verdict`.
+    """
+    curve = frequency_response(problem, preload, frequency, options=options, progress=progress)
+    return with_verdict(problem, curve, frequency)
+
+
+def with_verdict(
+    problem: Problem, curve: ResponseCurve, frequency: tuple[float, float]
+) -> ResponseCurve:
+    """Return a response curve that is incomplete if its highest point is no answer.
+
+    Branches may cover the interval (Hz) although a higher response is known, or although no steady
+    periodic response is expected.  The reason is then that of :attr:`AtPreload.ending`.  A curve
+    that is highest at an end of the interval remains complete: its peak says so.
+    """
+    if not len(curve) or curve.interrupted:
+        return curve
+    with single_thread():
+        response = of_curve(problem, curve, frequency)
+        response = with_lower_preloads(problem, response, frequency)
+    end = response.ending
+    only_at_end = response.top is not None and response.top.kind == "end" and not response.rattles
+    if end.ok or only_at_end:
+        return curve
+    return replace(curve, status=INCOMPLETE, reason=end.reason, cost=curve.cost + response.cost)
 
 
 def with_lower_preloads(

@@ -35,13 +35,20 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.rolling import rolling_dampers
 from bdamper.model.kinematics import centrifugal_load
 from bdamper.response.events import ContinuationOptions
-from bdamper.response.followed_peak import with_lower_preloads, without_lost_peaks
-from bdamper.response.highest_peak import REACH, AtPreload, Highest, check_options, found_at
+from bdamper.response.followed_peak import LOWER, with_lower_preloads, without_lost_peaks
+from bdamper.response.highest_peak import (
+    BUDGET,
+    REACH,
+    AtPreload,
+    Highest,
+    check_options,
+    within_budget,
+)
 from bdamper.response.linear_limits import linear_peak, peak_interval
 from bdamper.response.optimal_curve_result import OptimalCurve, OptimumPoint
 from bdamper.response.optimum_checks import NEAR_BEST
 from bdamper.response.peak import Family, Peak, PeakOptions, find_peak
-from bdamper.response.response_curve import open_at_rest, rattles, without_points
+from bdamper.response.response_curve import without_points
 from bdamper.response.response_curve_result import NO_STEADY, ResponseCurve
 from bdamper.response.scalar_search import (
     Minimum,
@@ -77,16 +84,6 @@ from bdamper.util.workers import workers
 # ---- response at one preload ----
 
 
-BUDGET = 8000
-"""First budget of a curve in evaluations.
-
-Curves with many folds take some 4,000, with contacts 20 times too stiff up to 10,000.  A curve that
-needs more is followed again with the default budget, unless the damper rattles: such curves do not
-count.  With the default budget for all curves a search on the reference disk (from 10 N, three
-harmonics) takes 23 instead of 11 s, with 24 points 105 instead of 35 s.
-"""
-
-
 @one_thread
 def at_preload(
     problem: Problem,
@@ -101,28 +98,16 @@ def at_preload(
     A curve that uses up ``budget`` is followed again with the default budget, unless the damper
     rattles.
     """
-    cost = Cost()
-    # None is the default budget
-    limits = [None] if budget is None else [budget, None]
-    for limit in limits:
-        why_rattling = ""
-        with stopped_by(stop or Event()):
-            try:
-                response = found_at(problem, preload, frequency, options=options, budget=limit)
-                if response.top is not None:
-                    at_rest = open_at_rest(problem.at(preload))
-                    why_rattling = rattles(response.curve, at_rest)
-            # InterruptedCurve is a KeyboardInterrupt, which ends the search with its results
-            except FAILURES_AT_ONE_PRELOAD as error:
-                failure = f"failed: {type(error).__name__}: {error}"
-                empty = without_points(problem, preload, failure, ContinuationOptions(), Cost())
-                response = AtPreload(
-                    preload=preload, curve=empty, top=None, slope=np.nan, rattles="", cost=Cost()
-                )
-        cost += response.cost
-        used_up = limit is not None and response.curve.cost.evaluations >= limit
-        if response.known or why_rattling or not used_up:
-            break
+    with stopped_by(stop or Event()):
+        try:
+            response = within_budget(problem, preload, frequency, options=options, budget=budget)
+        # InterruptedCurve is a KeyboardInterrupt, which ends the search with its results
+        except FAILURES_AT_ONE_PRELOAD as error:
+            failure = f"failed: {type(error).__name__}: {error}"
+            empty = without_points(problem, preload, failure, ContinuationOptions(), Cost())
+            response = AtPreload(
+                preload=preload, curve=empty, top=None, slope=np.nan, rattles="", cost=Cost()
+            )
     slope = np.nan
     if response.top is not None:
         peak = response.top.peak
@@ -130,9 +115,7 @@ def at_preload(
         with suppress(*FAILURES_AT_ONE_PRELOAD):
             by_preload = amplitude_sensitivity(peak, problem.system, preload)
             slope = by_preload * preload / peak.amplitude
-    return replace(
-        response, curve=_light(response.curve), slope=slope, rattles=why_rattling, cost=cost
-    )
+    return replace(response, curve=_light(response.curve), slope=slope)
 
 
 def _light(curve: ResponseCurve) -> ResponseCurve:
@@ -305,7 +288,7 @@ class Curves:
     known : dict of float to AtPreload
         Finished curves by preload.
     checked_below : set of float
-        Preloads (N) whose peaks were followed from preloads below the range.
+        Preloads (N) at which peaks were followed from preloads that are not part of the curve.
     """
 
     problem: Problem
@@ -419,16 +402,21 @@ class Curves:
             return self.executor.submit(job)
 
     def _follow_drops(self) -> None:
-        """Replace the highest points above which a peak of the next lower preload still exists.
+        """Replace the highest points above which a peak of a lower preload still exists.
 
-        The file keeps what each curve gave, because the neighbours of a preload may change.
+        A preload without a close lower neighbour is treated like a single one.  The file keeps what
+        each curve gave, because the neighbours of a preload may change.
         """
-        lowest = min(self.known)
-        if lowest not in self.checked_below:
-            self.checked_below.add(lowest)
-            self.known[lowest] = with_lower_preloads(
-                self.problem, self.known[lowest], self.frequency, self.options
-            )
+        ascending = sorted(self.known)
+        below = 0.0
+        for preload in ascending:
+            isolated = below < LOWER[-1] * preload
+            if isolated and preload not in self.checked_below:
+                self.checked_below.add(preload)
+                self.known[preload] = with_lower_preloads(
+                    self.problem, self.known[preload], self.frequency, self.options
+                )
+            below = preload
         self.known |= without_lost_peaks(self.problem, self.known, self.options)
 
     def _store(self, response: AtPreload) -> None:
@@ -645,7 +633,7 @@ def _interrupted_optimum(curves: Curves) -> OptimumPoint:
     end = Ending(INTERRUPTED, curves.work.reason or "by the user")
     lowest: AtPreload | None = None
     for preload, response in curves.known.items():
-        if preload <= edge or not response.known or response.top is None:
+        if preload <= edge or not np.isfinite(response.value) or response.top is None:
             continue
         if lowest is None or response.value < lowest.value:
             lowest = response
@@ -678,7 +666,9 @@ def _ending(response: AtPreload | None, preload: float, edge: float, why: str) -
 
 def _known_peak(response: AtPreload | None, edge: float) -> Highest | None:
     """Return the highest point at a preload if its amplitude counts."""
-    if response is None or response.preload <= edge or not response.known:
+    if response is None or response.preload <= edge:
+        return None
+    if not response.known or response.rattles:
         return None
     return response.top
 

@@ -322,6 +322,11 @@ class ResponseCurve(
         return self.higher(float(self.amplitude[self.peak_index]))
 
     @property
+    def without_steady(self) -> bool:
+        """Whether the curve is incomplete because no steady periodic response is expected."""
+        return not self.complete and self.reason.startswith(NO_STEADY)
+
+    @property
     def out_of_reach(self) -> NDArray:
         """Whether each point is on a closed branch, or on a separate branch above the peak, (n,)."""
         separate = self.separate
@@ -484,7 +489,10 @@ class ResponseCurve(
         if higher:
             remarks.append(f"The response is {higher}")
         remarks += [sentence(note) for note in self.self_locking]
-        if not self.complete:
+        if self.without_steady:
+            remarks.append(f"The curve is {self.status}: {self.reason}")
+            remarks.append("Remedy: study.time_response(curve), the highest steady amplitude")
+        elif not self.complete:
             remarks.append(f"The curve is {self.status}: {self.reason}; there may be a higher peak")
         checks = []
         if self.blades is not None:
@@ -521,6 +529,8 @@ class ResponseCurve(
             kind = "No peak; highest point"
             end = self._end_of_interval
             peak += f", at the {end[0]} end of the curve" if end else ", at a gap of the curve"
+        elif self.without_steady:
+            kind = "No steady periodic response expected; highest solution"
         elif self.may_be_higher:
             kind = "Lower bound of the resonance peak"
         else:

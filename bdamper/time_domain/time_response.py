@@ -36,6 +36,7 @@ from bdamper.contact.residual_flexibility import ResidualModes
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.model.kinematics import RIGID_NAMES
 from bdamper.response.continuation import TWO_PI
+from bdamper.response.followed_peak import with_verdict
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.optimum_checks import FAIR
 from bdamper.response.peak import Peak
@@ -317,6 +318,8 @@ def time_response(
     doubt_about_curve = ""
     if not result.complete:
         doubt_about_curve = f"there may be a higher peak, as the curve is {result.status}"
+        if result.reason:
+            doubt_about_curve += f" ({result.reason})"
     return _stated(without_amplitude, integrations, doubt_about_curve)
 
 
@@ -740,11 +743,16 @@ def with_time_response(
         preloads = [float(p) for p in validation.numbers("preload", preload, above=0.0, unit="N")]
     responses = {response.preload: response for response in curve.time_response}
     costs: dict[float, Cost] = {}
+    complete = {p for p, status in zip(curve.preload, curve.status) if status == COMPLETE}
 
     def integrate(load: float) -> None:
         """Integrate at one preload (N); a failure becomes the status of its response."""
         try:
-            tracked = uninterrupted(frequency_response(problem, load, curve.settings["frequency"]))
+            tracked = frequency_response(problem, load, curve.settings["frequency"])
+            # at a complete preload of the optimal curve the highest point is known
+            if load not in complete:
+                tracked = with_verdict(problem, tracked, curve.settings["frequency"])
+            tracked = uninterrupted(tracked)
             costs[load] = tracked.cost
             responses[load] = time_response(problem, tracked, progress=progress)
             costs[load] += responses[load].cost

@@ -5,7 +5,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.analyses.error_estimates import evaluate_peak, whole_curve
-from bdamper.response.highest_peak import highest_peak
+from bdamper.response.followed_peak import highest_peak
 from bdamper.response.linear_limits import resonance_interval
 from bdamper.response.response_curve import frequency_response
 from tests.models import wedge_model

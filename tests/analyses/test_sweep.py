@@ -26,7 +26,7 @@ from bdamper.analyses import robust_optimum
 from bdamper.analyses.sweep import OptimalTask, PeakTask
 from bdamper.harmonic_balance.parameters import study_fingerprint
 from bdamper.response.events import ContinuationOptions
-from bdamper.response.highest_peak import highest_peak
+from bdamper.response.followed_peak import highest_peak
 from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimal_curve import optimal_curve
 from bdamper.response.verification import TimeResponse

@@ -10,7 +10,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.plot import plot_response_map
-from bdamper.response import highest_peak
+from bdamper.response import followed_peak, highest_peak
 from bdamper.response.branches import LeftOut
 from bdamper.response.highest_peak import AT_END, _tops, highest_of_curve, maxima
 from bdamper.response.linear_limits import resonance_interval
@@ -402,6 +402,8 @@ def test_a_peak_of_a_part_of_a_curve_is_incomplete(monkeypatch):
     )
     for name in ("coarse_options", "ContinuationOptions"):
         monkeypatch.setattr(module, name, lambda: options)
+    # the first budget would replace the budget of these options
+    monkeypatch.setattr(followed_peak, "within_budget", module.found_at)
     part = study.peak(0.0, (0.12, 0.4))
     assert (
         part.status == part.search_status
@@ -436,14 +438,14 @@ def test_an_error_at_one_preload_leaves_the_others(study, monkeypatch):
     preloads = [30.0, 100.0, 300.0]
     whole = study.optimal_curve(preloads, frequency=INTERVAL, check=False)
     optimal = sys.modules["bdamper.response.optimal_curve"]
-    plain = optimal.found_at
+    plain = optimal.within_budget
 
     def fails_at_30(problem, preload, *more, **named):
         if preload == 30.0:
             raise bd.BdamperError("the response curve has no point")
         return plain(problem, preload, *more, **named)
 
-    monkeypatch.setattr(optimal, "found_at", fails_at_30)
+    monkeypatch.setattr(optimal, "within_budget", fails_at_30)
     found = study.optimal_curve(preloads, frequency=INTERVAL, check=False)
     kept = dict(zip(found.preload, zip(found.amplitude, found.reason)))
     assert np.isnan(kept[30.0][0]) and "the response curve has no point" in kept[30.0][1]

@@ -11,7 +11,7 @@ import bdamper as bd
 from bdamper.analyses.robust_optimum import SteadyPeak
 from bdamper.harmonic_balance.equations import Equations, Maximum, Plane
 from bdamper.harmonic_balance.parameters import vary
-from bdamper.response import optimal_curve, sensitivity
+from bdamper.response import highest_peak, optimal_curve, sensitivity
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import AtPreload, Highest
 from bdamper.response.linear_limits import free_and_stuck, resonance_interval
@@ -602,7 +602,7 @@ def test_a_curve_that_uses_up_its_first_budget_is_followed_again(study, monkeypa
     assert min(used) > 200 and curve.cost.evaluations >= sum(used) + 100 * len(used), (
         "both budgets count"
     )
-    monkeypatch.setattr(optimal_curve, "rattles", lambda curve, at_rest: "it rattles")
+    monkeypatch.setattr(highest_peak, "rattles", lambda curve, at_rest: "it rattles")
     there = optimal_curve.at_preload(study.problem, 1000.0, INTERVAL, budget=100)
     assert not there.known and there.cost.evaluations < 200
 
