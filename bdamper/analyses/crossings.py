@@ -206,12 +206,12 @@ class CrossingTask:
         else:
             results["fixed_speed"] = fixed.parameter
             results["fixed_speed_amplitude"] = fixed.amplitude
-        doubt = self._doubt_at_speed(family, curve, solution.parameter, meter)
-        if doubt.status == NOT_FOUND:
-            return {"kind": NOT_FOUND, "warning": [*warnings, doubt.reason]}
-        if not doubt.ok:
+        at_fixed_speed = self._verdict_at_speed(family, curve, solution.parameter, meter)
+        if at_fixed_speed.status == NOT_FOUND:
+            return {"kind": NOT_FOUND, "warning": [*warnings, at_fixed_speed.reason]}
+        if not at_fixed_speed.ok:
             results["kind"] = INCOMPLETE
-            warnings.append(doubt.reason)
+            warnings.append(at_fixed_speed.reason)
         at_speed = family.problem(solution.parameter)
         if self.margin is not None:
             unknowns = solution.y[:-1]
@@ -222,10 +222,10 @@ class CrossingTask:
         results["warning"] = warnings
         return results
 
-    def _doubt_at_speed(
+    def _verdict_at_speed(
         self, family: SpeedFamily, curve: ResponseCurve, speed: float, meter: CostMeter
     ) -> Ending:
-        """Return the doubt about a crossing that the response at its speed (rad/s) gives.
+        """Return the verdict on a crossing that the response at its speed (rad/s) gives.
 
         It is "not found" if no steady periodic response is expected there, and "incomplete" if a
         peak of a lower preload is higher.  A line without folds loses no branch.
