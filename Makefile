@@ -12,7 +12,7 @@
 #   make validate  public problems and closed forms computed again, into docs/evidence/validated.md (needs CalculiX)
 #   make kernels   tests of the core under each kernel of the core
 #   make portability  tests that rounding affects, under each kernel of the core and of OpenBLAS; more folders with the oldest dependencies
-#   make nastran   Nastran readers, with the NumPy that pyNastran asks for
+#   make nastran   Nastran readers beside pyNastran, with the NumPy that it asks for
 #   make others    models that other programs wrote and other packages carry, and sweeps on MPI (Debian: calculix-ccx, calculix-ccx-test; a network)
 #   make oldest    quick tests of the core and its equations with the oldest supported dependencies
 #   make newest    quick tests with the newest dependencies
@@ -114,7 +114,7 @@ portability: $(VENV)/dev.stamp
 	$(call step,more quick tests with the oldest supported dependencies,sh tools/test_versions.sh oldest $(VERSIONS))
 
 nastran: | prerequisites
-	$(call step,Nastran readers in an environment of their own,PYTHON=$(PYTHON) sh tools/test_nastran.sh)
+	$(call step,Nastran readers beside pyNastran,PYTHON=$(PYTHON) sh tools/test_nastran.sh)
 
 others: $(VENV)/dev.stamp $(VENV)-others/files.stamp
 	@for url in $(OTHERS_ARCHIVES); do folder=$(VENV)-others/$${url##*/}; \

@@ -1,14 +1,17 @@
 #!/bin/sh
-# Tests of the Nastran readers in an environment of their own: pyNastran needs a NumPy before 2.
+# Nastran readers beside pyNastran, in an environment of their own: pyNastran needs a NumPy before 2.
 set -eu
 cd "$(dirname "$0")/.."
 venv=.venv-nastran
 place=builddir-nastran
 [ -x $venv/bin/python ] || "${PYTHON:-python3}" -m venv $venv
-$venv/bin/python -m pip install -qq ".[fe,nastran,unv]" "numpy<2" pytest pytest-timeout hypothesis
+if ! $venv/bin/python -m pip install -qq . "pyNastran>=1.4" "numpy<2" pytest pytest-timeout; then
+  $venv/bin/python -c 'import sys; sys.exit(sys.version_info < (3, 13))' || exit 1
+  echo "make: no comparison with pyNastran: no NumPy before 2 for this Python; set PYTHON=python3.12"
+  exit 0
+fi
 rm -rf $place && mkdir -p $place/project
-cp -r tests tools examples docs pyproject.toml $place/project/
-[ ! -d ../shared ] || ln -s "$(cd ../shared && pwd)" $place/shared
+cp -r tests tools pyproject.toml $place/project/
 cd $place/project
 # the installed package is tested, not the source tree, so only this copy is on the path
-"../../$venv/bin/python" -m pytest -q tests/importers/test_io_files.py tests/importers/test_stress_fields.py tests/importers/test_keywords.py tests/importers/test_bounds.py "tests/examples/test_import_page.py::test_recipes"
+"../../$venv/bin/python" -m pytest -q tests/importers/test_beside_pynastran.py

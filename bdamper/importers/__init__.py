@@ -31,7 +31,9 @@ from bdamper.importers.measurements import (
     read_response,
     read_responses,
 )
-from bdamper.importers.nastran import read_bdf, read_nastran, read_op2, read_op4
+from bdamper.importers.nastran import read_bdf, read_nastran
+from bdamper.importers.op2 import read_op2
+from bdamper.importers.op4 import read_op4
 from bdamper.importers.options import Checks, Placement, Reduction, Sector
 
 __all__ = [

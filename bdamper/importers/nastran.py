@@ -1,8 +1,8 @@
-"""Nastran: bulk data, matrices of OP4 files or DMIG cards, modes of OP2 files, parsed by pyNastran.
+"""Nastran: bulk data, and matrices of OP4 files or DMIG cards.
 
-The package pyNastran (extra ``bdamper[nastran]``) is needed.  OP4 matrices KNN and MNN contain six
-rows for each grid point in ascending order of the numbers, but none for the dependent components of
-RBE2, RBE3 and MPC.  Empty rows (rotations of solid elements, fixed components) are dropped.
+OP4 matrices KNN and MNN contain six rows for each grid point in ascending order of the numbers, but
+none for the dependent components of RBE2, RBE3 and MPC.  Empty rows (rotations of solid elements,
+fixed components) are dropped.
 
 A dependent grid point without solid elements and rows is omitted.  The dependent grid points of an
 RBE2 whose independent grid point is fixed (SPC, SPC1) are fixed themselves.  Any other tie of solid
@@ -10,26 +10,23 @@ elements is an error, because the unknowns of a body are the displacements of it
 
 References
 ----------
-MSC, *Nastran Quick Reference Guide* (bulk data, DMIG, OUTPUT4).
-S. Doyle et al., *pyNastran*, documentation of the packages bdf, op2 and op4.
+MSC, *Nastran Quick Reference Guide* (bulk data, DMIG).
 """
 
 from __future__ import annotations
 
-import os
-import re
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
-from io import StringIO
-from itertools import chain
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.importers.arrays import square_matrix, triangle_to_full
+from bdamper.importers.arrays import square_matrix
+from bdamper.importers.bulk_data import Card, read_cards
 from bdamper.importers.deck_keywords import (
     BDF_HARMLESS,
     BDF_IN_MATRICES,
@@ -38,21 +35,16 @@ from bdamper.importers.deck_keywords import (
     CURE,
     refuse,
 )
-from bdamper.importers.fe_body import (
-    ElementKind,
-    FEBody,
-    Included,
-    Modes,
-    check_count,
-    mesh_body,
-    reader,
-    rotate_to_file,
-)
-from bdamper.util.errors import check, import_extra, mismatch
+from bdamper.importers.fe_body import ElementKind, FEBody, Modes, mesh_body, reader
+from bdamper.importers.op4 import read_op4
+from bdamper.util.errors import check
 from bdamper.util.storage import FilePath
 
-_EXTRA = "reading a file of Nastran", "nastran"
-_SOLIDS = {"CTETRA": 4, "CPENTA": 6, "CHEXA": 8}
+_N_CORNERS = {"CTETRA": 4, "CPENTA": 6, "CHEXA": 8}
+_N_QUADRATIC = {"CTETRA": 10, "CPENTA": 15, "CHEXA": 20}
+_RECTANGULAR, _CYLINDRICAL, _SPHERICAL = "R", "C", "S"
+_SYMMETRIC = 6  # form of a matrix of which one triangle is written
+_REAL_TYPES = (1, 2)
 
 
 class _Tied(NamedTuple):
@@ -73,61 +65,57 @@ class _Tied(NamedTuple):
     spare: set[int]
 
 
-@reader("an OP4 file", library=True)
-def read_op4(path: Path) -> dict[str, sp.csr_matrix]:
-    """Read the square matrices of an OP4 file into a mapping of their names.
-
-    Parameters
-    ----------
-    path : path-like
-
-    Returns
-    -------
-    dict of name to (n, n) sparse
-
-    Raises
-    ------
-    FileNotFoundError, ModelError
-        If the file does not exist, is damaged, or has no square matrix.
+@dataclass(frozen=True)
+class _Grid:
+    """Grid point: position in system ``place``, axes of displacement of system ``axes``, and
+    components that are held.
     """
-    op4 = import_extra("pyNastran.op4.op4", *_EXTRA).OP4
-    _check_op4_sizes(path)
-    try:
-        content = op4(debug=False).read_op4(str(path))
-    except MemoryError:
-        raise
-    except (Exception, SystemExit) as error:
-        # pyNastran raises almost anything, with texts of many lines
-        found = f"a different or damaged file ({type(error).__name__})"
-        raise mismatch(str(path), "an OP4 file that pyNastran can read", found) from error
-    matrices = {}
-    for name, value in content.items():
-        # a matrix, a tuple with a matrix or an object with one, depending on the release
-        unpacked = value[1] if isinstance(value, tuple) else value
-        data = getattr(value, "data", unpacked)
-        if data is None or len(data.shape) != 2 or data.shape[0] != data.shape[1]:
-            continue
-        stored = sp.coo_matrix(data)
-        full = triangle_to_full(stored.row, stored.col, stored.data, data.shape[0])
-        matrices[name] = square_matrix(full, f"{path}: {name}")
-    shapes = {name: getattr(value, "shape", None) for name, value in content.items()}
-    check(bool(matrices), str(path), "a square matrix", shapes)
-    return matrices
+
+    position: tuple[float, float, float]
+    place: int
+    axes: int
+    held: str
+    item: str = field(compare=False)
 
 
-def _check_op4_sizes(source: Any) -> None:
-    """Check the sizes at the head of a text file, before pyNastran allocates arrays for them."""
-    with open(source, "rb") as file:
-        text = file.read(16).decode("ascii", errors="replace")
-    # a binary file begins otherwise
-    if not text.replace("-", " ").replace(" ", "").isdigit():
-        return
-    largest = max(1000, os.stat(source).st_size)
-    for count in (text[:8], text[8:]):
-        check_count(abs(int(count)), f"{source}: head", "a size of a matrix", 1, largest)
+class _Cards:
+    """Cards of a file by name."""
+
+    def __init__(self, source: Path) -> None:
+        self.source = source
+        self.all = read_cards(source)
+        for card in self.all:
+            if card.name not in BDF_READ | BDF_HARMLESS | BDF_IN_MATRICES | BDF_TIES:
+                refuse(card.text, card.item, sorted(BDF_READ))
+        self.grids = self._grids()
+
+    def named(self, *names: str) -> list[Card]:
+        """Return the cards with one of the names, in their order."""
+        return [card for card in self.all if card.name in names]
+
+    def _grids(self) -> dict[int, _Grid]:
+        """Return the grid points by number."""
+        default_place = default_axes = 0
+        default_held = ""
+        for card in self.named("GRDSET"):
+            default_place, default_axes = card.integer(1, 0), card.integer(5, 0)
+            default_held = card.word(6)
+        grids: dict[int, _Grid] = {}
+        for card in self.named("GRID"):
+            number = card.integer(0)
+            grid = _Grid(
+                (card.real(2, 0.0), card.real(3, 0.0), card.real(4, 0.0)),
+                card.integer(1, default_place),
+                card.integer(5, default_axes),
+                card.word(6) or default_held,
+                card.item,
+            )
+            again = grids.setdefault(number, grid)
+            check(again == grid, card.item, "each grid point once", f"{number} twice")
+        return grids
 
 
-@reader("a bulk data file of Nastran", ".bdf", ".dat", ".nas", library=True)
+@reader("a bulk data file of Nastran", ".bdf", ".dat", ".nas")
 def read_bdf(path: Path) -> FEBody:
     """Read grid points, solid elements, sets and DMIG matrices KAAX and MAAX of a bulk data file.
 
@@ -147,27 +135,22 @@ def read_bdf(path: Path) -> FEBody:
     return _bulk(path)[0]
 
 
-@reader("a bulk data file of Nastran", library=True)
+@reader("a bulk data file of Nastran")
 def _bulk(path: Path) -> tuple[FEBody, _Tied]:
     """Read a bulk data file and the effect of its constraints."""
-    model, lines = _parsed(path)
-    for name in model.card_count:
-        if name not in BDF_READ | BDF_HARMLESS | BDF_IN_MATRICES | BDF_TIES:
-            item, card = _line_of(name, lines, path)
-            refuse(card, item, sorted(BDF_READ))
-    numbers, nodes = model.get_xyz_in_coord_no_xref(cid=0) if model.nodes else ((), ())
-    elements, kinds = _solid_elements(model)
-    sets = {}
-    for key, node_set in model.sets.items():
-        if hasattr(node_set, "ids") and node_set.ids:
-            sets[f"SET{key}"] = np.array(sorted(node_set.ids), np.int64)
+    cards = _Cards(path)
+    systems = _Systems(cards)
+    numbers = sorted(cards.grids)
+    nodes = [systems.position(number) for number in numbers]
+    elements, kinds = _solid_elements(cards)
+    counts = Counter(card.name for card in cards.all)
     notes = [
         f"cards {name} ({count}) are not read: the matrices must contain them"
-        for name, count in model.card_count.items()
+        for name, count in counts.items()
         if name in BDF_IN_MATRICES
     ]
     solid = {grid for element in elements for grid in element}
-    tied = _tied(model, solid, lines, path, notes)
+    tied = _tied(cards, solid, notes)
     body = mesh_body(
         str(path),
         "grid points (GRID)",
@@ -175,46 +158,84 @@ def _bulk(path: Path) -> tuple[FEBody, _Tied]:
         nodes,
         elements,
         kinds,
-        node_sets=sets,
+        node_sets=_node_sets(cards),
         notes=tuple(notes),
     )
-    axes = _displacement_axes(model, body.numbers, body.nodes)
-    return _with_dmig(replace(body, node_axes=axes), model, tied, str(path)), tied
+    axes = {}
+    for number, position in zip(numbers, body.nodes):
+        if cards.grids[number].axes != 0:
+            axes[number] = systems.displacement_axes(number, position)
+    return _with_dmig(replace(body, node_axes=axes), cards, tied, str(path)), tied
 
 
-def _parsed(path: Path) -> tuple[Any, list[_Line]]:
-    """Return the model of pyNastran, and the lines of the file and its included files."""
-    bdf = import_extra("pyNastran.bdf.bdf", *_EXTRA).BDF
-    model = bdf(debug=None)
-    lines = _with_included(path, Included())
-    cards = "\n".join(line.text for line in lines)
-    has_case_control = re.search(r"^\s*CEND\b", cards, re.MULTILINE | re.IGNORECASE)
-    if not has_case_control:
-        # such bulk data may or may not have the lines BEGIN BULK and ENDDATA
-        begin = r"^\s*BEGIN\s+BULK.*$"
-        cards = re.split(begin, cards, maxsplit=1, flags=re.MULTILINE | re.IGNORECASE)[-1]
-    model.read_bdf(StringIO(cards), punch=not has_case_control, xref=False)
-    return model, lines
+def _node_sets(cards: _Cards) -> dict[str, NDArray]:
+    """Return the grid points of each SET1 that is not empty."""
+    members: dict[str, set[int]] = {}
+    for card in cards.named("SET1"):
+        members.setdefault(f"SET{card.integer(0)}", set()).update(card.integers(1))
+    return {name: np.array(sorted(grids), np.int64) for name, grids in members.items() if grids}
 
 
-def _solid_elements(model: Any) -> tuple[list[list[int]], list[ElementKind]]:
+def _solid_elements(cards: _Cards) -> tuple[list[list[int]], list[ElementKind]]:
     """Return grid points and kind of each solid element."""
-    elements, kinds = [], []
-    for element in model.elements.values():
-        n_corners = _SOLIDS.get(element.type)
-        if n_corners is None:
-            continue
-        n_quadratic = {4: 10, 6: 15, 8: 20}[n_corners]
-        grids = [grid for grid in element.nodes if grid not in (None, 0)]
+    materials = _materials(cards)
+    element_of: dict[int, tuple[str, list[int], int]] = {}
+    for card in cards.named(*_N_CORNERS):
+        words = range(2, len(card.fields))
+        # a mid-side node may be blank or 0
+        grids = [grid for grid in (card.integer(k, 0) for k in words) if grid != 0]
+        n_corners, n_quadratic = _N_CORNERS[card.name], _N_QUADRATIC[card.name]
+        plausible = n_corners <= len(grids) <= n_quadratic
+        check(plausible, card.item, f"{n_corners} to {n_quadratic} grid points", len(grids))
+        absent = [grid for grid in grids if grid not in cards.grids]
+        check(not absent, card.item, "existing grid points", f"{absent[:1]}")
         # without some mid-side nodes an element has its corners only
-        if len(grids) not in (n_corners, n_quadratic):
+        if len(grids) != n_quadratic:
             grids = grids[:n_corners]
+        number = card.integer(0)
+        element = (card.name, grids, card.integer(1, number))
+        again = element_of.setdefault(number, element)
+        check(again == element, card.item, "each element once", f"{number} twice")
+    elements, kinds = [], []
+    for _, grids, section in element_of.values():
         elements.append(grids)
-        kinds.append(_kind(model, element.pid, len(grids)))
+        constants = materials.get(section, (None, None, None))
+        kinds.append(ElementKind(f"C3D{len(grids)}", *constants))
     return elements, kinds
 
 
-def _tied(model: Any, solid: set[int], lines: list[_Line], path: Path, notes: list[str]) -> _Tied:
+_Constants = tuple[float | None, float | None, float | None]
+
+
+def _materials(cards: _Cards) -> dict[int, _Constants]:
+    """Return Young's modulus, Poisson's ratio and density (MAT1) of each section (PSOLID)."""
+    mass_factor = 1.0
+    for card in cards.named("PARAM"):
+        if card.word(0) == "WTMASS":
+            mass_factor = card.real(1)
+    material_of: dict[int, _Constants] = {}
+    for card in cards.named("MAT1"):
+        young, shear, poisson = (card.optional_real(k) for k in (1, 2, 3))
+        # two of the three constants give the third
+        if young is None and shear is not None and poisson is not None:
+            young = 2.0 * (1.0 + poisson) * shear
+        elif poisson is None and young is not None:
+            poisson = young / (2.0 * shear) - 1.0 if shear else 0.0
+        # a blank density is 0
+        density = mass_factor * card.real(4, 0.0) or None
+        material_of[card.integer(0)] = (young, poisson, density)
+    constants = {}
+    for card in cards.named("PSOLID"):
+        material = card.integer(1, 0)
+        if material in material_of:
+            constants[card.integer(0)] = material_of[material]
+    return constants
+
+
+# ---- Constraints ----
+
+
+def _tied(cards: _Cards, solid: set[int], notes: list[str]) -> _Tied:
     """Return the effect of constraints, and add notes on it.
 
     Raises
@@ -224,224 +245,281 @@ def _tied(model: Any, solid: set[int], lines: list[_Line], path: Path, notes: li
     """
     dependent: set[tuple[int, int]] = set()
     held: set[int] = set()
-    for tie in _ties(model):
+    held_grids = _held(cards)
+    for tie in _ties(cards):
         dependent |= tie.dependent
         if solid.isdisjoint(grid for grid, _ in tie.dependent):
             notes.append(
-                f"{tie.card} ties grid points without solid elements: it must be in the matrices"
+                f"{tie.name} ties grid points without solid elements: it must be in the matrices"
             )
             continue
-        item, card = _line_of(tie.card, lines, path)
         expected = (
             "a mesh without constraints, or RBE2 to a grid point that SPC1 fixes in 123456 "
             f"({CURE})"
         )
-        check(tie.independent in _held(model), item, expected, card)
+        check(tie.independent in held_grids, tie.card.item, expected, tie.card.text)
         held.add(tie.independent)
         notes.append(
-            f"{tie.card} fixes its dependent grid points, because {tie.independent} is fixed"
+            f"{tie.name} fixes its dependent grid points, because {tie.independent} is fixed"
         )
     rows = []
-    for grid in sorted(model.nodes):
+    for grid in sorted(cards.grids):
         for component in range(1, 7):
             if (grid, component) not in dependent:
                 rows.append((grid, component))
     spare = held.union(grid for grid, _ in dependent) - solid
-    return _Tied(np.array(rows, np.int64), held, spare)
+    return _Tied(np.array(rows, np.int64).reshape(-1, 2), held, spare)
 
 
 class _Tie(NamedTuple):
-    """Card that ties components of grid points.
+    """Constraint between components of grid points.
 
     Parameters
     ----------
-    card : str
-        Beginning of the card.
+    name : str
+        Name and number of the card.
+    card : Card
     independent : int
         Independent grid point of RBE2; 0 for other cards.
     dependent : set of (int, int)
         Grid point and component of each dependent displacement.
     """
 
-    card: str
+    name: str
+    card: Card
     independent: int
     dependent: set[tuple[int, int]]
 
 
-def _ties(model: Any) -> Iterator[_Tie]:
+def _ties(cards: _Cards) -> Iterator[_Tie]:
     """Iterate over RBE2, RBE3 and MPC."""
-    for rigid in model.rigid_elements.values():
-        dependent: set[tuple[int, int]] = set()
-        if rigid.type == "RBE2":
-            # all dependent grid points have the same components, such as "123"
-            for grid in rigid.Gmi:
-                dependent.update((grid, int(component)) for component in rigid.cm)
-            yield _Tie(f"RBE2 {rigid.eid}", rigid.gn, dependent)
-            continue
-        # the reference point of RBE3 is dependent, unless the card names other components
-        points = [(rigid.refgrid, rigid.refc)]
-        if rigid.Gmi:
-            points = list(zip(rigid.Gmi, rigid.Cmi))
-        for grid, components in points:
-            dependent.update((grid, int(component)) for component in str(components))
-        yield _Tie(f"RBE3 {rigid.eid}", 0, dependent)
-    for mpc in chain.from_iterable(model.mpcs.values()):
+    for card in cards.named("RBE2"):
+        # all dependent grid points have the same components, such as "123"; a thermal expansion
+        # coefficient may follow them
+        last = len(card.fields) - 1
+        has_expansion = last >= 3 and "." in card.fields[last]
+        grids = card.integers(3, last if has_expansion else last + 1)
+        dependent = {(grid, k) for grid in grids for k in _components(card, card.word(2))}
+        yield _Tie(f"RBE2 {card.word(0)}", card, card.integer(1), dependent)
+    for card in cards.named("RBE3"):
+        yield _Tie(f"RBE3 {card.word(0)}", card, 0, _dependent_of_rbe3(card))
+    for card in cards.named("MPC"):
         # the first grid point and component of an equation depend on the others
-        grid = mpc.nodes[0]
-        yield _Tie(f"MPC {mpc.conid} {grid}", 0, {(grid, int(mpc.components[0]))})
+        grid = card.integer(1)
+        components = _components(card, card.word(2))
+        yield _Tie(f"MPC {card.word(0)} {grid}", card, 0, {(grid, k) for k in components})
 
 
-def _held(model: Any) -> set[int]:
+def _dependent_of_rbe3(card: Card) -> set[tuple[int, int]]:
+    """Return the dependent displacements of RBE3: those of its reference point, unless the card
+    names others after UM.
+    """
+    words = [word.upper() for word in card.fields]
+    if "UM" not in words:
+        return {(card.integer(2), k) for k in _components(card, card.word(3))}
+    dependent: set[tuple[int, int]] = set()
+    after = [word for word in words[words.index("UM") + 1 :] if word]
+    if "ALPHA" in after:
+        after = after[: after.index("ALPHA")]
+    for grid, components in zip(after[::2], after[1::2]):
+        check(grid.isdigit(), card.item, "grid points and components after UM", f"'{grid}'")
+        dependent.update((int(grid), k) for k in _components(card, components))
+    return dependent
+
+
+def _components(card: Card, text: str) -> list[int]:
+    """Return the components in a text such as "123"."""
+    check(set(text) <= set("0123456"), card.item, "components out of 123456", f"'{text}'")
+    return [int(component) for component in text]
+
+
+def _held(cards: _Cards) -> set[int]:
     """Return the grid points that are held in all six components.
 
     They are held by their GRID, or by the set of SPC and SPC1 if there is only one.
     """
-    components_of = {grid: set(str(point.ps)) for grid, point in model.nodes.items()}
-    cards = chain.from_iterable(model.spcs.values()) if len(model.spcs) == 1 else ()
-    for card in cards:
-        if isinstance(card.components, list):
-            components = card.components
-        else:
-            components = [card.components] * len(card.nodes)
-        for grid, text in zip(card.nodes, components):
-            components_of.setdefault(grid, set()).update(str(text))
+    components_of = {number: set(grid.held) for number, grid in cards.grids.items()}
+    single = cards.named("SPC", "SPC1")
+    if len({card.integer(0) for card in single}) == 1:
+        for card in single:
+            if card.name == "SPC1":
+                pairs = [(grid, card.word(1)) for grid in card.integers(2)]
+            else:
+                # two triples of grid point, components and displacement
+                starts = [k for k in (1, 4) if card.word(k)]
+                pairs = [(card.integer(k), card.word(k + 1)) for k in starts]
+            for grid, components in pairs:
+                components_of.setdefault(grid, set()).update(components)
     return {grid for grid, components in components_of.items() if components >= set("123456")}
 
 
-class _Line(NamedTuple):
-    """Line of a file."""
-
-    file: Path
-    number: int
-    text: str
+# ---- Coordinate systems ----
 
 
-def _with_included(source: Path, included: Included, depth: int = 0) -> list[_Line]:
-    """Return the lines of a file, with included files inserted."""
-    lines = []
-    text = source.read_text(encoding="latin-1")
-    for number, line in enumerate(text.splitlines(), 1):
-        include = re.match(r"\s*INCLUDE\b\s*(.*)", line, re.IGNORECASE)
-        if include is None:
-            lines.append(_Line(source, number, line))
-            continue
-        item = f"{source}: INCLUDE in line {number}"
-        written = include[1].strip()
-        # in quotation marks of either kind, or without
-        name = re.fullmatch(r"'([^']+)'|\"([^\"]+)\"|(\S+)", written)
-        check(name, item, "the name of a file in one line", f"'{written[:60]}'")
-        assert name is not None
-        path = included.path(name[name.lastindex or 0], source, depth, item)
-        lines += _with_included(path, included, depth + 1)
-    return lines
+class _System(NamedTuple):
+    """Coordinate system.
 
-
-def _line_of(card: str, lines: list[_Line], source: Path) -> tuple[str, str]:
-    """Return the place of a card for a message, and its text, from the beginning of the card."""
-    words = card.split()
-    # fields are separated by commas or blanks, and an asterisk may follow the name
-    fields = r"[*,\s]+".join(map(re.escape, words))
-    pattern = re.compile(r"\s*" + fields + r"\b", re.IGNORECASE)
-    for line in lines:
-        if pattern.match(line.text):
-            return f"{line.file}: {words[0]} in line {line.number}", line.text.strip()[:40]
-    return f"{source}: {words[0]}", card
-
-
-def _kind(model: Any, pid: int, n_nodes: int) -> ElementKind:
-    """Return type and material (MAT1) of an element from its section (PSOLID)."""
-    section = model.properties.get(pid)
-    material = model.materials.get(getattr(section, "mid", None))
-    mass_factor = model.params["WTMASS"].values[0] if "WTMASS" in model.params else 1.0
-    # a blank field is 0
-    density = mass_factor * getattr(material, "rho", 0.0) or None
-    young, poisson = getattr(material, "e", None), getattr(material, "nu", None)
-    return ElementKind(f"C3D{n_nodes}", young, poisson, density)
-
-
-def _displacement_axes(model: Any, numbers: NDArray, nodes: NDArray) -> dict[int, NDArray]:
-    """Return the axes of displacement of grid points with a rectangular or cylindrical coordinate
-    system.
+    Parameters
+    ----------
+    kind : str
+        "R", "C" or "S": rectangular, cylindrical or spherical.
+    origin : (3,) float
+    axes : (3, 3) float
+        Unit vectors as rows.
     """
-    axes_of = {}
-    for number, position in zip(numbers.tolist(), nodes):
-        item = f"GRID {number}"
-        key = model.nodes[number].Cd()
-        if key == 0:
-            continue
-        system = model.coords[key]
-        system.setup_no_xref(model)
-        axes = np.array(system.beta(), float)
-        if system.type in ("CORD1C", "CORD2C"):
-            origin = np.asarray(system.origin, float)
-            radial = axes @ (position - origin) * [1.0, 1.0, 0.0]
-            radius = np.linalg.norm(radial)
-            expected = "a position off the axis of its cylindrical system"
-            check(radius > 0.0, item, expected, "a position on it")
-            r = radial / radius
-            z = [0.0, 0.0, 1.0]
-            axes = np.array([r, np.cross(z, r), z]) @ axes
-        elif system.type not in ("CORD1R", "CORD2R"):
-            expected = "rectangular or cylindrical axes of displacement"
-            raise mismatch(item, expected, system.type)
-        axes_of[number] = axes
-    return axes_of
+
+    kind: str
+    origin: NDArray
+    axes: NDArray
+
+    def to_basic(self, coordinates: tuple[float, float, float]) -> NDArray:
+        """Return the position (3,) in basic coordinates."""
+        a, b, c = coordinates
+        local = np.array([a, b, c])
+        if self.kind == _CYLINDRICAL:
+            angle = np.radians(b)
+            local = np.array([a * np.cos(angle), a * np.sin(angle), c])
+        elif self.kind == _SPHERICAL:
+            polar, azimuth = np.radians(b), np.radians(c)
+            in_plane = a * np.sin(polar)
+            local = np.array(
+                [in_plane * np.cos(azimuth), in_plane * np.sin(azimuth), a * np.cos(polar)]
+            )
+        return self.origin + local @ self.axes
 
 
-def _with_dmig(body: FEBody, model: Any, tied: _Tied, source: str) -> FEBody:
+class _Systems:
+    """Coordinate systems of a file, which may depend on others and on grid points."""
+
+    def __init__(self, cards: _Cards) -> None:
+        self._grids = cards.grids
+        self._known = {0: _System(_RECTANGULAR, np.zeros(3), np.eye(3))}
+        # card and place of the first of its fields
+        self._cards: dict[int, tuple[Card, int]] = {}
+        self._open: set[int] = set()
+        for card in cards.named("CORD1R", "CORD1C", "CORD1S", "CORD2R", "CORD2C", "CORD2S"):
+            # a card of grid points may define two systems
+            starts = (0, 4) if card.name.startswith("CORD1") else (0,)
+            for start in starts:
+                if card.word(start):
+                    self._cards[card.integer(start)] = (card, start)
+
+    def _system(self, number: int, item: str) -> _System:
+        if number in self._known:
+            return self._known[number]
+        check(number in self._cards, item, "an existing coordinate system", number)
+        card, start = self._cards[number]
+        check(number not in self._open, card.item, "no system that depends on itself", number)
+        self._open.add(number)
+        if card.name.startswith("CORD1"):
+            grids = [card.integer(start + k) for k in (1, 2, 3)]
+            points = [self._of_grid(grid, card.item) for grid in grids]
+        else:
+            reference = self._system(card.integer(1, 0), card.item)
+            points = []
+            for k in (2, 5, 8):
+                point = (card.real(k, 0.0), card.real(k + 1, 0.0), card.real(k + 2, 0.0))
+                points.append(reference.to_basic(point))
+        self._open.discard(number)
+        # origin, a point on the third axis, and a point in the plane of the first and third
+        origin, on_z, in_xz = points
+        z = on_z - origin
+        y = np.cross(z, in_xz - origin)
+        separate = np.linalg.norm(z) > 0.0 and np.linalg.norm(y) > 0.0
+        check(separate, card.item, "three points that are not on one line", points)
+        z, y = z / np.linalg.norm(z), y / np.linalg.norm(y)
+        system = _System(card.name[-1], origin, np.array([np.cross(y, z), y, z]))
+        self._known[number] = system
+        return system
+
+    def _of_grid(self, number: int, item: str) -> NDArray:
+        check(number in self._grids, item, "an existing grid point", number)
+        return self.position(number)
+
+    def position(self, number: int) -> NDArray:
+        """Return the position (3,) of a grid point in basic coordinates."""
+        grid = self._grids[number]
+        return self._system(grid.place, grid.item).to_basic(grid.position)
+
+    def displacement_axes(self, number: int, position: NDArray) -> NDArray:
+        """Return the axes (3, 3) of the displacements of a grid point, as rows."""
+        grid = self._grids[number]
+        system = self._system(grid.axes, grid.item)
+        expected = "rectangular or cylindrical axes of displacement"
+        check(system.kind != _SPHERICAL, grid.item, expected, "spherical ones")
+        if system.kind == _RECTANGULAR:
+            return system.axes
+        radial = system.axes @ (position - system.origin) * [1.0, 1.0, 0.0]
+        radius = np.linalg.norm(radial)
+        expected = "a position off the axis of its cylindrical system"
+        check(radius > 0.0, grid.item, expected, "a position on it")
+        r = radial / radius
+        z = np.array([0.0, 0.0, 1.0])
+        return np.array([r, np.cross(z, r), z]) @ system.axes
+
+
+# ---- Matrices ----
+
+
+def _with_dmig(body: FEBody, cards: _Cards, tied: _Tied, source: str) -> FEBody:
     """Add stiffness and mass of DMIG cards if the file has both, and a note on other matrices."""
+    cards_of: dict[str, list[Card]] = {}
+    for card in cards.named("DMIG"):
+        cards_of.setdefault(card.word(0), []).append(card)
     pair: tuple[str, ...] = ()
-    if "KAAX" in model.dmig and "MAAX" in model.dmig:
+    if "KAAX" in cards_of and "MAAX" in cards_of:
         pair = ("KAAX", "MAAX")
-    elif "K2GG" in model.dmig and "M2GG" in model.dmig:
+    elif "K2GG" in cards_of and "M2GG" in cards_of:
         pair = ("K2GG", "M2GG")
-    unused = sorted(set(model.dmig) - set(pair))
+    unused = sorted(set(cards_of) - set(pair))
     if unused:
         note = f"matrices {', '.join(unused)} (DMIG) are not used"
         body = replace(body, notes=(*body.notes, note))
     if not pair:
         return body
-    entries = [_dmig_entries(model.dmig[name]) for name in pair]
-    pairs = np.concatenate([dofs for matrix in entries for dofs in (matrix.rows, matrix.columns)])
+    entries = [_dmig_entries(cards_of[name]) for name in pair]
     # the same table of equations for both matrices
-    table, index = np.unique(pairs, axis=0, return_inverse=True)
-    index = np.ravel(index)
+    places = sorted({place for matrix in entries for pair in matrix for place in pair})
+    row_of = {place: row for row, place in enumerate(places)}
     matrices = []
-    start = 0
-    for matrix in entries:
-        middle = start + len(matrix.rows)
-        end = middle + len(matrix.columns)
-        row = index[start:middle][matrix.values.row]
-        column = index[middle:end][matrix.values.col]
-        full = triangle_to_full(row, column, matrix.values.data.real, len(table))
-        matrices.append(square_matrix(full, source))
-        start = end
-    with_matrices = replace(body, stiffness=matrices[0], mass=matrices[1], dofs=table)
+    for name, matrix in zip(pair, entries):
+        rows = [row_of[row] for row, _ in matrix]
+        columns = [row_of[column] for _, column in matrix]
+        shape = (len(places), len(places))
+        full = sp.coo_matrix((list(matrix.values()), (rows, columns)), shape=shape)
+        matrices.append(square_matrix(full, f"{source}: DMIG {name}"))
+    dofs = np.array(places, np.int64)
+    with_matrices = replace(body, stiffness=matrices[0], mass=matrices[1], dofs=dofs)
     return _without_empty(with_matrices, tied)
 
 
-class _Dmig(NamedTuple):
-    """Matrix of DMIG cards.
-
-    Parameters
-    ----------
-    rows, columns : (n, 2) int
-        Grid point and component of each row and column of ``values``.
-    values : sparse
-    """
-
-    rows: NDArray
-    columns: NDArray
-    values: sp.coo_matrix
+_Place = tuple[int, int]
 
 
-def _dmig_entries(card: Any) -> _Dmig:
-    matrix, rows, columns = card.get_matrix(is_sparse=True, apply_symmetry=True)
-    return _Dmig(
-        np.array([rows[k] for k in range(len(rows))], np.int64),
-        np.array([columns[k] for k in range(len(columns))], np.int64),
-        sp.coo_matrix(matrix),
-    )
+def _dmig_entries(cards: list[Card]) -> dict[tuple[_Place, _Place], float]:
+    """Return the entries of a matrix by the grid point and component of row and column."""
+    entries: dict[tuple[_Place, _Place], float] = {}
+    form = 0
+    for card in cards:
+        if card.word(1) == "0":
+            # the head of the matrix
+            form = card.integer(2)
+            real = card.integer(3) in _REAL_TYPES
+            check(real, card.item, "a real matrix", f"values of type {card.word(3)}")
+            continue
+        column = (card.integer(1), card.integer(2, 0))
+        for k in range(4, len(card.fields), 4):
+            if not card.word(k):
+                continue
+            row = (card.integer(k), card.integer(k + 1, 0))
+            value = card.real(k + 2, 0.0)
+            entries[row, column] = value
+    if form == _SYMMETRIC:
+        # an entry is written in one of the two triangles
+        for (row, column), value in list(entries.items()):
+            entries.setdefault((column, row), value)
+    check(bool(entries), cards[0].item, "entries of the matrix", "none")
+    return entries
 
 
 def _without_empty(body: FEBody, tied: _Tied) -> FEBody:
@@ -526,60 +604,3 @@ def read_nastran(
         source=f"{stiffness}, {bulk}",
     )
     return replace(_without_empty(with_matrices, tied), modes=modes)
-
-
-@reader("an OP2 file with real eigenvectors", library=True)
-def read_op2(
-    path: Path,
-    nodal_diameter: int = 0,
-    subcase: int | None = None,
-    axes: Mapping[int, NDArray] | None = None,
-) -> Modes:
-    """Read real modes from an OP2 file.
-
-    Parameters
-    ----------
-    path : path-like
-    nodal_diameter : int
-        Nodal diameter of the modes.  A pair of equal frequencies makes one travelling wave.
-    subcase : int, optional
-        Subcase of the modes; by default the first one.
-    axes : mapping of node number to (3, 3) float, optional
-        ``FEBody.node_axes`` of the bulk data, because displacements are in the axes of each grid
-        point.
-
-    Returns
-    -------
-    Modes
-
-    Raises
-    ------
-    FileNotFoundError, ModelError
-        If the file does not exist, is damaged, or has no eigenvectors of this subcase.
-    """
-    op2 = import_extra("pyNastran.op2.op2", *_EXTRA).OP2
-    model = op2(debug=None)
-    model.read_op2(str(path), build_dataframe=False, skip_undefined_matrices=True)
-    check(bool(model.eigenvectors), str(path), "eigenvectors", "none")
-    vectors_of_subcase = {}
-    for key, vectors in model.eigenvectors.items():
-        number = key[0] if isinstance(key, tuple) else key
-        vectors_of_subcase[number] = vectors
-    subcases = sorted(vectors_of_subcase)
-    if subcase is None:
-        subcase = subcases[0]
-    check(subcase in subcases, str(path), f"a subcase out of {subcases}", subcase)
-    vectors = vectors_of_subcase[subcase]
-    # other rows belong to scalar points
-    is_grid = vectors.node_gridtype[:, 1] == 1
-    displacements = np.asarray(vectors.data)[:, is_grid, :3]
-    shapes = np.moveaxis(displacements, 0, 2).astype(float)
-    numbers = vectors.node_gridtype[is_grid, 0].astype(np.int64)
-    rotate_to_file(shapes, numbers, axes or {})
-    frequency = np.asarray(vectors.mode_cycles, float)
-    modal_mass = None
-    for table in model.eigenvalues.values():
-        generalised = np.asarray(getattr(table, "generalized_mass", np.empty(0)), float)
-        if len(generalised) == len(frequency) and np.all(generalised > 0.0):
-            modal_mass = generalised
-    return Modes(nodal_diameter, frequency, numbers, shapes, modal_mass, str(path))

@@ -18,6 +18,7 @@ from bdamper.importers import Checks, ContactFaces, Reduction, Sector, build_mod
 from tests.ansys_files import write_cdb, write_full
 from tests.fe_bodies import FIRST_NUMBER, modes_alone, sector_and_damper
 from tests.importers.test_io_files import bulk_text
+from tests.nastran_files import write_op4
 from tests.own_sector import OwnSector, deck
 from tests.plain import plain_study
 
@@ -217,20 +218,14 @@ def write_ansys(body, elements):
 
 
 def write_nastran(body, elements):
-    op4 = pytest.importorskip(
-        "pyNastran.op4.op4", reason="pyNastran is not installed (extra bdamper[nastran])"
-    )
     numbers = np.arange(1, len(body.nodes) + 1)
     Path("sector.bdf").write_text(bulk_text(numbers, body.nodes, numbers[elements]))
     rows = (6 * np.arange(len(numbers))[:, None] + np.arange(3)).ravel()
     pick = sp.csr_matrix(
         (np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(6 * len(numbers), len(rows))
     )
-    full = {
-        name: (6, (pick @ m @ pick.T).toarray())
-        for name, m in (("KNN", body.stiffness), ("MNN", body.mass))
-    }
-    op4.OP4(debug=False).write_op4("sector.op4", full, is_binary=False)
+    full = {name: pick @ m @ pick.T for name, m in (("KNN", body.stiffness), ("MNN", body.mass))}
+    write_op4(Path("sector.op4"), full)
 
 
 @pytest.mark.slow

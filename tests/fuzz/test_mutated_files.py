@@ -7,7 +7,6 @@ repeated; ``BDAMPER_FUZZ`` sets how many there are (150 by default, 20,000 for `
 
 from __future__ import annotations
 
-import contextlib
 import os
 import re
 import shutil
@@ -40,6 +39,9 @@ from bdamper.importers import (
     read_inp,
     read_matrix,
     read_measurements,
+    read_nastran,
+    read_op2,
+    read_op4,
     read_rst,
 )
 from bdamper.importers.abaqus import read_frd_stress
@@ -50,6 +52,7 @@ from bdamper.util.storage import Versions, load
 from tests.ansys_files import write_cdb, write_full, write_rst
 from tests.importers.test_abaqus_parts import DIAGONAL, TWO
 from tests.models import wedge_model
+from tests.nastran_files import write_op2, write_op4
 
 CASES = int(os.environ.get("BDAMPER_FUZZ", "150"))
 LIMIT = 20.0
@@ -158,15 +161,6 @@ def bulk(numbers, nodes, elements):
     return "\n".join([*lines, "ENDDATA", ""])
 
 
-def nastran_works() -> bool:
-    """Whether pyNastran is here with a NumPy that it supports."""
-    try:
-        from pyNastran.bdf.bdf import BDF  # noqa: F401
-    except (ImportError, AttributeError):
-        return False
-    return True
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """All valid files."""
@@ -215,12 +209,10 @@ def folder(tmp_path_factory):
     shapes = [(d, 100.0 + d, rng.standard_normal((len(numbers), 3))) for d in (0, 1, 1)]
     write_rst(path / "a.rst", numbers, body.nodes, elements, shapes, 6)
     (path / "a.unv").write_text(unv())
-    with contextlib.suppress(ImportError):
-        from pyNastran.op4.op4 import OP4
-
-        OP4(debug=False).write_op4(str(path / "a.op4"), {"KGG": (6, k.toarray())}, is_binary=False)
-    if nastran_works():
-        (path / "a.bdf").write_text(bulk(numbers, body.nodes, elements))
+    write_op4(path / "a.op4", {"KGG": k})
+    write_op4(path / "b.op4", {"KGG": k}, binary=True, form="wide")
+    write_op2(path / "a.op2", numbers, rng.standard_normal((len(numbers), 3, 2)), [1, 2], [1, 1])
+    (path / "a.bdf").write_text(bulk(numbers, body.nodes, elements))
     return path
 
 
@@ -245,18 +237,6 @@ def arrays(p: Path) -> None:
     elements = (bar()[2],)
     del body
     build(read_arrays(p / "ka.mtx", p / "ma.mtx", p / "nodes.csv", sets=sets, elements=elements))
-
-
-def nastran(p: Path) -> None:
-    from bdamper.importers import read_op4
-
-    read_op4(p / "a.op4")
-
-
-def bulk_data(p: Path) -> None:
-    from bdamper.importers import read_nastran
-
-    read_nastran(p / "a.bdf")
 
 
 def matrix(name: str) -> Callable[[Path], None]:
@@ -289,8 +269,10 @@ READERS: list[tuple[str, Callable[[Path], object]]] = [
     ("a.cdb", lambda p: read_cdb(p / "a.cdb")),
     ("a.rst", lambda p: read_rst(p / "a.rst")),
     ("a.unv", lambda p: read_measurements(p / "a.unv")),
-    ("a.op4", nastran),
-    ("a.bdf", bulk_data),
+    ("a.op4", lambda p: read_op4(p / "a.op4")),
+    ("b.op4", lambda p: read_op4(p / "b.op4")),
+    ("a.op2", lambda p: read_op2(p / "a.op2")),
+    ("a.bdf", lambda p: read_nastran(p / "a.bdf")),
 ]
 
 

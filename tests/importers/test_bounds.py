@@ -2,16 +2,14 @@
 
 import io
 import struct
-import sys
 import tracemalloc
 import zipfile
 import zlib
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from bdamper.importers import read_body, read_inp, read_matrix, read_op4
+from bdamper.importers import read_body, read_inp, read_matrix
 from bdamper.util.errors import ModelError
 from tests.each import each
 from tests.importers.test_io_files import DECK
@@ -21,12 +19,6 @@ from tests.importers.test_keywords import BULK
 @each("line", ["/etc/{}", "../{}", "sub/../../{}", "..\\{}", "C:\\{}", "\\\\host\\{}"])
 @each("reader", ["inp", "bdf"])
 def test_files_of_other_folders_are_not_included(line, reader, tmp_path):
-    if reader == "bdf":
-        pytest.importorskip(
-            "pyNastran.bdf.bdf",
-            reason="pyNastran is not installed (make nastran)",
-            exc_type=Exception,
-        )
     (tmp_path / "own" / "sub").mkdir(parents=True)
     (tmp_path / "more").write_text(DECK if reader == "inp" else BULK)
     word = line.format("more")
@@ -40,12 +32,6 @@ def test_files_of_other_folders_are_not_included(line, reader, tmp_path):
 @each("linked", ["file", "folder"])
 @each("reader", ["inp", "bdf"])
 def test_a_link_to_another_folder_is_not_followed(linked, reader, tmp_path):
-    if reader == "bdf":
-        pytest.importorskip(
-            "pyNastran.bdf.bdf",
-            reason="pyNastran is not installed (make nastran)",
-            exc_type=Exception,
-        )
     (tmp_path / "own").mkdir()
     (tmp_path / "other").mkdir()
     for folder in ("own", "other"):
@@ -70,24 +56,6 @@ def test_files_of_own_folders_are_included_with_either_slash(tmp_path):
         assert len(read_inp(tmp_path / "a.inp").numbers) == 8
 
 
-def test_errors_of_op4_files_have_no_text_of_another_package(tmp_path, monkeypatch):
-    class Broken:
-        def __init__(self, debug):
-            pass
-
-        def read_op4(self, path):
-            raise RuntimeError("sizes of matrices\nK: (3, 4)\n" * 20)
-
-    monkeypatch.setitem(sys.modules, "pyNastran.op4.op4", SimpleNamespace(OP4=Broken))
-    monkeypatch.setitem(sys.modules, "pyNastran.op4", SimpleNamespace())
-    monkeypatch.setitem(sys.modules, "pyNastran", SimpleNamespace())
-    (tmp_path / "k.op4").write_bytes(b"\x00" * 40)
-    with pytest.raises(ModelError) as caught:
-        read_op4(tmp_path / "k.op4")
-    found = "expected an OP4 file that pyNastran can read, found a different or damaged file (RuntimeError)"
-    assert str(caught.value) == f"{tmp_path / 'k.op4'}: {found}"
-
-
 def test_the_number_of_included_files_is_bounded(tmp_path):
     """Three files of ten lines each make 1,110 reads, five of 100 lines 10^10."""
     (tmp_path / "d.inp").write_text("** nothing\n")
@@ -99,9 +67,6 @@ def test_the_number_of_included_files_is_bounded(tmp_path):
 
 
 def test_included_bulk_data_stands_in_its_place(tmp_path):
-    pytest.importorskip(
-        "pyNastran.bdf.bdf", reason="pyNastran is not installed (make nastran)", exc_type=Exception
-    )
     lines = BULK.splitlines()
     (tmp_path / "grid.bdf").write_text("\n".join([*lines[1:5], ""]))
     (tmp_path / "a.bdf").write_text(

@@ -38,7 +38,6 @@ from bdamper.importers import (
     read_measurements,
     read_nastran,
     read_nodes,
-    read_op2,
     read_op4,
     read_set,
 )
@@ -51,6 +50,7 @@ from bdamper.util.storage import load
 from examples.calculix.decks import matrix_input, run_job
 from tests.calculix_runs import free_input
 from tests.each import each
+from tests.nastran_files import write_op4
 
 NASTRAN = Path(__file__).resolve().parents[3] / "shared" / "fixtures" / "nastran"
 
@@ -524,23 +524,8 @@ def test_bad_universal_files(universal, text):
 # ---- Nastran ----
 
 
-def nastran():
-    pytest.importorskip(
-        "pyNastran.op4.op4", reason="pyNastran is not installed (extra bdamper[nastran])"
-    )
-
-
-def bulk():
-    nastran()
-    try:
-        from pyNastran.bdf.bdf import BDF  # noqa: F401
-    except (ImportError, AttributeError) as error:
-        pytest.skip(f"pyNastran does not work with this NumPy: {error}")
-
-
 def test_real_op4():
     path = NASTRAN / "testplate_kgg.op4"
-    nastran()
     if not path.exists():
         pytest.skip(f"{path.name} is not here: {NASTRAN} is not part of the project")
     k = read_op4(path)["KGG"]
@@ -571,9 +556,6 @@ def nastran_order(common):
 
 
 def test_bulk_data_and_op4(bar, tmp_path):
-    bulk()
-    from pyNastran.op4.op4 import OP4
-
     numbers = 10 + np.arange(len(bar.nodes))
     elements = nastran_order(numbers[bar.elements[:, local_order()]])
     (tmp_path / "a.bdf").write_text(bulk_text(numbers, bar.nodes, elements))
@@ -581,11 +563,8 @@ def test_bulk_data_and_op4(bar, tmp_path):
     pick = sp.csr_matrix(
         (np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(6 * len(numbers), len(rows))
     )
-    full = {
-        name: (6, (pick @ m @ pick.T).toarray())
-        for name, m in (("KNN", bar.stiffness), ("MNN", bar.mass))
-    }
-    OP4(debug=False).write_op4(str(tmp_path / "a.op4"), full, is_binary=False)
+    full = {name: pick @ m @ pick.T for name, m in (("KNN", bar.stiffness), ("MNN", bar.mass))}
+    write_op4(tmp_path / "a.op4", full)
     found = read_nastran(tmp_path / "a.bdf", tmp_path / "a.op4")
     assert found.dofs.shape == (3 * len(numbers), 2)
     np.testing.assert_allclose(
@@ -602,7 +581,6 @@ def test_bulk_data_and_op4(bar, tmp_path):
 
 
 def test_dmig(tmp_path):
-    bulk()
     text = bulk_text([10, 11], np.zeros((2, 3)) + [[0, 0, 0], [1, 0, 0]], [])
     cards = []
     for name, scale in (("KAAX", 100.0), ("MAAX", 1.0)):
@@ -617,7 +595,6 @@ def test_dmig(tmp_path):
 
 
 def test_axes_of_displacement(tmp_path):
-    bulk()
     (tmp_path / "c.bdf").write_text(
         "BEGIN BULK\nCORD2C,7,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\nGRID,1,,0.,2.,0.,7\nGRID,2,7,3.,90.,1.\nENDDATA\n"
     )
@@ -638,43 +615,9 @@ def test_axes_of_displacement(tmp_path):
     ],
 )
 def test_bad_bulk_data(tmp_path, text):
-    bulk()
     (tmp_path / "x.bdf").write_text(text)
     with pytest.raises(ModelError, match=r"x\.bdf"):
         read_bdf(tmp_path / "x.bdf")
-
-
-def test_modes_of_an_op2_file(tmp_path):
-    bulk()
-    from pyNastran.op2.op2 import OP2
-    from pyNastran.op2.tables.oug.oug_eigenvectors import RealEigenvectorArray
-
-    data = np.zeros((2, 4, 6), "float32")
-    data[..., :3] = np.random.default_rng(0).standard_normal((2, 4, 3))
-    grid = np.column_stack([np.arange(1, 5), np.ones(4, int)]).astype("int32")
-    hertz = np.array([50.0, 80.0])
-    table = RealEigenvectorArray.add_modal_case(
-        "OUGV1", grid, data, 1, np.array([1, 2]), (2 * np.pi * hertz) ** 2, hertz
-    )
-    table.table_code, table.tCode = 7, 1007  # eigenvectors, not displacements
-    table.data_code.update(table_code=7, tCode=1007)
-    model = OP2(debug=None)
-    model.set_as_nx()
-    model.eigenvectors[1] = table
-    model.write_op2(str(tmp_path / "m.op2"), post=-1, endian=b"<", nastran_format="nx")
-    modes = read_op2(tmp_path / "m.op2", nodal_diameter=3)
-    np.testing.assert_allclose(modes.frequency, hertz, rtol=1e-6)
-    np.testing.assert_allclose(modes.shapes[:, :, 1], data[1, :, :3], rtol=1e-6)
-    assert modes.nodal_diameter == 3
-    quarter = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # first axis along Y
-    turned = read_op2(tmp_path / "m.op2", axes={2: quarter})
-    np.testing.assert_allclose(turned.shapes[1, 1], modes.shapes[1, 0])
-    np.testing.assert_allclose(turned.shapes[1, 0], -modes.shapes[1, 1])
-    with pytest.raises(ModelError, match=r"a subcase out of \[1\], found 4"):
-        read_op2(tmp_path / "m.op2", subcase=4)
-    (tmp_path / "x.op2").write_bytes((tmp_path / "m.op2").read_bytes()[:300])
-    with pytest.raises(ModelError, match=r"x\.op2"):
-        read_op2(tmp_path / "x.op2")
 
 
 def test_missing_library_is_named(monkeypatch, tmp_path):
@@ -682,7 +625,3 @@ def test_missing_library_is_named(monkeypatch, tmp_path):
     (tmp_path / "a.unv").write_text(block(15, []))
     with pytest.raises(BdamperError, match=r"install the extra bdamper\[unv\]"):
         read_measurements(tmp_path / "a.unv")
-    monkeypatch.setitem(sys.modules, "pyNastran.op4.op4", None)
-    (tmp_path / "a.op4").write_text("x")
-    with pytest.raises(BdamperError, match=r"install the extra bdamper\[nastran\]"):
-        read_op4(tmp_path / "a.op4")

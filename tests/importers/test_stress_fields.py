@@ -1,6 +1,5 @@
 """Constant, bending and shear fields through every element type of every reader, beside closed forms."""
 
-import importlib.util
 from types import SimpleNamespace
 
 import numpy as np
@@ -232,8 +231,6 @@ NAMES = [f"{reader.__name__}-{kind}{''.join(options.values())}" for reader, kind
 @each(("reader", "kind", "options"), CASES, ids=NAMES)
 def test_fields_of_every_element_type_of_every_reader(reader, kind, options, tmp_path):
     """Exact where the element can follow the field; where it has one strain across, that of a linear fit."""
-    if reader is from_bdf and importlib.util.find_spec("pyNastran") is None:
-        pytest.skip("pyNastran is not installed (extra bdamper[nastran]; make nastran)")
     n = int(kind.removeprefix("C3D").rstrip("RI"))
     nodes, elements = box(n)
     body, first = reader(kind, nodes, elements, tmp_path, **options)
