@@ -195,7 +195,7 @@ def _pairs(table: _Table) -> Iterator[tuple[bytes, bytes]]:
 
 
 def _add_vectors(vectors: dict[int, list[_Vector]], table: _Table, order: str, item: str) -> None:
-    """Add the real eigenvectors of a table to those of its subcases."""
+    """Add the real eigenvectors of a table to the subcases."""
     for identity, data in _pairs(table):
         words = struct.unpack_from(f"{order}10i", identity)
         approach, table_code, subcase, n_words = words[0], words[1], words[3], words[9]

@@ -9,7 +9,8 @@ sparse: it consists of strings of values in consecutive rows.  The head of a str
 * otherwise one integer, the row + 65,536 times the number of words plus one.
 
 Binary files consist of Fortran records with integers of four bytes.  Real values of single
-precision have one word, of double precision two; complex values have twice as many.
+precision have one word, and of double precision two words.  The two parts of a complex value have
+the words of two real values.
 
 References
 ----------
