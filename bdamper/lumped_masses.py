@@ -152,7 +152,8 @@ def lumped(
         damping matrix is represented exactly.  If it couples the modes of mass and stiffness, the
         stiffness must be positive definite.
     contacts : sequence of Contact
-        Their interfaces have the names "contact 1", "contact 2" ...
+        Their interfaces have the names "contact 1", "contact 2" ...  Without contacts and cubic
+        springs the study is linear.
     cubic : mapping of motion to N/m3, optional
         Cubic springs ``k u^3`` on motions as in :class:`Contact`: ``{0: 0.5, (1, 0): -2.0}``.
     forces : mapping of degree of freedom to float or complex, N
@@ -208,7 +209,6 @@ def lumped(
     if cubic is None:
         cubic = {}
     validation.instance("cubic", cubic, Mapping, "a mapping of motions to N/m3")
-    validation.check(contacts or cubic, "contacts", "at least one contact or cubic spring", "none")
     faces = _faces(contacts, cubic, modes)
 
     is_one_of_them = (forces is None) != (base is None)
@@ -226,11 +226,12 @@ def lumped(
 
     combined_rows = excitation_rows | response_rows
     model = _model(modes, faces, combined_rows, load_per_preload, base is not None)
+    stiffness_of_face = {name: np.array([face.stiffness]) for name, face in faces.items()}
     return Study(
         model,
         excitation,
         friction_coefficient=_friction_coefficient(contacts, faces),
-        contact_stiffness={name: np.array([face.stiffness]) for name, face in faces.items()},
+        contact_stiffness=stiffness_of_face or None,
         response=Response(location, absolute=absolute),
         **settings,
     )

@@ -105,7 +105,7 @@ def identity(code, subcase, mode, eigenvalue, n_words, order):
     words = [21, code, 0, subcase, mode]
     rest = [0, 0, 1, n_words]
     head = struct.pack(f"{order}5i", *words) + struct.pack(f"{order}f", eigenvalue)
-    return head + struct.pack(f"{order}4i", *rest) + bytes(4 * 136)
+    return head + struct.pack(f"{order}4i", *rest) + bytes(4 * 40) + b" " * 4 * 96
 
 
 def write_op2(path, numbers, shapes, hertz, masses, order="<", subcase=1, types=None):
@@ -120,9 +120,9 @@ def write_op2(path, numbers, shapes, hertz, masses, order="<", subcase=1, types=
         rows += struct.pack(f"{order}2i", k + 1, k + 1)
         rows += struct.pack(f"{order}5f", value, value**0.5, hertz[k], masses[k], masses[k] * value)
     # the last part of a table of eigenvalues holds all of them
-    heads = bytes(12), identity(6, subcase, 0, 0.0, 7, order)
+    heads = bytes(28), identity(6, subcase, 0, 0.0, 7, order)
     content += table("LAMA", [*heads, rows], order)
-    parts = [bytes(12)]
+    parts = [bytes(28)]
     types = np.ones(len(numbers), int) if types is None else types
     for k, value in enumerate(rigidities):
         parts.append(identity(7, subcase, k + 1, value, 8, order))

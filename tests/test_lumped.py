@@ -9,7 +9,7 @@ import scipy.linalg
 
 import bdamper as bd
 from bdamper.harmonic_balance.contact_cycle import energies, histories
-from bdamper.util.errors import BdamperWarning
+from bdamper.util.errors import BdamperWarning, SettingError
 from tests.each import each
 
 JENKINS = bd.Contact(0, kt=1.0, mu=0.5, preload=1.0)
@@ -190,7 +190,6 @@ def test_energy_and_history_of_a_cubic_spring():
             "damping: expected a matrix that is diagonal in the modes of mass and stiffness, because one of them has "
             "no stiffness (0 Hz); found modes 1 and 2 coupled by 1 of their damping",
         ),
-        ({"contacts": []}, "contacts: expected at least one contact or cubic spring, found none"),
         ({"contacts": JENKINS}, "contacts: expected a sequence of Contact, found a Contact"),
         ({"contacts": [bd.Contact(2, kt=1.0, mu=1.0, preload=1.0)]}, "contact 1: expected a whole number from 0 to 1"),
         ({"contacts": [bd.Contact((0, 0), kt=1.0, mu=1.0, preload=1.0)]}, "contact 1: expected a motion of at least one"),
@@ -404,3 +403,14 @@ class TestJoint:
     def test_what_is_refused(self, wrong):
         with pytest.raises(bd.SettingError, match=next(iter(wrong))):
             bd.joint(50.0, 1e-3, 1e4, 10.0, **wrong)
+
+
+def test_a_model_without_contacts_is_linear():
+    """The curve of the oscillator is |x| = |f| / |k - m w^2 + i c w|."""
+    study = bd.lumped(2.0, 0.1, 3.0, forces={0: 1.5}, harmonics=1)
+    curve = study.frequency_response(0.0, (0.1, 0.3))
+    w = 2 * np.pi * curve.frequency
+    expected = 1.5 / np.abs(3.0 - 2.0 * w**2 + 0.1j * w)
+    np.testing.assert_allclose(curve.amplitude, expected, rtol=1e-8)
+    with pytest.raises(SettingError, match="optimal_curve: expected a model with contacts"):
+        study.optimal_curve((1.0, 2.0))

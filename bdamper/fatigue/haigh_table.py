@@ -41,6 +41,8 @@ UNITS = {
 }
 """Units of the columns of a file."""
 ICE = 273.15
+ROOM, MEDIAN = 20.0, 0.5
+"""Temperature (°C) and survival probability of a table without their columns."""
 
 
 def _numbers(name: str, values: object) -> tuple[float, ...]:
@@ -128,7 +130,8 @@ class HaighTable(validation.Checked):
 
         The header has names and units: ``amplitude (MPa)``, ``mean (MPa)`` or ``R``, ``temperature
         (C)`` and ``probability (%)``, the probability of survival.  With both ``mean`` and ``R``,
-        the values of a row must agree.
+        the values of a row must agree.  Without a temperature the rows are those of a test at 20
+        °C, and without a probability they have a survival probability of 50 %.
 
         Parameters
         ----------
@@ -141,17 +144,14 @@ class HaighTable(validation.Checked):
         """
         others = ("temperature", "probability")
         columns = read_columns(
-            path,
-            ("amplitude", "mean", *others),
-            ("amplitude", "r", *others),
-            units=UNITS,
+            path, ("amplitude", "mean"), ("amplitude", "r"), units=UNITS, optional=others
         )
         amplitude = columns["amplitude"][0]
         if "mean" in columns:
             mean = columns["mean"][0]
             ratio = read_columns(
                 path,
-                ("amplitude", "mean", *others),
+                ("amplitude", "mean"),
                 units=UNITS,
                 blank=("r",),
                 optional=("r",),
@@ -160,11 +160,12 @@ class HaighTable(validation.Checked):
                 _check_ratios(amplitude, mean, ratio[0])
         else:
             mean = mean_at_ratio(amplitude, columns["r"][0])
-        temperature, unit = columns["temperature"]
+        temperature, unit = columns.get("temperature", (np.full_like(mean, ROOM), "C"))
+        probability, _ = columns.get("probability", (np.full_like(mean, MEDIAN), ""))
         if unit.strip().upper() == "K":
             temperature = temperature - ICE
         source = "table" if isinstance(path, Mapping) else str(path)
-        return cls(amplitude, mean, temperature, columns["probability"][0], source)  # type: ignore[arg-type]
+        return cls(amplitude, mean, temperature, probability, source)  # type: ignore[arg-type]
 
     @property
     def temperatures(self) -> NDArray:

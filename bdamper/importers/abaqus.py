@@ -66,7 +66,9 @@ _FRD_SOLIDS = {1: 8, 2: 6, 3: 4, 4: 20, 5: 15, 6: 10}
 
 
 @reader("an input file of CalculiX", ".inp")
-def read_inp(path: Path, instance: str | None = None) -> FEBody:
+def read_inp(
+    path: Path, instance: str | None = None, include_folder: FilePath | None = None
+) -> FEBody:
     """Read nodes, solid elements, node sets and surfaces of an input file of CalculiX or Abaqus.
 
     The names of sets are in capitals, and the sets of a part are named ``INSTANCE.SET``.  If only
@@ -80,6 +82,9 @@ def read_inp(path: Path, instance: str | None = None) -> FEBody:
     path : path-like
     instance : str, optional
         Instance to read; by default all.
+    include_folder : path-like, optional
+        Further folder from which files may be included.  Files in the folder of the including file
+        and below are always permitted.
 
     Returns
     -------
@@ -90,12 +95,12 @@ def read_inp(path: Path, instance: str | None = None) -> FEBody:
     FileNotFoundError, ModelError
         If the file does not exist, is damaged, or has a keyword that could change the mesh.
     """
-    return Deck(path).body(instance)
+    return Deck(path, include_folder).body(instance)
 
 
 @reader("an input file of CalculiX or Abaqus")
-def _deck(path: Path) -> Deck:
-    return Deck(path)
+def _deck(path: Path, include_folder: FilePath | None = None) -> Deck:
+    return Deck(path, include_folder)
 
 
 # --------------------------------------------------------------------------------------------------
@@ -157,7 +162,10 @@ def _condensed(
 
 
 def read_calculix(
-    job: FilePath, mesh: FilePath | None = None, modes: FilePath | tuple[FilePath, ...] = ()
+    job: FilePath,
+    mesh: FilePath | None = None,
+    modes: FilePath | tuple[FilePath, ...] = (),
+    include_folder: FilePath | None = None,
 ) -> FEBody:
     """Read a body from a run with ``*FREQUENCY, SOLVER=MATRIXSTORAGE``.
 
@@ -171,6 +179,9 @@ def read_calculix(
         if it does not exist.
     modes : path-like or tuple of path-like
         Result files (.frd) of modal analyses to compare with.
+    include_folder : path-like, optional
+        Further folder from which files may be included.  Files in the folder of the including file
+        and below are always permitted.
 
     Returns
     -------
@@ -189,7 +200,8 @@ def read_calculix(
         results = base.with_name(base.name + ".frd")
         if results.is_file() and not mesh.is_file():
             mesh = results
-    deck = _deck(mesh) if Path(mesh).suffix.lower() in ("", ".inp") else None
+    is_deck = Path(mesh).suffix.lower() in ("", ".inp")
+    deck = _deck(mesh, include_folder) if is_deck else None
     body = deck.body() if deck else read_body(mesh)
     dofs = read_dofs(base.with_name(base.name + ".dof"))
     if deck:
@@ -290,7 +302,9 @@ def _check_labels(code_of: Mapping[Any, int | None], deck: Deck, path: Path) -> 
         raise mismatch(str(path), f"nodes of {deck.source} ({cure})", f"node {unknown[0]}")
 
 
-def read_abaqus(job: FilePath, instance: str | None = None) -> FEBody:
+def read_abaqus(
+    job: FilePath, instance: str | None = None, include_folder: FilePath | None = None
+) -> FEBody:
     """Read a body from a job with ``*MATRIX GENERATE`` and ``*MATRIX OUTPUT``, in the formats
     MATRIX INPUT or LABELS.
 
@@ -302,6 +316,9 @@ def read_abaqus(job: FilePath, instance: str | None = None) -> FEBody:
     instance : str, optional
         Instance to read, which must not be coupled to others; by default all.  See :func:`read_inp`
         for the numbers of its nodes and the names of its sets.
+    include_folder : path-like, optional
+        Further folder from which files may be included.  Files in the folder of the including file
+        and below are always permitted.
 
     Returns
     -------
@@ -318,7 +335,7 @@ def read_abaqus(job: FilePath, instance: str | None = None) -> FEBody:
         path = path.with_suffix(".inp")
     else:
         path = Path(f"{job}.inp")
-    deck = _deck(path)
+    deck = _deck(path, include_folder)
     for transform in deck.model.transforms:
         expected = "a job without *TRANSFORM, which turns the axes of the rows of its matrices"
         raise mismatch(transform.item, expected, f"one for {transform.node_set}")

@@ -458,6 +458,7 @@ class _Archive:
         self.positions: list[list[float]] = []
         self.angles: list[list[float]] = []
         self.types: dict[int, str] = {}
+        self.current_type = 0
         self.elements: list[list[int]] = []
         self.owners: list[tuple[str, int]] = []  # element type and material number
         self.constants: dict[str, dict[int, float]] = {}
@@ -547,16 +548,18 @@ class _Archive:
         if key == "NBLOCK":
             self._nodes()
         elif key == "EBLOCK":
-            # Workbench writes surface elements in a shorter form without element types
-            is_solid_form = len(words) >= 3 and words[2].upper() == "SOLID"
-            self.lines.require(is_solid_form, "EBLOCK with the key SOLID", f"'{command.strip()}'")
-            self._elements()
+            if len(words) >= 3 and words[2].upper() == "SOLID":
+                self._elements()
+            else:
+                self._other_elements(command, words)
         elif key == "CMBLOCK" and len(words) >= 4:
             self._component(words)
         elif key == "ET" and len(words) >= 3 and words[1].isdigit():
             # ET, number, name
             number, name = words[1:3]
             self.types[int(number)] = name.upper().removeprefix("SOLID")
+        elif key == "TYPE" and len(words) >= 2 and words[1].isdigit():
+            self.current_type = int(words[1])
         elif key == "ETBLOCK":
             self._types()
         elif key == "MPDATA" and len(words) >= 7 and words[4].isdigit():
@@ -631,9 +634,9 @@ class _Archive:
                 for columns in real_columns:
                     if line[columns].strip():
                         left_justified |= _is_left_justified(line, columns)
-                        # card numbers begin with blanks
-                        begins_field = line[columns.start] != " "
-                        if not (left_justified and begins_field):
+                        # a card number has no decimal point
+                        is_real = "." in line[columns]
+                        if not (left_justified and is_real):
                             self._check_whole(line, columns)
                         values.append(_real(line[columns]))
             if number < 0:
@@ -686,6 +689,34 @@ class _Archive:
             self.elements.append(_without_repeats(nodes))
             self.owners.append((name, material))
 
+    def _other_elements(self, command: str, words: list[str]) -> None:
+        """Count the elements of a block without the key SOLID and skip them.
+
+        Workbench writes surface and contact elements so: element, section, real constants,
+        material, coordinate system, and at most ten nodes.  The command TYPE names their type;
+        without it the type has the number of the section.
+
+        Raises
+        ------
+        ModelError
+            If the elements are solids or their type is not known.
+        """
+        fields = self._fields("EBLOCK")
+        expected = "EBLOCK with the key SOLID, or of a known type of other elements"
+        n_nodes = int(words[1]) if len(words) > 1 and words[1].isdigit() else 0
+        in_one_line = 0 < n_nodes <= 10
+        self.lines.require(in_one_line, expected, f"'{command.strip()}'")
+        while True:
+            numbers = self._integers("the end of EBLOCK (-1)", fields)
+            if numbers[:1] == [-1]:
+                return
+            complete = 5 < len(numbers) <= 5 + n_nodes
+            self.lines.require(complete, f"an element of at most {n_nodes} nodes", numbers)
+            name = self.types.get(self.current_type or numbers[1], "")
+            is_other = bool(name) and name not in _SOLIDS
+            self.lines.require(is_other, expected, f"'{command.strip()}' of type '{name}'")
+            self.skipped[name] += 1
+
     def _component(self, words: list[str]) -> None:
         """Read a component; a component of nodes becomes a set.
 
@@ -736,12 +767,14 @@ _ASSIGNMENT = re.compile(r"\s*\w+(\([^)]*\))?\s*=")
 
 
 def _is_left_justified(line: str, columns: slice) -> bool:
-    """Return whether a number begins in the first column of its field and leaves its last one
-    blank, with further numbers behind it.
+    """Return whether a number begins at the left of its field and leaves its last column blank,
+    with further numbers behind it.
+
+    The first column may be blank in place of the sign.
     """
     field = line[columns]
     ends_before = field[-1] == " " and len(line.rstrip()) > columns.stop
-    return ends_before and field[0] != " "
+    return ends_before and field[:2].strip() != ""
 
 
 def _without_groups(text: str, item: str) -> str:

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 from bdamper.importers.fe_body import LARGEST_COUNT, Included
 from bdamper.util.errors import check, mismatch
+from bdamper.util.storage import FilePath
 
 _REAL = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[ED]?([+-]?\d+))?", re.IGNORECASE)
 _WIDTH, _LARGE_WIDTH, _LABEL_COLUMN, _LAST_COLUMN = 8, 16, 72, 80
@@ -149,19 +150,21 @@ class _Split(NamedTuple):
         return self.head == "" or self.head.startswith(("+", "*"))
 
 
-def read_cards(source: Path) -> list[Card]:
+def read_cards(source: Path, include_folder: FilePath | None = None) -> list[Card]:
     """Return the cards of the bulk data section of a file and its included files.
 
     Parameters
     ----------
     source : Path
+    include_folder : path-like, optional
+        Further folder from which files may be included.
 
     Raises
     ------
     ModelError
         If a line belongs to no card, or lines of a card are not in their order.
     """
-    lines = _bulk_section(_with_included(source, Included()), source)
+    lines = _bulk_section(_with_included(source, Included(include_folder)), source)
     groups: list[list[tuple[_Line, _Split]]] = []
     for line in lines:
         split = _split(line)

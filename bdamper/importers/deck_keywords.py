@@ -1,10 +1,12 @@
 """Keywords of mesh files, grouped by their effect on nodes, elements and sets.
 
-For decks of CalculiX, Abaqus and Nastran the readers accept three groups of keywords: keywords that
-define the mesh, keywords without effect on it, and keywords that add stiffness or mass, which only
-the matrices contain.  Any other keyword is an error, because it could create, move or tie nodes,
-elements or sets.  For archives of Ansys the table holds the commands that change the mesh; the
-reader notes the names of all other commands.
+For decks of CalculiX and Abaqus, and for archives of Ansys, tables hold the keywords that create,
+move or tie nodes, elements or sets, which are errors.  The readers note the names of keywords that
+they pass over.
+
+For bulk data of Nastran the reader accepts three groups of cards: cards that define the mesh, cards
+without effect on it, and cards that add stiffness or mass, which only the matrices contain.  Any
+other card is an error.
 
 References
 ----------
@@ -15,6 +17,7 @@ Ansys, *Command Reference*; MSC, *Nastran Quick Reference Guide*.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from enum import Enum
 from typing import NoReturn
 
 from bdamper.util.errors import check, mismatch
@@ -74,7 +77,8 @@ INP_READ: Mapping[str, frozenset[str]] = {
 
 INP_IN_MATRICES = _table(
     """*BEAMGENERALSECTION *BEAMSECTION *CONTACT *CONTACTCONTROLS *CONTACTDAMPING *CONTACTINCLUSIONS
-    *CONTACTPAIR *CONTACTPROPERTYASSIGNMENT *DASHPOT *GAP *GASKETSECTION *MASS *MEMBRANESECTION
+    *COHESIVESECTION *CONTACTPAIR *CONTACTPROPERTYASSIGNMENT *DASHPOT *GAP *GASKETSECTION *MASS
+    *MASSADJUST *MATRIXASSEMBLE *MATRIXINPUT *MEMBRANESECTION *NONSTRUCTURALMASS *REBAR *REBARLAYER
     *ROTARYINERTIA *SHELLGENERALSECTION *SHELLSECTION *SPRING *SURFACESECTION *USERELEMENT
     *USERSECTION
     """
@@ -101,8 +105,25 @@ INP_HARMLESS = _table(
     """
 )
 """Materials, loads, supports, steps and output.  Elastic constants are read; nothing here changes
-the mesh.
+the mesh, and the reader does not note these names.
 """
+
+_INP_CREATES = """
+    *ASSEMBLEDFASTENER *CRACKPROPAGATION *DISPLAYBODY *ELCOPY *ENRICHMENT *ENRICHMENTACTIVATION
+    *FASTENER *FLUIDSECTION *IMPORT *IMPORTELSET *IMPORTNSET *NCOPY *NMAP *PARAMETER
+    *PARTICLEGENERATOR *PERIODICMEDIA *PRE-TENSIONSECTION *REFINEMESH *SUBSTRUCTUREPROPERTY *SYMMETRICMODELGENERATION
+    *TRACERPARTICLE"""
+_INP_MOVES = """
+    *ADAPTIVEMESH *ADAPTIVEMESHCONSTRAINT *ADAPTIVEMESHREFINEMENT *ADJUST *CLEARANCE
+    *CONTACTCLEARANCE *CONTACTCLEARANCEASSIGNMENT *CONTACTINITIALIZATION
+    *CONTACTINITIALIZATIONASSIGNMENT *CONTACTINITIALIZATIONDATA *IMPERFECTION *MAPSOLUTION
+    *MODELCHANGE"""
+_INP_TIES = """
+    *BOND *CONNECTORSECTION *COUPLING *CYCLICSYMMETRY *DISTRIBUTING *DISTRIBUTINGCOUPLING
+    *EMBEDDEDELEMENT *EQUATION *KINEMATIC *KINEMATICCOUPLING *MPC *MULTIPOINTCONSTRAINT *NETWORKMPC
+    *RIGIDBODY *SHELLTOSOLIDCOUPLING *SPOTWELD *TIE"""
+INP_CHANGES = _table(_INP_CREATES + _INP_MOVES + _INP_TIES)
+"""Keywords that create, move, remove or tie nodes or elements."""
 
 
 CURE = (
@@ -134,8 +155,17 @@ _CURES = {
 """Cures for constraints between nodes, by keyword."""
 
 
-def adds_to_matrices(keyword: str, parameters: Mapping[str, str], item: str) -> bool:
-    """Return whether a keyword of a deck adds stiffness or mass.
+class Effect(Enum):
+    """Effect of a keyword of a deck."""
+
+    MESH = "defines the mesh"
+    IN_MATRICES = "adds stiffness or mass, which only the matrices contain"
+    NONE = "has no effect on the mesh"
+    UNKNOWN = "is passed over and noted"
+
+
+def effect_on_mesh(keyword: str, parameters: Mapping[str, str], item: str) -> Effect:
+    """Return the effect of a keyword of a deck.
 
     Parameters
     ----------
@@ -159,16 +189,23 @@ def adds_to_matrices(keyword: str, parameters: Mapping[str, str], item: str) -> 
         ]
         expected = f"no parameters of {keyword} but {', '.join(sorted(permitted))}"
         check(not unknown, item, expected, ", ".join(unknown))
-        return False
+        return Effect.MESH
     # both keywords can tie or move nodes, depending on their parameters
     ties = keyword == "*CONTACTPAIR" and ("ADJUST" in parameters or "TIED" in parameters)
     cyclic = keyword == "*TIE" and "CYCLICSYMMETRY" in parameters
-    accepted = cyclic or keyword in INP_HARMLESS or keyword in INP_IN_MATRICES
-    if accepted and not ties:
-        return keyword in INP_IN_MATRICES
-    if keyword in _CURES:
+    if keyword in _CURES and not cyclic:
         raise mismatch(item, f"a mesh without constraints ({_CURES[keyword]})", keyword)
-    refuse(", ".join([keyword, *parameters]), item, INP_READ)
+    if ties or (keyword in INP_CHANGES and not cyclic):
+        refuse(", ".join([keyword, *parameters]), item, INP_READ)
+    if cyclic or keyword in INP_HARMLESS:
+        return Effect.NONE
+    if keyword in INP_IN_MATRICES:
+        return Effect.IN_MATRICES
+    # Abaqus accepts the beginning of a keyword if no other keyword begins so
+    for name in (*INP_READ, *sorted(INP_CHANGES)):
+        if name.startswith(keyword):
+            raise mismatch(item, "keywords in full", f"{keyword}, which may mean {name}")
+    return Effect.UNKNOWN
 
 
 # --------------------------------------------------------------------------------------------------

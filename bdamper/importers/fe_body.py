@@ -532,10 +532,20 @@ def data_lines(text: str, comments: str | tuple[str, ...]) -> list[tuple[int, st
 
 
 class Included:
-    """Resolver of the files included by a file, limited in number and to its folder."""
+    """Resolver of the files included by a file, limited in number and to its folder.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    folder : path-like, optional
+        Further folder from which files may be included.
+    """
+
+    def __init__(self, folder: FilePath | None = None) -> None:
         self._count = 0
+        self._folder: Path | None = None
+        if folder is not None:
+            self._folder = as_path(folder).resolve()
+            check(self._folder.is_dir(), "include_folder", "an existing folder", f"'{folder}'")
 
     def path(self, name: str, source: Path, depth: int, item: str) -> Path:
         """Return the path of an included file.
@@ -554,7 +564,8 @@ class Included:
         Raises
         ------
         ModelError
-            If there are too many files, or the file does not exist below the folder of ``source``.
+            If there are too many files, or the file does not exist below the folder of ``source``
+            or the further folder.
         """
         self._count += 1
         permitted = self._count <= MOST_INCLUDED and depth < DEEPEST
@@ -562,9 +573,13 @@ class Included:
         check(permitted, item, expected, "more")
         below = "a file in the folder of this one or below"
         relative = PureWindowsPath(name)  # accepts slashes and backslashes
-        is_below = not relative.anchor and ".." not in relative.parts
-        check(is_below, item, below, f"'{name[:60]}'")
         path = source.parent / relative.as_posix()
+        if self._folder is not None and path.resolve().is_relative_to(self._folder):
+            check(path.is_file(), item, "an existing file", f"'{name[:60]}'")
+            return path
+        is_below = not relative.anchor and ".." not in relative.parts
+        expected = below if self._folder else f"{below}, or a folder named by include_folder"
+        check(is_below, item, expected, f"'{name[:60]}'")
         check(path.is_file(), item, "an existing file", f"'{name[:60]}'")
         # a symbolic link can lead elsewhere
         is_inside = path.resolve().is_relative_to(source.parent.resolve())

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.fem.surface import FACES, N_CORNER, oriented_facet
-from bdamper.importers.deck_keywords import adds_to_matrices
+from bdamper.importers.deck_keywords import Effect, effect_on_mesh
 from bdamper.importers.fe_body import (
     LARGEST_COUNT,
     ElementKind,
@@ -39,6 +39,7 @@ from bdamper.importers.fe_body import (
     parsing,
 )
 from bdamper.util.errors import check, check_sentence, mismatch
+from bdamper.util.storage import FilePath
 
 _SOLIDS = {"C3D4": 4, "C3D10": 10, "C3D6": 6, "C3D15": 15, "C3D8": 8, "C3D20": 20}
 _BITS = 30
@@ -99,9 +100,11 @@ class Deck:
     Parameters
     ----------
     source : Path
+    include_folder : path-like, optional
+        Further folder from which files may be included.
     """
 
-    def __init__(self, source: Path) -> None:
+    def __init__(self, source: Path, include_folder: FilePath | None = None) -> None:
         self.source = source
         # the scope receives nodes, elements and sets: the model, or an open part or instance
         self.model = _Scope()
@@ -113,8 +116,13 @@ class Deck:
         self.materials: dict[str, dict[str, float]] = {}
         self.material = ""
         self.notes: list[str] = []
-        self.included = Included()
+        # names of keywords, in their order
+        self.passed_over: dict[str, None] = {}
+        self.included = Included(include_folder)
         self._read(source)
+        if self.passed_over:
+            names = ", ".join(self.passed_over)
+            self.notes.append(f"keywords of the deck that are not read: {names}")
         is_closed = self.scope is self.model
         check(is_closed, str(source), "*END PART or *END INSTANCE", "the end of the file")
 
@@ -123,11 +131,14 @@ class Deck:
         text = source.read_text(encoding="utf-8", errors="replace")
         for block in self._blocks(text):
             item = f"{source}: {block.keyword} in line {block.line}"
-            if adds_to_matrices(block.keyword, block.parameters, item):
+            effect = effect_on_mesh(block.keyword, block.parameters, item)
+            if effect is Effect.IN_MATRICES:
                 self.notes.append(
                     f"{block.keyword} of the deck is not read: "
                     "its stiffness or mass must be in the matrices"
                 )
+            elif effect is Effect.UNKNOWN:
+                self.passed_over[block.keyword] = None
             elif block.keyword == "*INCLUDE":
                 name = block.parameters.get("INPUT", "")
                 self._read(self.included.path(name, source, depth, item), depth + 1)

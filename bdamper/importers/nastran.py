@@ -81,9 +81,8 @@ class _Grid:
 class _Cards:
     """Cards of a file by name."""
 
-    def __init__(self, source: Path) -> None:
-        self.source = source
-        self.all = read_cards(source)
+    def __init__(self, source: Path, include_folder: FilePath | None) -> None:
+        self.all = read_cards(source, include_folder)
         for card in self.all:
             if card.name not in BDF_READ | BDF_HARMLESS | BDF_IN_MATRICES | BDF_TIES:
                 refuse(card.text, card.item, sorted(BDF_READ))
@@ -116,12 +115,15 @@ class _Cards:
 
 
 @reader("a bulk data file of Nastran", ".bdf", ".dat", ".nas")
-def read_bdf(path: Path) -> FEBody:
+def read_bdf(path: Path, include_folder: FilePath | None = None) -> FEBody:
     """Read grid points, solid elements, sets and DMIG matrices KAAX and MAAX of a bulk data file.
 
     Parameters
     ----------
     path : path-like
+    include_folder : path-like, optional
+        Further folder from which files may be included.  Files in the folder of the including file
+        and below are always permitted.
 
     Returns
     -------
@@ -132,13 +134,13 @@ def read_bdf(path: Path) -> FEBody:
     FileNotFoundError, ModelError
         If the file does not exist, is damaged, or has a card that could change the mesh.
     """
-    return _bulk(path)[0]
+    return _bulk(path, include_folder)[0]
 
 
 @reader("a bulk data file of Nastran")
-def _bulk(path: Path) -> tuple[FEBody, _Tied]:
+def _bulk(path: Path, include_folder: FilePath | None) -> tuple[FEBody, _Tied]:
     """Read a bulk data file and the effect of its constraints."""
-    cards = _Cards(path)
+    cards = _Cards(path, include_folder)
     systems = _Systems(cards)
     numbers = sorted(cards.grids)
     nodes = [systems.position(number) for number in numbers]
@@ -556,6 +558,7 @@ def read_nastran(
     mass: FilePath | None = None,
     names: tuple[str, str] = ("KNN", "MNN"),
     modes: tuple[Modes, ...] = (),
+    include_folder: FilePath | None = None,
 ) -> FEBody:
     """Read a body from bulk data and matrices.
 
@@ -571,6 +574,9 @@ def read_nastran(
         MGG do not.
     modes : tuple of Modes
         Modes to compare with, see :func:`read_op2`.
+    include_folder : path-like, optional
+        Further folder from which files may be included.  Files in the folder of the including file
+        and below are always permitted.
 
     Returns
     -------
@@ -581,7 +587,7 @@ def read_nastran(
     FileNotFoundError, ModelError
         If a file does not exist or is damaged, or has no matrices of these names and sizes.
     """
-    body, tied = _bulk(bulk)
+    body, tied = _bulk(bulk, include_folder)
     if stiffness is None:
         return replace(body, modes=modes)
     matrices = []

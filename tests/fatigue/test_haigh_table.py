@@ -255,7 +255,7 @@ def test_a_temperature_without_the_table_is_refused(study, peak, material):
         (lambda m: HaighTable.from_csv({"amplitude (MPa)": [300.0, 200.0], "mean (MPa)": [0.0, 0.0], "R": [-1.0, 0.0],
                                         "temperature (C)": [20.0, 600.0], "probability": [0.5, 0.5]}),
          r"Haigh table, row 2: expected R = -1, as computed from amplitude and mean .*found R = 0"),
-        (lambda m: HaighTable.from_csv({"amplitude (MPa)": [1.0]}), "expected the columns amplitude, mean, temper"),
+        (lambda m: HaighTable.from_csv({"amplitude (MPa)": [1.0]}), "expected the columns amplitude, mean; or"),
         (lambda m: HaighTable.from_csv({"amplitude": [1.0], "R": [0.0], "temperature (C)": [20.0], "probability": [0.5]}),
          "column 'amplitude': expected its unit"),
     ],
@@ -263,3 +263,18 @@ def test_a_temperature_without_the_table_is_refused(study, peak, material):
 def test_messages(call, message, material):
     with pytest.raises((BdamperError, SettingError), match=message):
         call(material)
+
+
+def test_a_table_without_temperature_and_probability():
+    """Rows of a test at room temperature: at R = -0.2 the mean is 2/3 of the amplitude.
+
+    This line meets the one from 400 MPa at R = -1 to 300 MPa at R = 0, which falls by a third of the
+    mean, at 400 / (1 + 2/9) MPa.
+    """
+    found = HaighTable.from_csv({"R": [-1, 0, 0.5], "amplitude (MPa)": [400, 300, 180]})
+    assert set(found.temperature) == {20.0} and set(found.probability) == {0.5}
+    alloy = Material(400e6, 1000e6, 900e6, name="alloy", haigh=found)
+    assert alloy.amplitude_at_ratio(-0.2, "table") == pytest.approx(400e6 / (1 + 2 / 9), rel=1e-9)
+    expected = "temperature: expected 20 to 20 °C, as in the table"
+    with pytest.raises((BdamperError, SettingError), match=expected):
+        alloy.allowed(0.0, "table", 600.0)

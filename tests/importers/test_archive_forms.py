@@ -62,6 +62,8 @@ NODE_FORMS = {
     "(2(i9),(i9),3(2(e21.13e3)))": (9, lambda x: scientific(x, 21, 13, 3), 3, 0, 1e-13),
     # left-justified: the last number ends before its field
     "(3i9,6e22.13e3)": (9, lambda x: scientific(x, 0, 13, 3).ljust(22), 3, 0, 1e-13),
+    # the same with a blank in place of the sign of positive numbers
+    "(3i8,6e22.13)": (8, lambda x: scientific(x, 20, 13).ljust(22), 3, 0, 1e-13),
     # an exponent of three digits takes the place of its letter
     "(3i9,6e20.12)": (9, lambda x: scientific(x, 20, 12, 3, ""), 3, 0, 1e-12),
     "(1i9,3e20.9e3)": (9, lambda x: scientific(x, 20, 9, 3), 1, 0, 1e-9),
@@ -147,6 +149,39 @@ def test_card_numbers(which, tmp_path):
     check(read_cdb(path))
 
 
+SURFACE = """et,3,154
+keyo,3,2,1
+eblock,10,,,2
+(15i9)
+        3        3        3        3       12       11       12       14       13       11
+        4        3        3        3       12       15       16       18       17
+-1
+"""
+
+
+@each("types", ["", "type,3\n"])
+def test_surface_elements_of_workbench_are_left_out(types, tmp_path):
+    """Blocks without the key SOLID, whose type is that of their section or of TYPE."""
+    path = archive(tmp_path / "a.cdb")
+    blocks = SURFACE.replace("eblock", f"{types}eblock")
+    path.write_text(path.read_text().replace("FINISH", f"{blocks}FINISH"))
+    body = read_cdb(path)
+    check(body)
+    assert "2 elements of type 154 are not solids and are not read" in body.notes
+
+
+@each(
+    ("old", "new"),
+    [("et,3,154", "et,3,185"), ("et,3,154", "et,4,154"), ("et,3,154", "et,3,154\ntype,1")],
+)
+def test_solids_in_a_block_of_other_elements_are_refused(old, new, tmp_path):
+    path = archive(tmp_path / "a.cdb")
+    blocks = SURFACE.replace(old, new)
+    path.write_text(path.read_text().replace("FINISH", f"{blocks}FINISH"))
+    with pytest.raises(ModelError, match="EBLOCK with the key SOLID, or of a known type of other"):
+        read_cdb(path)
+
+
 def test_card_numbers_behind_left_justified_numbers_are_refused(tmp_path):
     """In (3i8,6e16.9) the columns 73 to 80 begin the first angle of the axes of a node."""
     lines = [f"NBLOCK,6,SOLID,1,{len(NODES)}", "(3i8,6e16.9)"]
@@ -157,6 +192,26 @@ def test_card_numbers_behind_left_justified_numbers_are_refused(tmp_path):
     (tmp_path / "a.cdb").write_text("\n".join([*lines, "N,R5.3,LOC,       -1,", ""]))
     with pytest.raises(ModelError, match="line 3: expected a number that ends in column 88"):
         read_cdb(tmp_path / "a.cdb")
+    # a long one, with blanks in place of the signs of the coordinates
+    text = (tmp_path / "a.cdb").read_text().replace("       9\n", " 1234567\n")
+    text = re.sub(r"(\d\.\d+) ", r" \1", text)
+    (tmp_path / "a.cdb").write_text(text)
+    with pytest.raises(ModelError, match="line 3: expected a number that ends in column 88"):
+        read_cdb(tmp_path / "a.cdb")
+
+
+def test_zeros_and_a_blank_for_the_sign(tmp_path):
+    """Short numbers at the left of their field, as an archive of an older release has them."""
+    lines = [
+        "NBLOCK,6,SOLID",
+        "(3i8,6e16.9)",
+        "       1       0       0 0.             -1.5             2.    ",
+        "       2       0       0 0.25            0.              0.5   ",
+        "N,R5.3,LOC,       -1,",
+    ]
+    (tmp_path / "a.cdb").write_text("\n".join([*lines, ""]))
+    body = read_cdb(tmp_path / "a.cdb")
+    assert body.nodes.tolist() == [[0.0, -1.5, 2.0], [0.25, 0.0, 0.5]]
 
 
 def test_card_numbers_that_look_like_angles_are_refused(tmp_path):
@@ -174,7 +229,7 @@ def test_card_numbers_that_look_like_angles_are_refused(tmp_path):
 @each(
     ("old", "new", "line", "message"),
     [
-        ("EBLOCK,19,SOLID,2,2", "EBLOCK,10,,,2", 18, "expected EBLOCK with the key SOLID, found 'EBLOCK,10,,,2'"),
+        ("EBLOCK,19,SOLID,2,2", "EBLOCK,19,,,2", 19, "expected EBLOCK with the key SOLID, or of a known type of other"),
         ("       18\n", "       18       99\n", 20, "expected 8 nodes of an element, found 9 numbers"),
         ("(3i9,6e21.13e3)", "(3i9,6z21.13)", 4, r"a format like \(3i9,6e21.13e3\), found '\(3i9,6z21.13\)'"),
         ("(19i9)", "(19i)", 19, "a format like"),

@@ -83,14 +83,14 @@ def test_random_decks(seed, form, tmp_path):
     assert n_rectangular > 0
 
 
-@each("binary", [False, True])
 @each("kind", [1, 2])
-def test_dense_matrices_of_pynastran(binary, kind, tmp_path):
+def test_dense_matrices_of_pynastran(kind, tmp_path):
+    """Texts only: its binary files lack the lengths behind the records."""
     from pyNastran.op4.op4 import OP4
 
     rng = np.random.default_rng(105)
     matrix = rng.standard_normal((9, 9)).astype("f4" if kind == 1 else "f8")
-    OP4(debug=False).write_op4(str(tmp_path / "a.op4"), {"K": (1, matrix)}, is_binary=binary)
+    OP4(debug=False).write_op4(str(tmp_path / "a.op4"), {"K": (1, matrix)}, is_binary=False)
     np.testing.assert_array_equal(read_op4(tmp_path / "a.op4")["K"].toarray(), matrix)
 
 
@@ -109,7 +109,9 @@ def test_own_matrices_are_read_alike(binary, form, kind, tmp_path):
     data = getattr(found, "data", found)
     data = data[1] if isinstance(data, tuple) else data
     theirs = data.toarray() if sp.issparse(data) else np.asarray(data)
-    np.testing.assert_allclose(read_op4(path)["K"].toarray(), theirs, rtol=1e-15)
+    # it keeps single precision
+    accuracy = 1e-7 if kind == 1 else 1e-15
+    np.testing.assert_allclose(read_op4(path)["K"].toarray(), theirs, rtol=accuracy)
 
 
 def test_modes_of_pynastran(tmp_path):
@@ -126,9 +128,9 @@ def test_modes_of_pynastran(tmp_path):
     table.table_code, table.tCode = 7, 1007  # eigenvectors, not displacements
     table.data_code.update(table_code=7, tCode=1007)
     model = OP2(debug=None)
-    model.set_as_nx()
+    model.set_as_msc()
     model.eigenvectors[1] = table
-    model.write_op2(str(tmp_path / "m.op2"), post=-1, endian=b"<", nastran_format="nx")
+    model.write_op2(str(tmp_path / "m.op2"), post=-1, endian=b"<", nastran_format="msc")
     modes = read_op2(tmp_path / "m.op2")
     np.testing.assert_allclose(modes.frequency, hertz, rtol=1e-6)
     np.testing.assert_array_equal(modes.shapes, np.moveaxis(data[..., :3], 0, 2))

@@ -9,7 +9,7 @@ import zlib
 import numpy as np
 import pytest
 
-from bdamper.importers import read_body, read_inp, read_matrix
+from bdamper.importers import read_bdf, read_body, read_inp, read_matrix
 from bdamper.util.errors import ModelError
 from tests.each import each
 from tests.importers.test_io_files import DECK
@@ -24,7 +24,8 @@ def test_files_of_other_folders_are_not_included(line, reader, tmp_path):
     word = line.format("more")
     text = f"*INCLUDE, INPUT={word}\n" if reader == "inp" else f"INCLUDE '{word}'\n{BULK}"
     (tmp_path / "own" / f"a.{reader}").write_text(text)
-    expected = rf"a\.{reader}: .*INCLUDE in line 1: expected a file in the folder of this one or below, found '.*more'$"
+    below = "a file in the folder of this one or below, or a folder named by include_folder"
+    expected = rf"a\.{reader}: .*INCLUDE in line 1: expected {below}, found '.*more'$"
     with pytest.raises(ModelError, match=expected):
         read_body(tmp_path / "own" / f"a.{reader}")
 
@@ -46,6 +47,29 @@ def test_a_link_to_another_folder_is_not_followed(linked, reader, tmp_path):
         (tmp_path / "own" / "link").unlink()
         (tmp_path / "own" / "link").symlink_to(tmp_path / "own" / target)
         assert len(read_body(deck).numbers) == (8 if reader == "inp" else 4)
+
+
+@each("reader", ["inp", "bdf"])
+@each("named", ["{folder}/more", "../more", "..\\more"])
+def test_files_of_a_named_folder_are_included(reader, named, tmp_path):
+    """The folder is permitted by name, and no other one."""
+    (tmp_path / "run").mkdir()
+    (tmp_path / "other").mkdir()
+    text = DECK if reader == "inp" else BULK
+    for folder in (tmp_path, tmp_path / "other"):
+        (folder / "more").write_text(text)
+    name = named.format(folder=tmp_path)
+    line = f"*INCLUDE, INPUT={name}\n" if reader == "inp" else f"INCLUDE '{name}'\n"
+    deck = tmp_path / "run" / f"a.{reader}"
+    deck.write_text(line)
+    read = read_inp if reader == "inp" else read_bdf
+    with pytest.raises(ModelError, match="or a folder named by include_folder"):
+        read(deck)
+    assert len(read(deck, include_folder=tmp_path).numbers) == (8 if reader == "inp" else 4)
+    with pytest.raises(ModelError, match="a file in the folder of this one or below, found"):
+        read(deck, include_folder=tmp_path / "other")
+    with pytest.raises(ModelError, match="include_folder: expected an existing folder"):
+        read(deck, include_folder=tmp_path / "none")
 
 
 def test_files_of_own_folders_are_included_with_either_slash(tmp_path):

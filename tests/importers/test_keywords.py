@@ -32,9 +32,7 @@ TIES = """*CLEARANCE, MASTER=A
 *PRE-TENSION SECTION, SURFACE=FACE, NODE=1
 *RIGID BODY, ELSET=BODY, REF NODE=1
 *SHELL TO SOLID COUPLING, CONSTRAINT NAME=C
-*SUBMODEL, TYPE=NODE, INPUT=g.frd
-*TIE, NAME=T
-*MATRIX ASSEMBLE, STIFFNESS=K"""
+*TIE, NAME=T"""
 MAKES = """*PART, NAME=P
 *Instance, name=I, part=P
 *NCOPY, CHANGE NUMBER=100, OLD SET=ALL, SHIFT
@@ -44,7 +42,6 @@ MAKES = """*PART, NAME=P
 *NFILL, BIAS=2.
 *ELGEN, ALL NODES
 *NODE, INPUT=more.inp
-*NODE RESPONSE
 *IMPERFECTION, FILE=f, STEP=1
 *ADJUST, NODE SET=ALL, SURFACE=FACE
 *ELCOPY, ELEMENT SHIFT=1, OLD SET=BODY, SHIFT NODES=1
@@ -56,6 +53,16 @@ MAKES = """*PART, NAME=P
 *SURFACE, NAME=S, TYPE=CYLINDER
 *MODEL CHANGE, REMOVE
 *REFINE MESH, LIMIT=10
+*CONTACT INITIALIZATION DATA, NAME=C, INTERFERENCE
+*CONTACT INITIALIZATION ASSIGNMENT
+*CONTACT CLEARANCE, NAME=C, ADJUST=YES
+*CONTACT CLEARANCE ASSIGNMENT
+*ADAPTIVE MESH, ELSET=BODY
+*MAP SOLUTION, STEP=1
+*BOND
+*DISPLAY BODY, INSTANCE=I
+*ELEM, TYPE=C3D8
+*EQUAT
 *SYMMETRIC MODEL GENERATION, REVOLVE
 *IMPORT, STEP=1
 *PARAMETER
@@ -75,6 +82,32 @@ HARMLESS = """*CYCLIC SYMMETRY MODEL, N=12
 *FREQUENCY, SOLVER=MATRIXSTORAGE
 *MATRIX GENERATE, STIFFNESS, MASS
 *END STEP"""
+
+PASSED_OVER = """*SURFACE PROPERTY ASSIGNMENT, PROPERTY=THICKNESS
+*CONTACT FORMULATION, TYPE=EDGE TO EDGE
+*CONTACT STABILIZATION
+*CONTACT CONTROLS ASSIGNMENT, TYPE=SCALE PENALTY
+*CONTACT EXCLUSIONS
+*CONTACT SMOOTHING ASSIGNMENT
+*CONTACT INTERFERENCE, SHRINK
+*CHANGE FRICTION, INTERACTION=FACES
+*DAMAGE INITIATION, CRITERION=MAXS
+*DAMAGE EVOLUTION, TYPE=ENERGY
+*DAMAGE STABILIZATION
+*COHESIVE BEHAVIOR
+*FRACTURE CRITERION, TYPE=VCCT
+*CLEARANCE BOUND
+*SURFACE SMOOTHING, NAME=S
+*BULK VISCOSITY
+*FIXED MASS SCALING, FACTOR=2.
+*CONNECTOR BEHAVIOR, NAME=C
+*CONNECTOR ELASTICITY
+*SUBMODEL, TYPE=NODE, INPUT=g.frd
+*NODE RESPONSE
+*INERTIA RELIEF
+*NODAL ENERGY RATE
+*LOAD CASE, NAME=L
+*END LOAD CASE"""
 
 
 @each("line", [*TIES.splitlines(), *MAKES.splitlines()])
@@ -100,6 +133,16 @@ def test_harmless_keywords_of_decks_leave_the_mesh_as_it_is(tmp_path):
     (tmp_path / "spring.inp").write_text(DECK + "*SPRING, ELSET=SHELL\n1\n1.\n")
     note = "*SPRING of the deck is not read: its stiffness or mass must be in the matrices"
     assert note in str(read_inp(tmp_path / "spring.inp"))
+
+
+@each("line", PASSED_OVER.splitlines())
+def test_other_keywords_of_decks_are_passed_over_by_name(line, tmp_path):
+    (tmp_path / "a.inp").write_text(f"{DECK}{line}\n1, 2, 3\n{line}\n")
+    (tmp_path / "plain.inp").write_text(DECK)
+    body, plain = read_inp(tmp_path / "a.inp"), read_inp(tmp_path / "plain.inp")
+    np.testing.assert_array_equal(body.nodes, plain.nodes)
+    keyword = "".join(line.split(",")[0].upper().split())
+    assert body.notes == (*plain.notes, f"keywords of the deck that are not read: {keyword}")
 
 
 # ---- Ansys ----
@@ -219,7 +262,7 @@ def test_other_commands_of_archives_leave_the_mesh_as_it_is_and_are_named(archiv
     np.testing.assert_array_equal(more.elements, plain.elements)
     assert plain.notes == ("commands of the archive that are not read: /PREP7, FINISH",)
     assert more.notes == (
-        "commands of the archive that are not read: /PREP7, TYPE, MAT, REAL, *IF, *ELSE, *ENDIF, DOF, KEYOPT, DMPOPT, "
+        "commands of the archive that are not read: /PREP7, MAT, REAL, *IF, *ELSE, *ENDIF, DOF, KEYOPT, DMPOPT, "
         "NLDIAG, SECCONTROL, *DIM, *SET, RLBLOCK, DBLOCK, LOCAL, D, SETTING2031, FINISH",
     )
 
