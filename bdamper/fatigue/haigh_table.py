@@ -130,8 +130,8 @@ class HaighTable(validation.Checked):
 
         The header has names and units: ``amplitude (MPa)``, ``mean (MPa)`` or ``R``, ``temperature
         (C)`` and ``probability (%)``, the probability of survival.  With both ``mean`` and ``R``,
-        the values of a row must agree.  Without a temperature the rows are those of a test at 20
-        °C, and without a probability they have a survival probability of 50 %.
+        the values of a row must agree.  A table without temperatures belongs to 20 °C, a table
+        without probabilities to a survival probability of 50 %.
 
         Parameters
         ----------

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import csv
 import re
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -29,7 +30,7 @@ from numpy.typing import NDArray
 from bdamper.importers.fe_body import data_lines, parsing, reader
 from bdamper.util import quantities, validation
 from bdamper.util.display import Plottable
-from bdamper.util.errors import check, check_sentence, import_extra, mismatch
+from bdamper.util.errors import check, check_sentence, import_extra, mismatch, warn
 from bdamper.util.formatting import amount, counted, short_repr, span
 from bdamper.util.records import check_all
 from bdamper.util.statement import Row, Statement
@@ -105,6 +106,24 @@ DECIBEL = re.compile(r"dB(?: re\.?)? ?(?:1 ?)?(.+)", re.IGNORECASE)
 EXCITATIONS = ("force", "base acceleration")
 """Optional columns of a response, with the excitation at each point."""
 FREQUENCY = 18
+_LINEAR_FUNCTIONS = {
+    0: "",
+    4: "frequency response function",
+    5: "transmissibility",
+    12: "spectrum",
+}
+"""Functions of data set 58 whose values are motions, or motions per excitation."""
+_OTHER_FUNCTIONS = {
+    1: "record over time",
+    2: "auto-spectrum",
+    3: "cross-spectrum",
+    6: "coherence",
+    7: "autocorrelation",
+    8: "cross-correlation",
+    9: "power spectral density",
+    10: "energy spectral density",
+}
+"""Functions of data set 58 with squared quantities or without a frequency."""
 """Number of the data type "frequency" in universal files."""
 
 
@@ -714,7 +733,9 @@ def _from_size(table: Mapping[str, NDArray], stated: str, unit: str | None) -> t
 def read_measurements(path: Path) -> tuple[Measurement, ...]:
     """Read the frequency response functions (data set 58) of a universal file (UNV, UFF).
 
-    The package pyuff (extra ``bdamper[unv]``) is needed.
+    Transmissibilities and spectra are also read; their name says so.  Squared quantities such as
+    auto-spectra, coherences, and records over time are not responses: a warning names them, or an
+    error if the file has nothing else.  The package pyuff (extra ``bdamper[unv]``) is needed.
 
     Parameters
     ----------
@@ -730,13 +751,20 @@ def read_measurements(path: Path) -> tuple[Measurement, ...]:
     FileNotFoundError, ModelError
         If the file does not exist, is damaged, or has no frequency response function.
     """
+    others: Counter[str] = Counter()
     file = import_extra("pyuff", "reading a universal file", "unv").UFF(str(path))
     measurements: list[Measurement] = []
     for k in np.flatnonzero(np.atleast_1d(file.get_set_types()) == 58):
         data = file.read_sets(int(k))
-        if int(data.get("abscissa_spec_data_type", FREQUENCY)) != FREQUENCY:
+        function = int(data.get("func_type", 4))
+        over_frequency = int(data.get("abscissa_spec_data_type", FREQUENCY)) == FREQUENCY
+        if function not in _LINEAR_FUNCTIONS or not over_frequency:
+            unknown = f"function of type {function}, not over frequency"
+            others[_OTHER_FUNCTIONS.get(function, unknown)] += 1
             continue
         name = str(data.get("id1", "")).strip() or f"function {len(measurements) + 1}"
+        if function in (5, 12):
+            name = f"{name} ({_LINEAR_FUNCTIONS[function]})"
         unit = str(data.get("ordinate_axis_units_lab", "")).strip().replace("NONE", "")
         measurements.append(
             Measurement(
@@ -749,5 +777,10 @@ def read_measurements(path: Path) -> tuple[Measurement, ...]:
                 source=str(path),
             )
         )
-    check(bool(measurements), str(path), "frequency response functions (data set 58)", "none")
+    found = ", ".join(f"{name} ({count})" for name, count in others.items()) or "none"
+    if _OTHER_FUNCTIONS[1] in others:
+        found += "; read_ring_down reads the decay of a mode from a table over time"
+    check(bool(measurements), str(path), "frequency response functions (data set 58)", found)
+    if others:
+        warn(f"{path}: only its responses are read, found also {found}")
     return tuple(measurements)

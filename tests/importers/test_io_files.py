@@ -45,7 +45,7 @@ from bdamper.importers.abaqus import read_frd_stress
 from bdamper.importers.arrays import read_mat
 from bdamper.importers.fe_body import parsing
 from bdamper.importers.prepared_body import Placement, PreparedBody
-from bdamper.util.errors import BdamperError, ModelError, mismatch
+from bdamper.util.errors import BdamperError, BdamperWarning, ModelError, mismatch
 from bdamper.util.storage import load
 from examples.calculix.decks import matrix_input, run_job
 from tests.calculix_runs import free_input
@@ -509,6 +509,52 @@ def test_measured_response(universal, tmp_path):
         load(tmp_path / "x.h5")
     with pytest.raises(ModelError, match="as many responses as frequencies"):
         Measurement("x", np.ones(3), np.ones(2))
+
+
+def function_58(kind, data=(1.0, 2.0, 3.0), abscissa=18):
+    """Data set 58 of three real values, as the manual of the format describes it."""
+    head = ["record", "NONE", "01-Jan-26 10:00:00", "NONE", "NONE"]
+    head += [f"{kind:5d}{0:10d}{0:5d}{0:10d}       NONE{1:10d}{3:4d}       NONE{1:10d}{3:4d}"]
+    head += [f"{2:10d}{len(data):10d}{1:10d}{1:13.5E}{1:13.5E}{0:13.5E}"]
+    axes = (abscissa, 12, 0, 0)
+    head += [f"{axis:10d}{0:5d}{0:5d}{0:5d} NONE                 NONE" for axis in axes]
+    return block(58, [*head, "".join(f"{value:13.5E}" for value in data)])
+
+
+OTHERS = {
+    1: "record over time",
+    2: "auto-spectrum",
+    3: "cross-spectrum",
+    6: "coherence",
+    9: "power spectral density",
+    25: "function of type 25",
+}
+
+
+@each("kind", OTHERS)
+def test_functions_that_are_no_responses_are_named(kind, universal):
+    _, path = universal
+    text = function_58(kind, abscissa=17 if kind == 1 else 18)
+    path.write_text(text)
+    with pytest.raises(ModelError, match=rf"functions .*, found {OTHERS[kind]}") as caught:
+        read_measurements(path)
+    assert ("read_ring_down" in str(caught.value)) == (kind == 1)
+    # beside a response they are left out with a warning
+    path.write_text(text + function_58(4))
+    with pytest.warns(BdamperWarning, match=f"found also {OTHERS[kind]}"):
+        (found,) = read_measurements(path)
+    np.testing.assert_allclose(found.response, [1.0, 2.0, 3.0])
+
+
+@each(
+    ("kind", "name"),
+    [(0, "record"), (4, "record"), (5, "record (transmissibility)"), (12, "record (spectrum)")],
+)
+def test_responses_of_other_types_are_named(kind, name, universal):
+    _, path = universal
+    path.write_text(function_58(kind))
+    (found,) = read_measurements(path)
+    assert found.name == name
 
 
 @pytest.mark.parametrize(
