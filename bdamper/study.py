@@ -734,6 +734,7 @@ class Study(Comparable):
         *,
         mode: int = 1,
         options: PeakOptions | None = None,
+        errors: bool = True,
         progress: bool | None = None,
     ) -> Peak:
         """Find the highest point of the response at one preload.
@@ -748,6 +749,11 @@ class Study(Comparable):
             Mode of the constrained bodies, 1 for the lowest.
         options : PeakOptions, optional
             Tolerances of the peak.
+        errors : bool
+            Estimate how much the amplitude changes with two more harmonics and, with residual
+            modes, with six more of them (``peak.errors``).  After a large change the number of
+            harmonics rises further.  The estimates take about a tenth of the time of a response
+            curve.
         progress : bool, optional
             Show progress: a bar or, without a terminal, lines of text after ten seconds; on by default.
 
@@ -764,7 +770,13 @@ class Study(Comparable):
         check_question(problem, [preload], frequency)
         problem.sizes.check_faces(preload)
         return followed_peak.highest_peak(
-            problem, preload, frequency, mode=mode, options=options, progress=progress
+            problem,
+            preload,
+            frequency,
+            mode=mode,
+            options=options,
+            progress=progress,
+            errors=errors,
         )
 
     @validation.check_arguments

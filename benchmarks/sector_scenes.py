@@ -46,7 +46,7 @@ from unittest import mock
 import numpy as np
 
 import bdamper as bd
-from bdamper.analyses.error_estimates import Tops, solve_other, with_stand_ins
+from bdamper.analyses.error_estimates import Tops, solve_other
 from bdamper.contact import residual_flexibility
 from bdamper.contact.partial_contact import (
     SMALL_SHIFT,
@@ -55,6 +55,7 @@ from bdamper.contact.partial_contact import (
     partial_contact,
 )
 from bdamper.response.peak import Peak
+from bdamper.response.richer_peak import with_stand_ins
 from bdamper.time_domain.transient import CRITERIA, Transient, energy_error, second_half
 from bdamper.util.errors import COMPLETE, BdamperWarning
 

@@ -16,10 +16,11 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.analyses.accuracy import varied
-from bdamper.analyses.error_estimates import embed, estimate_errors
+from bdamper.analyses.error_estimates import estimate_errors
 from bdamper.response.highest_peak import AT_END
 from bdamper.response.peak import Peak, find_peak
 from bdamper.response.response_curve_result import ResponseCurve
+from bdamper.response.richer_peak import embed
 from tests.effect_cases import Case, draw, scene, study_of
 
 SOURCES = ("harmonics", "contact_forces", "contact points", "modes")

@@ -66,13 +66,9 @@ from bdamper.analyses.error_estimates import (
     SOURCES,
     WIDER,
     PeakOutcome,
-    embed,
     evaluate_peak,
-    missing_harmonics,
-    nodal_diameter,
     richer_study,
     whole_curve,
-    with_stand_ins,
 )
 from bdamper.contact.laws import AFT
 from bdamper.harmonic_balance.checks import check_question
@@ -86,6 +82,7 @@ from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak, PeakOptions, check_peak, peak_of_sign, sign_of_jacobian
 from bdamper.response.response_curve_result import ResponseCurve
+from bdamper.response.richer_peak import embed, missing_harmonics, nodal_diameter, with_stand_ins
 from bdamper.response.verification import Convergence, HarmonicPeak, Meeting
 from bdamper.time_domain.time_response import structure_in_time
 from bdamper.util import validation

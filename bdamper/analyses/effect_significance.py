@@ -24,20 +24,14 @@ from typing import Any
 
 import numpy as np
 
-from bdamper.analyses.error_estimates import (
-    Change,
-    Tops,
-    compare,
-    embed,
-    estimate_change,
-    whole_curve,
-)
+from bdamper.analyses.error_estimates import Tops, compare, estimate_change, whole_curve
 from bdamper.contact.laws import LAW_BONDED
 from bdamper.harmonic_balance.checks import check_question
 from bdamper.harmonic_balance.effects import MOTIONS, OFF, Effects, harmonic_numbers
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.model.kinematics import RIGID_NAMES
+from bdamper.response.richer_peak import Change, embed
 from bdamper.util import validation
 from bdamper.util.display import Plottable, Result
 from bdamper.util.errors import BdamperError, SettingError

@@ -9,11 +9,9 @@ Complete curve
     the frequency.
 
 Newton iteration
-    The converged peak is embedded in the other study, and Newton's method continues to the peak
-    there, first at the same phase, or to the response at the same frequency at an end of the
-    interval. Lower peaks that could become the highest are treated in the same way. If an iteration
-    fails, or a peak leaves the interval or changes considerably, the complete curve is computed.
-    For small changes this saves most of the time.
+    Newton's method continues from the converged peak, and from lower maxima that could become the
+    highest, in the other study (:mod:`bdamper.response.richer_peak`).  At an end of the interval it
+    continues at the same frequency.  If it has no answer, the complete curve is computed.
 
 Adjoint estimate
     A converged solution ``y = (u, omega)`` is embedded in the other system: common modes and
@@ -70,7 +68,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -78,119 +75,34 @@ from numpy.typing import NDArray
 
 from bdamper.contact.laws import AFT
 from bdamper.contact.residual_flexibility import ResidualModes, ResidualSet
-from bdamper.harmonic_balance.effects import BLADE_MODES, MAX_HARMONIC, harmonic_numbers
+from bdamper.harmonic_balance.effects import BLADE_MODES, MAX_HARMONIC
 from bdamper.harmonic_balance.equations import OK, Equations
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.model.contact_points import ROWS, rows_of_points, unite_face
 from bdamper.response.highest_peak import highest_of_curve, maxima
 from bdamper.response.peak import (
     Peak,
-    PeakOptions,
     amplitude_and_phase,
     check_peak,
-    peak_of_sign,
     phase_row,
     same_peak,
-    sign_of_jacobian,
 )
 from bdamper.response.response_curve import check_curve, frequency_response
 from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
+from bdamper.response.richer_peak import (
+    NEARLY_HIGHEST,
+    Change,
+    embed,
+    missing_harmonics,
+    richer_peaks,
+    with_stand_ins,
+)
 from bdamper.response.verification import ErrorEstimates, HarmonicPeak, SourceError
 from bdamper.time_domain import time_response
 from bdamper.util import validation
 from bdamper.util.errors import COMPLETE, BdamperError, SettingError, with_reason
 from bdamper.util.formatting import short_text
 from bdamper.util.progress import CostMeter, one_thread
-
-
-class Change(NamedTuple):
-    """Relative change of a peak from one study to another.
-
-    Parameters
-    ----------
-    amplitude, frequency : float
-        Relative changes; NaN if unknown.
-    uncertainty : float
-        Possible error of the change: 0 for a computed change, the defect for an estimate, infinite
-        if unknown.
-    how : str
-        Method, or the reason why the change is unknown.
-    """
-
-    amplitude: float = np.nan
-    frequency: float = np.nan
-    uncertainty: float = np.inf
-    how: str = ""
-
-    @classmethod
-    def between(cls, before: Peak, after: PeakOutcome | Peak, how: str = "") -> Change:
-        """Return the change from one computed peak to another."""
-        # computed, not estimated: the change itself has no uncertainty
-        return cls(
-            amplitude=after.amplitude / before.amplitude - 1.0,
-            frequency=after.frequency / before.frequency - 1.0,
-            uncertainty=0.0,
-            how=how,
-        )
-
-    @property
-    def known(self) -> bool:
-        """Whether the change is known."""
-        return bool(np.isfinite(self.amplitude))
-
-    @property
-    def size(self) -> float:
-        """Largest relative change plus its uncertainty; infinite if unknown."""
-        size = max(abs(self.amplitude), abs(self.frequency)) + self.uncertainty
-        return float(size) if np.isfinite(size) else np.inf
-
-
-def embed(old: Problem, new: Problem, preload: float, y: NDArray) -> NDArray:
-    """Embed a point of one study in a study with different settings.
-
-    Modes and harmonics of both studies retain their amplitudes, others are zero. The mean retains
-    its distance from the static state.
-
-    Parameters
-    ----------
-    old, new : Problem
-    preload : float, N
-    y : (n_unknowns + 1,) float
-        Unknowns and angular frequency (rad/s) of the old study.
-
-    Returns
-    -------
-    (n_unknowns + 1,) float
-        Unknowns and angular frequency of the new study.
-    """
-    old_system = old.system(preload)
-    new_system = new.system(preload)
-    old_bases = old_system.structure.bases
-    new_bases = new_system.structure.bases
-    embedded = np.zeros(new_system.n_unknowns + 1)
-    # the angular frequency
-    embedded[-1] = y[-1]
-    if new_system.n_mean:
-        # the mean is the static state, moved by the difference of the old mean from its own
-        embedded[: new_system.n_mean] = new.static(preload).q
-        if old_system.n_mean:
-            source, target = _common(old_bases[0].coordinates, new_bases[0].coordinates)
-            embedded[target] += y[source] - old.static(preload).q[source]
-    for l in range(1, min(old_system.n_harmonics, new_system.n_harmonics) + 1):
-        source, target = _common(old_bases[l].coordinates, new_bases[l].coordinates)
-        # cosine and sine amplitudes
-        for old_part, new_part in zip(old_system.layout.slices(l), new_system.layout.slices(l)):
-            embedded[new_part.start + target] = y[old_part.start + source]
-    return embedded
-
-
-@lru_cache(maxsize=256)
-def _common(source: tuple[Any, ...], target: tuple[Any, ...]) -> tuple[NDArray, NDArray]:
-    """Return the indices of the coordinates that both have, in the first and in the second."""
-    index_in_target = {coordinate: j for j, coordinate in enumerate(target)}
-    in_source = [i for i, coordinate in enumerate(source) if coordinate in index_in_target]
-    in_target = [index_in_target[source[i]] for i in in_source]
-    return np.array(in_source, int), np.array(in_target, int)
 
 
 def estimate_change(system: Equations, y: NDArray) -> Change:
@@ -243,14 +155,6 @@ def estimate_change(system: Equations, y: NDArray) -> Change:
     )
 
 
-NEARLY_HIGHEST = 0.7
-"""Relative height from which lower peaks are followed along with the highest.
-
-The complete curve is computed if a peak rises by more than 30 %, or falls by more than 10 %,
-because it may then be below a peak that is not followed: on a small wedge it falls by 18 % and the
-highest point of the complete curve by 12 %. All other changes on 24 scenes of
-``benchmarks.bench_effects`` agree with the complete curves to 1e-9.
-"""
 WIDER = 1.05, 1.1, 1.2
 """Successive factors on the interval if the resonance has left it: 39 % in total."""
 
@@ -481,19 +385,16 @@ def solve_other(
     if not state.ok:
         return Solution(Change(how=f"no static state: {state.reason}"))
     peak = tops.peaks[0]  # the highest
-    if by_newton:
+    if by_newton and tops.at_end:
         system = other.system(preload)
         embedded = [embed(problem, other, preload, top.y) for top in tops.peaks]
-        if tops.at_end:
-            change = _at_frequency(system, embedded, peak)
-            if change is not None:
-                return Solution(change)
-        else:
-            signs = [sign_of_jacobian(problem.system(preload), top.y) for top in tops.peaks]
-            descending = _solved(system, embedded, signs, tops)
-            if descending:
-                change = Change.between(peak, descending[0], "peak recomputed")
-                return Solution(change, Tops(tuple(descending)))
+        change = _at_frequency(system, embedded, peak)
+        if change is not None:
+            return Solution(change)
+    elif by_newton:
+        found = richer_peaks(problem, other, preload, tops.peaks)
+        if found.change.known:
+            return Solution(found.change, Tops(found.peaks) if found.peaks else None)
     outcome = evaluate_peak(other, lambda study: tops.curve_with(study, preload))
     if outcome.reason:
         return Solution(Change(how=f"no complete response curve: {outcome.reason}"))
@@ -501,28 +402,6 @@ def solve_other(
     outside = "" if low <= outcome.frequency <= high else ", outside the interval"
     how = f"computed by a complete response curve{outside}"
     return Solution(Change.between(peak, outcome, how), Tops.of(other, outcome.result))
-
-
-def _solved(system: Equations, embedded: list[NDArray], signs: list[int], tops: Tops) -> list[Peak]:
-    """Return the peaks found by Newton's method in descending order.
-
-    The list is empty if it fails or finds another peak.
-    """
-    low, high = tops.interval or (0.0, np.inf)
-    most_fall = 0.1
-    most_rise = 1.0 - NEARLY_HIGHEST
-    solved = []
-    for y, sign, peak in zip(embedded, signs, tops.peaks):
-        solution, _ = peak_of_sign(
-            system, y, sign, options=PeakOptions(), parameter=peak.parameter, patient=False
-        )
-        if isinstance(solution, str) or not low <= solution.frequency <= high:
-            return []
-        change = solution.amplitude / peak.amplitude - 1.0
-        if not -most_fall <= change <= most_rise:
-            return []
-        solved.append(solution)
-    return sorted(solved, key=lambda peak: -peak.amplitude)
 
 
 def _at_frequency(system: Equations, embedded: list[NDArray], peak: Peak) -> Change | None:
@@ -819,47 +698,6 @@ def richer_study(problem: Problem, source: str) -> Richer | None:
         "residual flexibility": _residual_modes,
     }
     return more_detailed[source](problem)
-
-
-def nodal_diameter(problem: Problem, harmonic: int) -> int:
-    """Return the nodal diameter of the modes of a harmonic."""
-    order = problem.engine_order
-    if not problem.settings.fundamental_modes_only:
-        order = order * harmonic
-    diameter, _ = problem.model.folded_nodal_diameter(order)
-    return diameter
-
-
-def missing_harmonics(problem: Problem, top: int) -> list[int]:
-    """Return the harmonics up to ``top`` for which the model has no modes."""
-    bases = [body.bases for body in problem.model.bodies.values() if body.kind == "constrained"]
-    missing = []
-    for l in range(2, top + 1):
-        diameter = nodal_diameter(problem, l)
-        if any(diameter not in by_diameter for by_diameter in bases):
-            missing.append(l)
-    return missing
-
-
-def with_stand_ins(problem: Problem, harmonics: int | tuple[int, ...]) -> Problem:
-    """Return the study with more harmonics.
-
-    Modes of the fundamental replace modes that the model lacks.
-    """
-    missing = missing_harmonics(problem, harmonic_numbers(harmonics)[-1])
-    if not missing:
-        return problem.replace(harmonics=harmonics)
-    model = problem.model
-    fundamental = nodal_diameter(problem, 1)
-    diameters = [nodal_diameter(problem, l) for l in missing]
-    bodies = {}
-    for name, body in model.bodies.items():
-        bases = dict(body.bases)
-        if body.kind == "constrained":
-            for diameter in diameters:
-                bases.setdefault(diameter, body.bases[fundamental])
-        bodies[name] = replace(body, bases=bases)
-    return problem.replace(model=replace(model, bodies=bodies), harmonics=harmonics)
 
 
 def _more_harmonics(problem: Problem) -> Richer:

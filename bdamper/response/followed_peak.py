@@ -37,12 +37,14 @@ from bdamper.response.highest_peak import (
     check_options,
     highest_of_curve,
     of_curve,
+    with_errors,
     within_budget,
 )
 from bdamper.response.linear_limits import peak_interval
 from bdamper.response.peak import Peak, PeakOptions, coarse_options, find_peak
 from bdamper.response.response_curve import frequency_response
 from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
+from bdamper.response.richer_peak import MOST_STEPS
 from bdamper.util.errors import FAILURES_AT_ONE_PRELOAD, INCOMPLETE
 from bdamper.util.formatting import amount, peak_text
 from bdamper.util.progress import CostMeter, one_thread, single_thread
@@ -253,6 +255,7 @@ def highest_peak(
     mode: int = 1,
     options: PeakOptions | None = None,
     progress: bool = False,
+    errors: bool = False,
 ) -> Peak:
     """Compute the highest point of the response at one preload
     (:mod:`bdamper.response.highest_peak`).
@@ -267,6 +270,8 @@ def highest_peak(
         Mode of the constrained bodies, 1 for the lowest.
     options : PeakOptions
     progress : bool
+    errors : bool
+        Estimate the errors of the peak by harmonics and residual modes.
 
     Returns
     -------
@@ -284,6 +289,8 @@ def highest_peak(
     check_options(options)
     response = within_budget(problem, preload, frequency, options=options, progress=progress)
     response = with_lower_preloads(problem, response, frequency, options)
+    if errors:
+        response = with_errors(problem, response, MOST_STEPS)
     return as_peak(problem, response, frequency)
 
 

@@ -42,6 +42,7 @@ from bdamper.response.peak import (
 )
 from bdamper.response.response_curve import frequency_response, open_at_rest, rattles
 from bdamper.response.response_curve_result import NO_STEADY, ResponseCurve, uninterrupted
+from bdamper.response.richer_peak import NEARLY_HIGHEST, peak_errors
 from bdamper.util import validation
 from bdamper.util.errors import INCOMPLETE, NOT_FOUND, BdamperError, Ending
 from bdamper.util.formatting import peak_text
@@ -622,6 +623,33 @@ def within_budget(
         return response
     again = found_at(problem, preload, frequency, options=options, progress=progress)
     return replace(again, cost=response.cost + again.cost)
+
+
+def with_errors(problem: Problem, response: AtPreload, most_steps: int = 1) -> AtPreload:
+    """Return the response with the errors of its highest point, if this is a known maximum.
+
+    Parameters
+    ----------
+    problem : Problem
+    response : AtPreload
+        Its curve has its unknowns.
+    most_steps : int
+        See :func:`bdamper.response.richer_peak.peak_errors`.
+    """
+    top = response.top
+    if top is None or not response.known or response.rattles:
+        return response
+    meter = CostMeter()
+    system = problem.system(response.preload)
+    meter.watch(system)
+    lower = [
+        peak
+        for peak in maxima(system, response.curve, NEARLY_HIGHEST)
+        if not same_peak(peak, top.peak)
+    ]
+    found = peak_errors(problem, response.preload, (top.peak, *lower), meter, most_steps)
+    peak = replace(top.peak, errors=found.errors, harmonic_peaks=found.harmonic_peaks)
+    return replace(response, top=replace(top, peak=peak), cost=response.cost + meter.read())
 
 
 def _resonance_apart(case: LoadCase, frequency: tuple[float, float], peak: Peak) -> str:

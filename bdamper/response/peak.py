@@ -40,6 +40,13 @@ from bdamper.harmonic_balance.subject import about, not_covered
 from bdamper.response.continuation import Follower
 from bdamper.response.events import AtLeastTwo, ContinuationOptions, Step
 from bdamper.response.motion_range import exceeds
+from bdamper.response.peak_error import (
+    HarmonicPeak,
+    SourceError,
+    amplitude_error,
+    error_rows,
+    error_text,
+)
 from bdamper.util import validation
 from bdamper.util.display import Fact, InContact, Result
 from bdamper.util.errors import COMPLETE, NOT_FOUND, with_reason
@@ -154,6 +161,11 @@ class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
         the amplitude is NaN, and for peaks of :func:`find_peak`.
     notes : tuple of str
         Self-locking bodies, whose static normal load is not unique.
+    errors : tuple of SourceError
+        Errors by harmonics and, with residual modes, by six more of them; empty if they were left
+        out (``errors=False``) and in files of earlier versions.
+    harmonic_peaks : tuple of HarmonicPeak
+        Peaks with two more harmonics at each step, after a large change with the next two.
     """
 
     parameter: Annotated[float, Quantity("N", name="preload")]
@@ -178,14 +190,24 @@ class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
     lower_bound: Metre = float("nan")
     half_range: Annotated[float, Quantity("m"), Data(derived=True)] = float("nan")
     notes: tuple[str, ...] = ()
+    errors: tuple[SourceError, ...] = ()
+    harmonic_peaks: tuple[HarmonicPeak, ...] = ()
     _summary_fields = (
         "parameter",
         "amplitude",
         "lower_bound",
         "frequency",
+        "error",
         "shares",
         "search_status",
     )
+
+    @property
+    def error(self) -> float:
+        """Relative error of the amplitude, the sum of ``errors``; NaN if one of them is unknown, or
+        without them.
+        """
+        return amplitude_error(self.errors)
 
     def _facts(self) -> tuple[Fact, ...]:
         """Return the most important values of the peak, or the reason why there is none."""
@@ -218,6 +240,8 @@ class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
         kind = f"{limit} resonance peak".strip().capitalize()
         peak = peak_text(self.amplitude, self.frequency)
         peak += first_harmonic_text(self.half_range, self.amplitude)
+        if self.errors:
+            peak += f", {error_text(self.errors)}"
         verdict = f"{kind} {peak}{about(self.settings, preload)}"
         if self.search_status not in ("", COMPLETE):
             search = with_reason(self.search_status, self.search_reason)
@@ -225,10 +249,11 @@ class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
         rows = half_range_rows(self.half_range, self.amplitude)
         if limit:
             return Statement([verdict], rows, remarks=remarks)
+        rows += error_rows(self.errors, self.amplitude, self.harmonic_peaks)
         rows += contact_rows(self.shares)
         rows += interval_rows(self.settings)
         remarks.append(not_covered(self.settings, ["more blade modes"]))
-        return Statement([verdict], rows, unchecked("peak"), remarks)
+        return Statement([verdict], rows, unchecked("peak", bool(self.errors)), remarks)
 
 
 def lower_bound_row(amplitude: float, frequency: float) -> Row:
@@ -272,12 +297,15 @@ def interval_rows(settings: Mapping[str, Any]) -> list[Row]:
     return [Row("Search interval", extent(low, high, "Hz"), "covered by the response curve")]
 
 
-def unchecked(name: str) -> list[Row]:
-    """Return the checks that are not part of a peak or curve by harmonic balance."""
-    return [
-        Row(IN_TIME, "not run", f"study.time_response({name})"),
-        Row("More harmonics", "not run", f"study.harmonic_convergence({name})"),
-    ]
+def unchecked(name: str, has_errors: bool = False) -> list[Row]:
+    """Return the checks that are not part of a peak or curve by harmonic balance.
+
+    An error by harmonics replaces the check of more harmonics.
+    """
+    rows = [Row(IN_TIME, "not run", f"study.time_response({name})")]
+    if not has_errors:
+        rows.append(Row("More harmonics", "not run", f"study.harmonic_convergence({name})"))
+    return rows
 
 
 def vibration_width(y: NDArray, tangent: NDArray, scale: NDArray, n_mean: int) -> float:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from bdamper.harmonic_balance.subject import about, has_more_points
 from bdamper.response.motion_range import exceeds
 from bdamper.response.peak import half_range_row
+from bdamper.response.peak_error import HarmonicPeak, SourceError
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable, Result, draw
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, WithStatus
@@ -499,28 +500,6 @@ def _range_without_unit(motion: TimeResponse | MotionInTime) -> str:
     return with_unit.rpartition(" ")[0]
 
 
-# ---- convergence with harmonics ----
-
-
-@dataclass(frozen=True)
-class HarmonicPeak:
-    """Peak computed with a given number of harmonics.
-
-    Parameters
-    ----------
-    harmonics : int
-        Highest harmonic.
-    amplitude, frequency : float, m, Hz
-    seconds : float
-        Processor time.
-    """
-
-    harmonics: int
-    amplitude: Metre
-    frequency: Cycles
-    seconds: Second = 0.0
-
-
 # ---- different friction coefficients ----
 
 
@@ -951,56 +930,6 @@ SETTING_OF = {
     "residual flexibility": "contact_stiffness",
 }
 """Setting of a study that reduces the error of a source."""
-
-
-@dataclass(frozen=True)
-class SourceError:
-    """Estimated error of a peak from one source.
-
-    Parameters
-    ----------
-    source : str
-        Name of the source, for example "harmonics", "contact points", "modes" or "time".
-    amplitude, frequency : float
-        Relative change of the peak with a more accurate setting; NaN without an estimate.
-    uncertainty : float
-        Relative change that the estimate may have missed; 0 if the peak was recomputed with the
-        more accurate setting.
-    against : str
-        The more accurate setting and the method, or the reason why there is no estimate.
-    """
-
-    source: str
-    amplitude: float
-    frequency: float
-    uncertainty: float
-    against: str
-
-    @property
-    def known(self) -> bool:
-        """Whether there is an estimate that is larger than its uncertainty."""
-        change = np.abs([self.amplitude, self.frequency])
-        if not np.isfinite(change).all():
-            return False
-        return bool(self.uncertainty == 0.0 or self.uncertainty < change.max())
-
-    @property
-    def size(self) -> float:
-        """Larger of the two relative changes; NaN if unknown."""
-        if not self.known:
-            return float("nan")
-        return float(np.fmax(abs(self.amplitude), abs(self.frequency)))
-
-    def __str__(self) -> str:
-        if not self.known:
-            return f"{self.source}: not estimated: {self.against}"
-        amplitude = f"amplitude {percent(self.amplitude, sign=True)}"
-        frequency = f"frequency {percent(self.frequency, sign=True)}"
-        change = f"{amplitude}, {frequency}"
-        # an uncertainty far below the error is not worth its digits
-        if self.uncertainty > 0.05 * self.size:
-            change += f", may miss {percent(self.uncertainty)}"
-        return f"{self.source}: {change} ({self.against})"
 
 
 @short_repr

@@ -10,17 +10,11 @@ import pytest
 import bdamper as bd
 from bdamper.analyses import error_estimates as richer_module
 from bdamper.analyses.accuracy import make_ladders, varied
-from bdamper.analyses.error_estimates import (
-    SOURCES,
-    Tops,
-    compare,
-    missing_harmonics,
-    richer_study,
-    with_stand_ins,
-)
+from bdamper.analyses.error_estimates import SOURCES, richer_study
 from bdamper.contact.residual_flexibility import ResidualModes
 from bdamper.harmonic_balance.settings import Settings
 from bdamper.model.contact_points import unite_contact_points
+from bdamper.response.richer_peak import missing_harmonics, with_stand_ins
 from bdamper.response.verification import SETTING_OF, ErrorEstimates, HarmonicPeak, SourceError
 from bdamper.util.errors import SettingError
 from tests import accuracy_cases, models
@@ -283,26 +277,6 @@ def test_a_resonance_far_beyond_the_interval_is_not_known():
     assert np.isnan(compared.estimated).all() and compared.text.endswith(
         "between 556.495 and 1090.11 Hz: the response is highest at an end of the interval"
     )
-
-
-def test_a_lower_peak_that_becomes_the_highest_is_found(study, place, peak):
-    """Newton's method from the highest peak alone would not see it."""
-    other = replace(peak, amplitude=0.8 * peak.amplitude, y=2.0 * peak.y)
-    richer = study.replace(harmonics=3)
-
-    def higher(system, y, sign, **_):
-        return replace(peak, amplitude=(1.01 if y[-1] == peak.y[-1] else 1.02) * peak.amplitude), 0
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(richer_module, "peak_of_sign", higher)
-        for peaks in ((peak, other), (other, peak)):
-            changes = compare(
-                study.problem, richer.problem, place[0], Tops(peaks, place[1]), by_newton=True
-            )
-            assert changes.amplitude == pytest.approx(
-                1.02 * peak.amplitude / peaks[0].amplitude - 1.0
-            )
-            assert changes.how == "peak recomputed"
 
 
 def test_what_is_refused(study, place, peak):

@@ -9,9 +9,9 @@ import bdamper as bd
 from bdamper.analyses import effect_significance as module
 from bdamper.analyses import error_estimates
 from bdamper.analyses.effect_significance import EffectRow, fullest, parts
-from bdamper.analyses.error_estimates import Change
 from bdamper.harmonic_balance.effects import ASSUMED, Effects
 from bdamper.harmonic_balance.settings import Settings
+from bdamper.response.richer_peak import Change
 from tests import models
 from tests.plain import plain_study
 

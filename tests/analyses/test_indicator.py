@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.analyses.error_estimates import Change, embed, estimate_change
+from bdamper.analyses.error_estimates import estimate_change
 from bdamper.response.peak import find_peak
+from bdamper.response.richer_peak import Change, embed
 from tests import models
 from tests.following import changed
 from tests.plain import plain_study

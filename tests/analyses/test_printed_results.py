@@ -16,6 +16,7 @@ def printed():
     for varies, shown in (
         (r"[-+]?\d[\d.]*e-\d+|[-+]0(?= )", "0"),
         (r"(?<=  )\d[\d.]* m?s(?= )", "time"),
+        (r"(?<=, )\d[\d.]* m?s(?=\n)", "time"),
         (r" {2,}", "  "),
     ):
         text = re.sub(varies, shown, text)

@@ -3,8 +3,9 @@
 import pytest
 
 import bdamper as bd
-from bdamper.analyses.error_estimates import embed, estimate_change
+from bdamper.analyses.error_estimates import estimate_change
 from bdamper.harmonic_balance.effects import Effects
+from bdamper.response.richer_peak import embed
 from tests.plain import plain_study
 
 INTERVAL = (250.0, 400.0)

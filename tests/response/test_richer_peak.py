@@ -1,0 +1,178 @@
+"""Peaks of richer studies by Newton's method, against complete searches of these studies."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.response import richer_peak
+from bdamper.response.highest_peak import found_at, maxima
+from bdamper.response.richer_peak import (
+    NEARLY_HIGHEST,
+    Reached,
+    embed,
+    richer_peaks,
+    with_more_harmonics,
+    with_motion_of_faces,
+    with_soft_vectors,
+)
+from tests.each import each
+
+INTERVAL = (0.08, 0.4)
+
+
+def separating(unit=1.0):
+    """Two masses, the light one between a friction contact that opens and the preload."""
+    contact = bd.Contact((1, 0), normal=1, kt=1.0, kn=1.0, mu=0.5)
+    return bd.lumped(
+        [1.0, 0.1],
+        [0.02, 0.02],
+        [1.0, 0.1],
+        contacts=[contact],
+        forces={0: 0.1 * unit},
+        load_per_preload={1: 1.0},
+        harmonics=3,
+    )
+
+
+def blade():
+    return bd.Study(
+        bd.reference_model("turbine_blade"),
+        bd.Excitation("tip", direction="tangential", amplitude=1.0),
+        engine_order=5,
+        friction_coefficient=0.3,
+    )
+
+
+@pytest.fixture(scope="module")
+def blade_peak():
+    study = blade()
+    return study.problem, study.peak(104.0, (620.0, 700.0))
+
+
+@each("preload", [pytest.param(p, id=f"{p} N") for p in (0.1, 0.2, 0.4, 0.8)])
+def compare_with_complete_search(preload):
+    """Compare the change of a peak by two more harmonics with a search that starts elsewhere."""
+    problem = separating().problem
+    richer = with_more_harmonics(problem)
+    assert richer.harmonic_numbers == (1, 2, 3, 4, 5)
+    own = found_at(problem, preload, INTERVAL)
+    peaks = maxima(problem.system(preload), own.curve, NEARLY_HIGHEST)
+    found = richer_peaks(problem, richer, preload, peaks)
+    true = found_at(richer, preload, INTERVAL)
+    change = true.amplitude / own.amplitude - 1.0
+    assert abs(change) > 0.005
+    assert found.change.amplitude == pytest.approx(change, abs=1e-6)
+    assert found.change.uncertainty == 0.0
+    assert found.peaks[0].frequency == pytest.approx(true.top.peak.frequency, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_more_harmonics_change_the_peak_as_in_a_complete_search():
+    """Changes of 1 to 15 %; the search starts at the ends of the interval, not at the peak."""
+    compare_with_complete_search()
+
+
+@pytest.mark.slow
+def test_change_does_not_depend_on_the_unit_of_force():
+    """All forces times 1,000: the law is homogeneous, so the motion is 1,000 times larger."""
+    changes = []
+    for unit in (1.0, 1000.0):
+        problem = separating(unit).problem
+        peak = found_at(problem, 0.2 * unit, INTERVAL).top.peak
+        richer = with_more_harmonics(problem)
+        changes.append(richer_peaks(problem, richer, 0.2 * unit, [peak]).change.amplitude)
+    assert abs(changes[0]) > 0.1
+    assert changes[1] == pytest.approx(changes[0], rel=1e-6)
+
+
+def test_constant_normal_load_gets_odd_harmonics():
+    jenkins = bd.lumped(
+        1.0, 0.05, 1.0, contacts=[bd.Contact(0, kt=20.0, mu=1.0, preload=0.6)], forces={0: 1.0}
+    )
+    odd = jenkins.problem.replace(harmonics=(1, 3), variable_normal_load=False, separation=False)
+    assert with_more_harmonics(odd).harmonic_numbers == (1, 3, 5)
+
+
+@pytest.mark.slow
+def test_lower_maximum_that_becomes_the_highest_counts(monkeypatch):
+    problem = separating().problem
+    peak = found_at(problem, 0.4, INTERVAL).top.peak
+    lower = replace(peak, amplitude=0.8 * peak.amplitude)
+
+    def higher(problem, richer, preload, start, *attempts):
+        factor = 1.01 if start is peak else 1.3
+        top = replace(start, amplitude=factor * start.amplitude)
+        return Reached(top, top.amplitude, top.frequency, 0.0)
+
+    monkeypatch.setattr(richer_peak, "reach", higher)
+    found = richer_peaks(problem, problem, 0.4, [peak, lower])
+    assert found.change.amplitude == pytest.approx(1.3 * 0.8 - 1.0)
+    assert [top.amplitude / peak.amplitude for top in found.peaks] == pytest.approx([1.04, 1.01])
+
+
+@pytest.mark.slow
+def test_points_without_convergence_are_read_near_the_solution_only(monkeypatch):
+    problem = separating().problem
+    peak = found_at(problem, 0.4, INTERVAL).top.peak
+    residuals = iter((0.2, 0.6))
+
+    def stalls(*args):
+        residual = next(residuals)
+        read = residual < richer_peak.READ
+        amplitude = 1.1 * peak.amplitude if read else np.nan
+        return Reached(None, amplitude, peak.frequency, residual)
+
+    monkeypatch.setattr(richer_peak, "reach", stalls)
+    read = richer_peaks(problem, problem, 0.4, [peak])
+    assert read.change.amplitude == pytest.approx(0.1) and not read.peaks
+    assert read.change.uncertainty == pytest.approx(0.02)
+    assert "stalls at 20 % of the excitation" in read.change.how
+    unknown = richer_peaks(problem, problem, 0.4, [peak])
+    assert not unknown.change.known and unknown.change.size == np.inf
+
+
+@pytest.mark.slow
+def test_a_start_far_from_any_peak_has_no_answer():
+    problem = separating().problem
+    peak = found_at(problem, 0.4, INTERVAL).top.peak
+    far = replace(peak, y=np.append(50.0 * peak.y[:-1], 0.02 * peak.y[-1]))
+    assert not richer_peaks(problem, with_more_harmonics(problem), 0.4, [far]).change.known
+
+
+@pytest.mark.slow
+def test_faces_keep_their_motion_in_a_study_with_all_vectors(blade_peak):
+    """With a vector for each resolved force the least squares are exact: the elements need the motion
+    x + (D' - D) F of each point."""
+    problem, peak = blade_peak
+    rich = replace(problem.contact.residual.options, n_vectors="all")
+    richer = problem.replace(contact_stiffness=rich)
+    start = with_motion_of_faces(problem, richer, 104.0, peak.y)
+    motion, force, _ = problem.system(104.0).contact(peak.y[:-1])
+    added = richer.contact.residual.flexibility - problem.contact.residual.flexibility
+    wanted = motion + added[:, :, None] * force
+    reached, _, _ = richer.system(104.0).contact(start[:-1])
+    scale = np.abs(wanted[:, :, 1:]).max()
+    assert np.abs(reached - wanted)[:, :, 1:].max() < 0.05 * scale
+    # the same residual modes need no other coordinates
+    same = with_motion_of_faces(problem, problem, 104.0, peak.y)
+    np.testing.assert_allclose(same, peak.y, atol=1e-9 * np.abs(peak.y[:-1]).max())
+
+
+@pytest.mark.slow
+def test_start_with_the_motion_of_the_faces_is_nearer_than_coordinates_by_name(blade_peak):
+    problem, peak = blade_peak
+    richer = with_soft_vectors(problem)
+    system = richer.system(104.0)
+    by_name = system.error(embed(problem, richer, 104.0, peak.y))
+    by_motion = system.error(with_motion_of_faces(problem, richer, 104.0, peak.y))
+    assert by_motion < 0.2 * by_name
+
+
+def test_soft_vectors_are_added_to_residual_modes_alone():
+    assert with_soft_vectors(separating().problem) is None
+    problem = blade().problem
+    assert with_soft_vectors(problem).stiffness_method.n_soft == 6
+    all_vectors = replace(problem.contact.residual.options, n_vectors="all")
+    assert with_soft_vectors(problem.replace(contact_stiffness=all_vectors)) is None
