@@ -393,8 +393,9 @@ def solve_other(
             return Solution(change)
     elif by_newton:
         found = richer_peaks(problem, other, preload, tops.peaks)
-        if found.change.known:
-            return Solution(found.change, Tops(found.peaks) if found.peaks else None)
+        # a point that was read is no peak
+        if found.peaks:
+            return Solution(found.change, Tops(found.peaks))
     outcome = evaluate_peak(other, lambda study: tops.curve_with(study, preload))
     if outcome.reason:
         return Solution(Change(how=f"no complete response curve: {outcome.reason}"))

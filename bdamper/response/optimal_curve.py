@@ -42,12 +42,14 @@ from bdamper.response.highest_peak import (
     AtPreload,
     Highest,
     check_options,
+    with_errors,
     within_budget,
 )
 from bdamper.response.linear_limits import linear_peak, peak_interval
 from bdamper.response.optimal_curve_result import OptimalCurve, OptimumPoint
 from bdamper.response.optimum_checks import NEAR_BEST
 from bdamper.response.peak import Family, Peak, PeakOptions, find_peak
+from bdamper.response.peak_error import HARMONICS, VECTORS
 from bdamper.response.response_curve import without_points
 from bdamper.response.response_curve_result import NO_STEADY, ResponseCurve
 from bdamper.response.scalar_search import (
@@ -92,11 +94,13 @@ def at_preload(
     options: PeakOptions | None = None,
     budget: int | None = None,
     stop: Event | None = None,
+    errors: bool = False,
 ) -> AtPreload:
     """Compute the response at a preload; another thread stops it by setting ``stop``.
 
     A curve that uses up ``budget`` is followed again with the default budget, unless the damper
-    rattles.
+    rattles.  With ``errors`` the errors of the highest point by harmonics and residual modes
+    follow.
     """
     with stopped_by(stop or Event()):
         try:
@@ -108,6 +112,9 @@ def at_preload(
             response = AtPreload(
                 preload=preload, curve=empty, top=None, slope=np.nan, rattles="", cost=Cost()
             )
+    if errors:
+        with stopped_by(stop or Event()), suppress(*FAILURES_AT_ONE_PRELOAD):
+            response = with_errors(problem, response)
     slope = np.nan
     if response.top is not None:
         peak = response.top.peak
@@ -154,6 +161,7 @@ def optimal_curve(
     progress: bool = False,
     resume: str | Path | None = None,
     executor: Executor | None = None,
+    errors: bool = False,
 ) -> OptimalCurve:
     """Compute resonance amplitude and frequency as functions of the preload, and the optimal
     preload.
@@ -174,6 +182,8 @@ def optimal_curve(
         File for all finished curves.  Interrupted work continues from it with the same result.
     executor : concurrent.futures.Executor, optional
         Executor of the curves; by default threads, see :func:`bdamper.set_workers`.
+    errors : bool
+        Estimate the errors of each amplitude by harmonics and residual modes.
 
     Returns
     -------
@@ -203,8 +213,8 @@ def optimal_curve(
     frequency = curve_interval(problem, values, frequency, mode)
     free = linear_peak(highest, frequency, stuck=False)
     stuck = linear_peak(highest, frequency, stuck=True)
-    asked = {"preload": values, "options": options}
-    with Curves(problem, frequency, options, executor, resume, progress, asked) as curves:
+    asked = {"preload": values, "options": options, "errors": errors}
+    with Curves(problem, frequency, options, executor, resume, progress, errors, asked) as curves:
         optimum = _optimum(curves, values)
     known = curves.known
     if curves.interrupted:
@@ -283,6 +293,8 @@ class Curves:
         Threads by default.
     resume : path, optional
     progress : bool
+    errors : bool
+        Estimate the errors of each highest point.
     asked : mapping
         Further data that identify the search in the file.
     known : dict of float to AtPreload
@@ -297,6 +309,7 @@ class Curves:
     executor: Executor | None = None
     resume: str | Path | None = None
     progress: bool = False
+    errors: bool = False
     asked: dict[str, Any] = field(default_factory=dict)
     known: dict[float, AtPreload] = field(default_factory=dict)
     checked_below: set[float] = field(default_factory=set)
@@ -394,6 +407,7 @@ class Curves:
             self.options,
             budget,
             stop if in_thread else None,
+            self.errors,
         )
         # an executor that was shut down raises RuntimeError
         with executor_errors(RuntimeError):
@@ -709,6 +723,16 @@ def _columns(
         unknown = np.nan if size is None else np.full(size, np.nan)
         return np.array([unknown if top is None else getattr(top.peak, name) for top in tops])
 
+    def changes(source: str) -> NDArray | None:
+        """Return the relative changes of all amplitudes by a source; None without estimates."""
+        by_preload = []
+        for top in tops:
+            of_top = () if top is None else top.peak.errors
+            known = [item.amplitude for item in of_top if item.source == source and item.known]
+            by_preload.append(known[0] if known else np.nan)
+        sources = {item.source for top in tops if top is not None for item in top.peak.errors}
+        return np.array(by_preload) if source in sources else None
+
     no_unknowns = np.full(problem.n_unknowns, np.nan)
     unknowns = [no_unknowns if top is None else top.peak.y[:-1] for top in tops]
     return {
@@ -726,6 +750,8 @@ def _columns(
         "status": tuple(ending.status for ending in endings),
         "reason": tuple(ending.reason for ending in endings),
         "goes_on": np.array(goes_on),
+        "harmonic_change": changes(HARMONICS),
+        "vector_change": changes(VECTORS),
     }
 
 

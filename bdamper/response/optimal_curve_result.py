@@ -24,6 +24,7 @@ from bdamper.response.optimum_checks import (
     known_in_time,
 )
 from bdamper.response.optimum_statement import statement
+from bdamper.response.peak_error import HARMONICS, VECTORS, SourceError
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import Convergence, FrictionPeak, FrictionRange, TimeResponse
 from bdamper.util import validation
@@ -201,6 +202,10 @@ class OptimalCurve(
     half_range : (n,) float, m, or None
         Half of the largest peak-to-peak response on the response curve of each preload, with all
         harmonics.
+    harmonic_change, vector_change : (n,) float, or None
+        Relative change of the amplitude with two more harmonics, and with six more residual modes;
+        NaN if unknown.  None if the errors were left out (``errors=False``), without residual
+        modes, and in files of earlier versions.
     margins_interrupted : bool
         Whether Ctrl-C ended the computation of the margins before any was known.
     model_doubts : tuple of str, optional
@@ -237,6 +242,8 @@ class OptimalCurve(
     margins_interrupted: Annotated[bool, Data(derived=True)] = False
     model_doubts: Annotated[tuple[str, ...] | None, Data(derived=True)] = None
     reason: Annotated[tuple[str, ...], Data(derived=True), Quantity()] = ()
+    harmonic_change: Annotated[NDArray, Quantity()] | None = None
+    vector_change: Annotated[NDArray, Quantity()] | None = None
     _summary_fields = (
         "optimum.preload",
         "optimum.amplitude",
@@ -315,6 +322,32 @@ class OptimalCurve(
         Empty if no check has failed, or if the amplitude does not depend on the preload.
         """
         return tuple(check.failure for check in failed(self))
+
+    @property
+    def error(self) -> Annotated[NDArray, Quantity()]:
+        """Relative error (n,) of each amplitude, the sum of both changes; NaN if one is unknown, or
+        without estimates.
+        """
+        sizes = np.full(len(self), np.nan)
+        if self.harmonic_change is not None:
+            sizes = np.abs(self.harmonic_change)
+        if self.vector_change is not None:
+            sizes = sizes + np.abs(self.vector_change)
+        return sizes
+
+    def errors_at(self, preload: float) -> tuple[SourceError, ...]:
+        """Return the errors of the amplitude at a computed preload (N); empty without estimates."""
+        row = int(np.abs(self.preload - preload).argmin())
+        errors = []
+        for source, change in (
+            (HARMONICS, self.harmonic_change),
+            (VECTORS, self.vector_change),
+        ):
+            if change is not None:
+                known = bool(np.isfinite(change[row]))
+                uncertainty = 0.0 if known else np.inf
+                errors.append(SourceError(source, float(change[row]), 0.0, uncertainty, ""))
+        return tuple(errors)
 
     @property
     def shift_percent(self) -> Annotated[NDArray, Quantity("%", name="frequency_shift")]:

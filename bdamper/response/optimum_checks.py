@@ -11,7 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from bdamper.harmonic_balance.effects import harmonic_numbers
 from bdamper.harmonic_balance.subject import has_residual_modes
+from bdamper.response.peak_error import error_text
 from bdamper.response.verification import FRICTION_SPREAD, MUCH, TimeResponse
 from bdamper.util.errors import COMPLETE, INTERRUPTED
 from bdamper.util.formatting import amount, percent
@@ -28,6 +30,8 @@ NEAR_BEST = 1.2
 """Amplitude over the optimum that defines the printed range of acceptable preloads."""
 GOOD, FAIR = 0.05, 0.2
 """Largest relative differences of a green and of an amber check."""
+ERRORS = "Errors by source"
+"""Name of the check of the errors by harmonics and residual modes."""
 SAFE = 1.5
 """Smallest fatigue margin of a green check."""
 CURVES_PER_ESTIMATE = 7.0
@@ -213,7 +217,7 @@ def _more_harmonics(curve: OptimalCurve) -> Check:
         "white if not run"
     )
     if convergence is None:
-        return Check("white", "More harmonics", WITH_CHECKS, rule)
+        return _two_more_harmonics(curve)
     first, *others = convergence.peaks
     if convergence.ok:
         colour = "green"
@@ -230,6 +234,46 @@ def _more_harmonics(curve: OptimalCurve) -> Check:
         remedy = convergence.settings_text(settled[0])
     failure = f"more harmonics may be needed, {convergence.verdict}"
     return Check(colour, "More harmonics", convergence.note, rule, failure, remedy)
+
+
+def _two_more_harmonics(curve: OptimalCurve) -> Check:
+    """Rate the error by two more harmonics at the optimum.
+
+    One harmonic alone is never enough for a green check.
+    """
+    name = "More harmonics"
+    rule = (
+        f"green below {percent(GOOD)} of difference with two more, amber above, if unknown, and "
+        "with one harmonic; white if not run"
+    )
+    changes = curve.harmonic_change
+    if changes is None or not np.isfinite(curve.optimum.preload):
+        colour = "amber" if _one_harmonic(curve) else "white"
+        return Check(colour, name, WITH_CHECKS, rule)
+    change = float(changes[_row_of_optimum(curve)])
+    highest = max(_harmonics(curve))
+    if np.isnan(change):
+        found = f"no peak with {highest + 2} near this one"
+    else:
+        changed = amount((1.0 + change) * curve.optimum.amplitude, "m")
+        found = f"{changed} with {highest + 2}, {percent(change, sign=True)}"
+    is_small = abs(change) <= GOOD and not _one_harmonic(curve)
+    return Check("green" if is_small else "amber", name, found, rule)
+
+
+def _row_of_optimum(curve: OptimalCurve) -> int:
+    """Return the row of the preload of the optimum."""
+    return int(np.abs(curve.preload - curve.optimum.preload).argmin())
+
+
+def _harmonics(curve: OptimalCurve) -> tuple[int, ...]:
+    """Return the harmonics of the curve without the mean."""
+    return harmonic_numbers(curve.settings["harmonics"])
+
+
+def _one_harmonic(curve: OptimalCurve) -> bool:
+    """Return whether the curve was computed with the first harmonic alone."""
+    return len(_harmonics(curve)) == 1
 
 
 def _other_friction(curve: OptimalCurve) -> Check:
@@ -365,11 +409,35 @@ def _fatigue_margins(curve: OptimalCurve) -> list[Check]:
 
 def _errors_by_source(curve: OptimalCurve) -> Check:
     """Name the estimate of errors by source, which the curve does not contain, and its price."""
+    text = error_summary(curve)
+    if text:
+        error = curve.error[_row_of_optimum(curve)]
+        rule = f"green below {percent(GOOD)} at the optimum, amber above or if unknown"
+        return Check("green" if error <= GOOD else "amber", ERRORS, text, rule)
     preload = _rounded(curve.recommended_preload, 3)
     n_curves = _rounded(_curves_per_estimate(curve), 1)
     call = f"study.estimate_errors(study.peak({preload}))"
     found = f"{call} takes about as long as {n_curves} response curves (this result: {len(curve)})"
-    return Check("white", "Errors by source", found, "white, not part of an optimal curve")
+    return Check("white", ERRORS, found, "white, not part of an optimal curve")
+
+
+def error_summary(curve: OptimalCurve) -> str:
+    """Return the error at the optimum, the largest one, and the number of unknown ones in words; ""
+    without estimates.
+    """
+    if curve.harmonic_change is None and curve.vector_change is None:
+        return ""
+    texts = [f"{error_text(curve.errors_at(curve.optimum.preload))} at the optimum"]
+    errors = curve.error
+    has_value = np.isfinite(curve.amplitude)
+    if np.isfinite(errors).any():
+        largest = int(np.nanargmax(errors))
+        preload = amount(float(curve.preload[largest]), "N")
+        texts.append(f"largest {percent(float(errors[largest]))} at {preload}")
+    n_unknown = int(np.sum(np.isnan(errors) & has_value))
+    if n_unknown:
+        texts.append(f"unknown at {n_unknown} of {int(has_value.sum())} preloads")
+    return "; ".join(texts)
 
 
 def _rounded(value: float, digits: int) -> str:

@@ -32,6 +32,7 @@ from bdamper.response.optimum_checks import (
     known_in_time,
     range_in_time_text,
 )
+from bdamper.response.peak_error import error_text
 from bdamper.response.response_curve_result import NO_STEADY
 from bdamper.util.errors import COMPLETE
 from bdamper.util.formatting import amount, counted, loads_text, peak_text, percent, span
@@ -227,10 +228,13 @@ def _amplitude_rows(curve: OptimalCurve, any_failed: bool) -> list[Row]:
         rows.append(Row(name, amount(in_time.balance, "m"), "at this preload"))
         name = ""
         remark += f" at its optimum, {amount(optimum.preload, 'N')}"
+    error = error_text(curve.errors_at(optimum.preload))
+    if error:
+        remark += f"; {error}"
     free = curve.free.amplitude
     if np.isfinite(free):
         ratio = free / optimum.amplitude
-        remark += f", a factor of {ratio:.3g} below the free blade ({amount(free, 'm')})"
+        remark += f"{';' if error else ','} a factor of {ratio:.3g} below the free blade ({amount(free, 'm')})"
     if in_time is None:
         remark += "; do not compute stresses from it"
     rows.append(Row(name, amount(optimum.amplitude, "m"), remark))

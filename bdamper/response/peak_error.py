@@ -12,7 +12,7 @@ from bdamper.util.statement import Row
 from bdamper.util.tables import Cycles, Metre, Second
 
 HARMONICS = "harmonics"
-VECTORS = "vectors"
+VECTORS = "residual modes"
 """Source of error: contact forces that the residual modes do not describe."""
 ROW_NAMES = {HARMONICS: "Harmonics", VECTORS: "Residual modes"}
 """Names of the sources in printed rows."""
