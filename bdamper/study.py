@@ -1635,7 +1635,11 @@ class Study(Comparable):
     @partial(validation.check_arguments, name="estimate_errors")
     @needs_contacts
     def estimate_errors(
-        self, result: ResponseCurve | Peak, *, sources: Sequence[str] = error_estimates.SOURCES
+        self,
+        result: ResponseCurve | Peak,
+        *,
+        sources: Sequence[str] = error_estimates.SOURCES,
+        complete: bool = False,
     ) -> ErrorEstimates:
         """Estimate the errors of a peak by source.
 
@@ -1645,8 +1649,12 @@ class Study(Comparable):
             For a response curve, the errors of its highest peak are estimated.
         sources : sequence of str
             Subset of ``SOURCES`` in ``bdamper/analyses/error_estimates.py``, and "time", a time
-            integration near the peak.  All of ``SOURCES`` together take a few seconds for the
-            shipped models, and 40 to 320 s for imported sectors with 12 points on each face.
+            integration near the peak.
+        complete : bool
+            Compute the complete response curve of each more detailed study, and compare with all
+            residual modes instead of six more.  Otherwise Newton's method continues from the peak,
+            and a complete curve is computed only if it has no answer.  Complete curves take 7 to 60
+            times as long as the peak.
 
         Returns
         -------
@@ -1657,7 +1665,9 @@ class Study(Comparable):
         SettingError
             If the result has not converged or belongs to another study.
         """
-        return error_estimates.estimate_errors(self.problem, result, sources=sources)
+        return error_estimates.estimate_errors(
+            self.problem, result, sources=sources, complete=complete
+        )
 
     @partial(validation.check_arguments, name="refine")
     @needs_contacts

@@ -81,9 +81,10 @@ from bdamper.response.highest_peak import found_at
 from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak, PeakOptions, check_peak, peak_of_sign, sign_of_jacobian
+from bdamper.response.peak_error import HarmonicPeak
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.richer_peak import embed, missing_harmonics, nodal_diameter, with_stand_ins
-from bdamper.response.verification import Convergence, HarmonicPeak, Meeting
+from bdamper.response.verification import Convergence, Meeting
 from bdamper.time_domain.time_response import structure_in_time
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable, Result

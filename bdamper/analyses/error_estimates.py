@@ -34,11 +34,10 @@ has no more detail, or the curve cannot be computed, the source is not estimated
 given.
 
 ``harmonics``
-    The number of harmonics is doubled, and rises by at least four; modes of the fundamental replace
-    modes of a nodal diameter that the model lacks. If the change is large, a peak with half of the
-    new harmonics shows whether successive peaks approach each other. If they do not, or have no
-    solution, more harmonics do not give a limit, and only time integration can determine the
-    amplitude.
+    Two more harmonics, and another two; modes of the fundamental replace modes of a nodal diameter
+    that the model lacks. The three peaks show whether they approach each other. If they do not, or
+    have no solution, more harmonics do not give a limit, and only time integration can determine
+    the amplitude.
 ``contact_forces``
     Sampled contact forces are compared with exact events.
 ``contact points``
@@ -54,9 +53,10 @@ given.
     mode. Otherwise all modes of the model are used, because convergence is slow.
 ``residual flexibility``
     A diagonal contact stiffness is compared with residual modes, which contain the complete
-    flexibility for stuck modes. Residual modes are compared with one for every force on the mesh,
-    at most 72. Both studies have at least three harmonics, because only the diagonal represents
-    contact forces above the highest harmonic, and more vectors make it smaller.
+    flexibility for stuck modes. Residual modes are compared with six more, the softest ones, or
+    with one for every force on the mesh, at most 72, if complete curves are asked for. Both studies
+    have at least three harmonics, because only the diagonal represents contact forces above the
+    highest harmonic, and more vectors make it smaller.
 ``time``
     Time integration near the peak (:mod:`bdamper.time_domain.time_response`), only on request,
     because it takes longer than all other sources. The error is the difference from the farther end
@@ -75,7 +75,7 @@ from numpy.typing import NDArray
 
 from bdamper.contact.laws import AFT
 from bdamper.contact.residual_flexibility import ResidualModes, ResidualSet
-from bdamper.harmonic_balance.effects import BLADE_MODES, MAX_HARMONIC
+from bdamper.harmonic_balance.effects import BLADE_MODES
 from bdamper.harmonic_balance.equations import OK, Equations
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.model.contact_points import ROWS, rows_of_points, unite_face
@@ -87,21 +87,25 @@ from bdamper.response.peak import (
     phase_row,
     same_peak,
 )
+from bdamper.response.peak_error import HarmonicPeak, SourceError
 from bdamper.response.response_curve import check_curve, frequency_response
 from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
 from bdamper.response.richer_peak import (
     NEARLY_HIGHEST,
+    SOFT_VECTORS,
     Change,
     embed,
     missing_harmonics,
     richer_peaks,
+    with_more_harmonics,
+    with_soft_vectors,
     with_stand_ins,
 )
-from bdamper.response.verification import ErrorEstimates, HarmonicPeak, SourceError
+from bdamper.response.verification import ErrorEstimates
 from bdamper.time_domain import time_response
 from bdamper.util import validation
 from bdamper.util.errors import COMPLETE, BdamperError, SettingError, with_reason
-from bdamper.util.formatting import short_text
+from bdamper.util.formatting import listed, short_text
 from bdamper.util.progress import CostMeter, one_thread
 
 
@@ -364,7 +368,12 @@ def compare(
 
 
 def solve_other(
-    problem: Problem, other: Problem, preload: float, tops: Tops, by_newton: bool = False
+    problem: Problem,
+    other: Problem,
+    preload: float,
+    tops: Tops,
+    by_newton: bool = False,
+    readings: bool = False,
 ) -> Solution:
     """Compute the highest peak of another problem.
 
@@ -376,6 +385,9 @@ def solve_other(
         Highest peaks of the first problem.
     by_newton : bool
         Whether to try Newton's method from these peaks before the complete curve.
+    readings : bool
+        Whether a point without convergence, from which the change was read, is an answer.  It has
+        no peak.
 
     Returns
     -------
@@ -393,9 +405,10 @@ def solve_other(
             return Solution(change)
     elif by_newton:
         found = richer_peaks(problem, other, preload, tops.peaks)
-        # a point that was read is no peak
         if found.peaks:
-            return Solution(found.change, Tops(found.peaks))
+            return Solution(found.change, Tops(found.peaks, tops.interval))
+        if readings and found.change.known:
+            return Solution(found.change)
     outcome = evaluate_peak(other, lambda study: tops.curve_with(study, preload))
     if outcome.reason:
         return Solution(Change(how=f"no complete response curve: {outcome.reason}"))
@@ -441,8 +454,8 @@ SOURCES = ("harmonics", "contact_forces", "contact points", "modes", "residual f
 """Sources of error that a setting of the study reduces."""
 TIME = "time"
 """Source of error that only time integration shows."""
-SMALL_CHANGE = 0.02
-"""Relative change with more harmonics up to which further harmonics are not examined."""
+HARMONIC_STEPS = 2
+"""Number of steps of two harmonics each: the second shows whether the peaks approach each other."""
 
 
 class Richer(NamedTuple):
@@ -463,6 +476,26 @@ class Enriched(NamedTuple):
     tops: Tops | None
 
 
+class How(NamedTuple):
+    """How the peak of a more detailed study is found.
+
+    Parameters
+    ----------
+    by_newton : bool
+        Newton's method first.  Otherwise complete response curves only, and all residual modes
+        instead of six more.
+    readings : bool
+        Whether an error may be read from a point without convergence, which has no peak.
+    """
+
+    by_newton: bool = True
+    readings: bool = False
+
+
+NEWTON_FIRST = How()
+"""Newton's method first, then a complete curve; each estimate has a peak."""
+
+
 class Examination(NamedTuple):
     """Errors of a peak, and the more detailed study of each source that has one."""
 
@@ -472,10 +505,16 @@ class Examination(NamedTuple):
 
 @one_thread
 def estimate_errors(
-    problem: Problem, result: ResponseCurve | Peak, *, sources: Sequence[str] = SOURCES
+    problem: Problem,
+    result: ResponseCurve | Peak,
+    *,
+    sources: Sequence[str] = SOURCES,
+    complete: bool = False,
 ) -> ErrorEstimates:
     """See :meth:`bdamper.Study.estimate_errors`."""
-    return examine(problem, result, sources).estimates
+    complete = validation.flag("complete", complete)
+    how = How(by_newton=not complete, readings=not complete)
+    return examine(problem, result, sources, how=how).estimates
 
 
 def examine(
@@ -483,6 +522,7 @@ def examine(
     result: ResponseCurve | Peak,
     sources: Sequence[str],
     meter: CostMeter | None = None,
+    how: How = NEWTON_FIRST,
 ) -> Examination:
     """Estimate the errors of a peak, and keep the more detailed studies and their peaks.
 
@@ -507,20 +547,23 @@ def examine(
         check_peak(problem, result)
         preload = result.parameter
         tops = Tops((result,))
-    errors = []
+    errors: list[SourceError] = []
+    error: SourceError | None
     enriched_by: dict[str, Enriched] = {}
     harmonic_peaks: tuple[HarmonicPeak, ...] = ()
     for source in sources:
         if source == TIME:
             errors.append(_of_time(problem, result, tops.peaks[0], meter))
             continue
-        error, enriched = _of_source(problem, source, preload, tops, meter)
+        start = time.thread_time()
+        if source == "harmonics":
+            error, enriched, harmonic_peaks = _of_harmonics(problem, preload, tops, meter, how)
+        else:
+            error, enriched = _of_source(problem, source, preload, tops, meter, how)
         if error is not None:
-            errors.append(error)
+            errors.append(replace(error, seconds=time.thread_time() - start))
         if enriched is not None:
             enriched_by[source] = enriched
-    if "harmonics" in enriched_by:
-        harmonic_peaks = _harmonic_peaks(problem, preload, tops, enriched_by["harmonics"], meter)
     highest = tops.peaks[0]
     estimates = ErrorEstimates(
         preload,
@@ -533,8 +576,55 @@ def examine(
     return Examination(estimates, enriched_by)
 
 
+def _of_harmonics(
+    problem: Problem, preload: float, tops: Tops, meter: CostMeter, how: How
+) -> tuple[SourceError, Enriched | None, tuple[HarmonicPeak, ...]]:
+    """Return the error of a peak by two steps of two more harmonics, the study of the last step, and
+    the peaks with all numbers of harmonics.
+
+    The amplitude is NaN if a step has no peak.  At an end of the interval there are no peaks.
+    """
+    own = tops.peaks[0]
+    peaks = [HarmonicPeak(problem.harmonic_numbers[-1], own.amplitude, own.frequency)]
+    error = SourceError("harmonics", np.nan, np.nan, np.inf, "")
+    enriched = None
+    here = problem
+    here_tops = tops
+    for _ in range(HARMONIC_STEPS):
+        try:
+            richer = _more_harmonics(here)
+        except BdamperError as reason:
+            if enriched is None:
+                error = replace(error, against=str(reason))
+            break
+        solution = _watched_solution(here, richer.problem, preload, here_tops, meter, how)
+        change = solution.change
+        number = richer.problem.harmonic_numbers[-1]
+        enriched = Enriched(*richer, solution.tops)
+        if not change.known:
+            peaks.append(HarmonicPeak(number, np.nan, np.nan))
+            error = SourceError("harmonics", np.nan, np.nan, np.inf, change.how)
+            break
+        # relative to the peak of the study, not to the step before
+        amplitude = (1.0 + change.amplitude) * peaks[-1].amplitude
+        frequency = (1.0 + change.frequency) * peaks[-1].frequency
+        peaks.append(HarmonicPeak(number, amplitude, frequency))
+        error = SourceError(
+            "harmonics",
+            amplitude=amplitude / own.amplitude - 1.0,
+            frequency=frequency / own.frequency - 1.0,
+            uncertainty=change.uncertainty,
+            against=f"{richer.text}; {change.how}",
+        )
+        if solution.tops is None:
+            break
+        here = richer.problem
+        here_tops = solution.tops
+    return error, enriched, () if tops.at_end or len(peaks) == 1 else tuple(peaks)
+
+
 def _of_source(
-    problem: Problem, source: str, preload: float, tops: Tops, meter: CostMeter
+    problem: Problem, source: str, preload: float, tops: Tops, meter: CostMeter, how: How
 ) -> tuple[SourceError | None, Enriched | None]:
     """Return the error of a peak from one source, and the study that shows it.
 
@@ -543,37 +633,36 @@ def _of_source(
     enriched = None
     try:
         if source == "residual flexibility":
-            problem, tops = _with_three_harmonics(problem, preload, tops)
-        richer = richer_study(problem, source)
+            problem, tops = _with_three_harmonics(problem, preload, tops, meter, how)
+        richer = richer_study(problem, source, all_vectors=not how.by_newton)
         if richer is None:
             return None, None
-        solution = _watched_solution(problem, richer.problem, preload, tops, meter)
+        solution = _watched_solution(problem, richer.problem, preload, tops, meter, how)
         change = solution.change
-        how = f"{richer.text}; {change.how}" if change.known else change.how
+        text = f"{richer.text}; {change.how}" if change.known else change.how
         enriched = Enriched(*richer, solution.tops)
     except BdamperError as error:
         change = Change(how=str(error))
-        how = change.how
+        text = change.how
         if source == "contact points":
-            change, how = _of_fewer_points(problem, preload, tops, meter, how)
+            change, text = _of_fewer_points(problem, preload, tops, meter, text, how)
     error_of_source = SourceError(
-        source, change.amplitude, change.frequency, change.uncertainty, how
+        source, change.amplitude, change.frequency, change.uncertainty, text
     )
     return error_of_source, enriched
 
 
 def _watched_solution(
-    problem: Problem, other: Problem, preload: float, tops: Tops, meter: CostMeter
+    problem: Problem, other: Problem, preload: float, tops: Tops, meter: CostMeter, how: How
 ) -> Solution:
     """Compute the highest peak of another problem, and count its work."""
     if other.static(preload).ok:
         meter.watch(other.system(preload))
-    more_harmonics = other.harmonic_numbers != problem.harmonic_numbers
-    return solve_other(problem, other, preload, tops, by_newton=more_harmonics)
+    return solve_other(problem, other, preload, tops, how.by_newton, how.readings)
 
 
 def _of_fewer_points(
-    problem: Problem, preload: float, tops: Tops, meter: CostMeter, no_finer: str
+    problem: Problem, preload: float, tops: Tops, meter: CostMeter, no_finer: str, how: How
 ) -> tuple[Change, str]:
     """Return the error of all contact points of the model from a coarser set, and its origin.
 
@@ -584,20 +673,20 @@ def _of_fewer_points(
     if n_coarse is None:
         return Change(how=no_finer), no_finer
     coarser = problem.replace(contact_points=n_coarse)
-    change = _watched_solution(problem, coarser, preload, tops, meter).change
+    change = _watched_solution(problem, coarser, preload, tops, meter, how).change
     if not change.known:
-        how = f"{no_finer}; with {n_coarse}: {change.how}"
-        return change, how
+        text = f"{no_finer}; with {n_coarse}: {change.how}"
+        return change, text
     # if n points have the error C/n, that of the coarser set is larger by this multiple of it
     growth = n_present / n_coarse - 1.0
-    how = f"extrapolated from {n_coarse} and {n_present} contact points on a face"
+    text = f"extrapolated from {n_coarse} and {n_present} contact points on a face"
     extrapolated = Change(
         amplitude=-change.amplitude / growth,
         frequency=-change.frequency / growth,
-        uncertainty=0.0,
-        how=how,
+        uncertainty=change.uncertainty / growth,
+        how=text,
     )
-    return extrapolated, how
+    return extrapolated, text
 
 
 def _fewer_points(problem: Problem) -> int | None:
@@ -615,37 +704,6 @@ def _fewer_points(problem: Problem) -> int | None:
         if coarser.n_points == n_coarse and np.all(rows_of_points(coarser) >= needed):
             return n_coarse
     return None
-
-
-def _harmonic_peaks(
-    problem: Problem, preload: float, tops: Tops, enriched: Enriched, meter: CostMeter
-) -> tuple[HarmonicPeak, ...]:
-    """Return the peaks with the harmonics of the study, with more, and with those between.
-
-    The amplitude is NaN if there is no peak. A small change needs no peak between.
-    """
-    # at an end of the interval there is no peak
-    if tops.at_end:
-        return ()
-    own = tops.peaks[0]
-    highest = problem.harmonic_numbers[-1]
-    peaks = [HarmonicPeak(highest, own.amplitude, own.frequency)]
-    most = enriched.problem.harmonic_numbers[-1]
-    last = _harmonic_peak(most, enriched.tops)
-    between = (highest + most) // 2
-    change = last.amplitude / own.amplitude - 1.0
-    if abs(change) > SMALL_CHANGE and between > highest:
-        other = with_stand_ins(problem, between)
-        solution = _watched_solution(problem, other, preload, tops, meter)
-        peaks.append(_harmonic_peak(between, solution.tops))
-    return (*peaks, last)
-
-
-def _harmonic_peak(harmonics: int, tops: Tops | None) -> HarmonicPeak:
-    """Return the highest peak with a number of harmonics; the amplitude is NaN if unknown."""
-    if tops is None:
-        return HarmonicPeak(harmonics, np.nan, np.nan)
-    return HarmonicPeak(harmonics, tops.peaks[0].amplitude, tops.peaks[0].frequency)
 
 
 def _of_time(
@@ -674,17 +732,24 @@ def _of_time(
     return SourceError(TIME, amplitude, frequency, uncertainty=0.0, against=how)
 
 
-def _with_three_harmonics(problem: Problem, preload: float, tops: Tops) -> tuple[Problem, Tops]:
+def _with_three_harmonics(
+    problem: Problem, preload: float, tops: Tops, meter: CostMeter, how: How
+) -> tuple[Problem, Tops]:
     """Return a study with at least three harmonics, and its highest peaks."""
     if problem.harmonic_numbers[-1] >= 3 or not isinstance(problem.contact.residual, ResidualSet):
         return problem, tops
     richer = with_stand_ins(problem, 3)
-    curve = tops.curve_with(richer, preload)
-    return richer, replace(Tops.of(richer, curve), follow=tops.follow)
+    needs_peaks = how._replace(readings=False)
+    solution = _watched_solution(problem, richer, preload, tops, meter, needs_peaks)
+    if solution.tops is None:
+        raise BdamperError(f"no peak with three harmonics: {solution.change.how}")
+    return richer, replace(solution.tops, follow=tops.follow)
 
 
-def richer_study(problem: Problem, source: str) -> Richer | None:
+def richer_study(problem: Problem, source: str, all_vectors: bool = False) -> Richer | None:
     """Return a study that is more detailed in one respect; None if the source does not apply.
+
+    With ``all_vectors`` it has all residual modes, instead of six more.
 
     Raises
     ------
@@ -696,22 +761,23 @@ def richer_study(problem: Problem, source: str) -> Richer | None:
         "contact_forces": _exact_events,
         "contact points": _more_points,
         "modes": _more_modes,
-        "residual flexibility": _residual_modes,
+        "residual flexibility": _all_residual_modes if all_vectors else _more_residual_modes,
     }
     return more_detailed[source](problem)
 
 
 def _more_harmonics(problem: Problem) -> Richer:
-    """Return the study with twice the harmonics, at least four more."""
-    highest = problem.harmonic_numbers[-1]
-    top = min(highest + max(4, highest), MAX_HARMONIC)
-    if top == highest:
-        raise BdamperError(f"bdamper supports no more than {MAX_HARMONIC} harmonics")
-    text = f"harmonics 1 to {top}"
-    missing = missing_harmonics(problem, top)
+    """Return the study with two more harmonics."""
+    richer = with_more_harmonics(problem)
+    numbers = richer.harmonic_numbers
+    has_no_gap = len(numbers) == numbers[-1]
+    text = (
+        f"harmonics 1 to {numbers[-1]}" if has_no_gap else f"harmonics {listed(map(str, numbers))}"
+    )
+    missing = missing_harmonics(problem, numbers[-1])
     if missing:
         text += f", with the modes of harmonic 1 for harmonic {missing[0]} and above"
-    return Richer(with_stand_ins(problem, top), text)
+    return Richer(richer, text)
 
 
 def _exact_events(problem: Problem) -> Richer | None:
@@ -767,15 +833,32 @@ MOST_VECTORS = 72
 """Largest number of residual modes of a reference: those of three faces of eight points."""
 
 
-def _residual_modes(problem: Problem) -> Richer | None:
-    """Return the study with residual modes, or with more of them; None if it has enough."""
+def _more_residual_modes(problem: Problem) -> Richer | None:
+    """Return the study with residual modes, or with six more of them; None if it has enough."""
     method = problem.stiffness_method
     if isinstance(method, str) and method in ("unit_traction", "cigeroglu2009"):
         return Richer(problem.replace(contact_stiffness="residual_modes"), "residual modes")
+    has_number = isinstance(method, ResidualModes) and method.n_vectors != "all"
+    if has_number and method.n_vectors + method.n_soft >= MOST_VECTORS:
+        return None
+    richer = with_soft_vectors(problem)
+    if richer is None:
+        return None
+    has_all = richer.stiffness_method.n_vectors == "all"
+    return Richer(
+        richer, "all residual modes" if has_all else f"{SOFT_VECTORS} more residual modes"
+    )
+
+
+def _all_residual_modes(problem: Problem) -> Richer | None:
+    """Return the study with residual modes, or with a mode for every contact force up to 72 of them;
+    None if it has enough.
+    """
+    method = problem.stiffness_method
     if isinstance(method, str) and method == "residual_modes":
         method = ResidualModes()
     if not isinstance(method, ResidualModes):
-        return None
+        return _more_residual_modes(problem)
     if method.n_vectors == "all" or method.n_vectors + method.n_soft >= MOST_VECTORS:
         return None
     assert problem.contact.residual is not None

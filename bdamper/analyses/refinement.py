@@ -39,7 +39,8 @@ from bdamper.harmonic_balance.study_boundary import StudyLike, in_type_of, probl
 from bdamper.harmonic_balance.subject import preload_text
 from bdamper.response.motion_range import half_range
 from bdamper.response.peak import Peak, check_peak
-from bdamper.response.verification import ErrorEstimates, SourceError
+from bdamper.response.peak_error import SourceError
+from bdamper.response.verification import ErrorEstimates
 from bdamper.util import validation
 from bdamper.util.display import Plottable, Result
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, BdamperError, Ending

@@ -133,15 +133,24 @@ response curve; these cost 1 to 5 % of it.
 
 
 def with_soft_vectors(problem: Problem) -> Problem | None:
-    """Return the study with six more residual modes; None without residual modes, or if it has all
-    of them.
+    """Return the study with six more residual modes, or with all if fewer are left.
+
+    None without residual modes, or if the study has all of them.
     """
     method = problem.stiffness_method
     if isinstance(method, str) and method == "residual_modes":
         method = ResidualModes()
     if not isinstance(method, ResidualModes) or method.n_vectors == "all":
         return None
-    return problem.replace(contact_stiffness=replace(method, n_soft=method.n_soft + SOFT_VECTORS))
+    residual = problem.contact.residual
+    assert residual is not None
+    n_forces = int(residual.active.sum())
+    n_soft = method.n_soft + SOFT_VECTORS
+    if method.n_vectors + n_soft >= n_forces:
+        richer = replace(method, n_vectors="all", n_soft=0)
+    else:
+        richer = replace(method, n_soft=n_soft)
+    return problem.replace(contact_stiffness=richer)
 
 
 # ---- a known point in the unknowns of a richer study ----

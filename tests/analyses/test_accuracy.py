@@ -14,8 +14,9 @@ from bdamper.analyses.error_estimates import SOURCES, richer_study
 from bdamper.contact.residual_flexibility import ResidualModes
 from bdamper.harmonic_balance.settings import Settings
 from bdamper.model.contact_points import unite_contact_points
+from bdamper.response.peak_error import HarmonicPeak, SourceError
 from bdamper.response.richer_peak import missing_harmonics, with_stand_ins
-from bdamper.response.verification import SETTING_OF, ErrorEstimates, HarmonicPeak, SourceError
+from bdamper.response.verification import SETTING_OF, ErrorEstimates
 from bdamper.util.errors import SettingError
 from tests import accuracy_cases, models
 from tests.analyses.test_mode import oscillator
