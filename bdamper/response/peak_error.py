@@ -100,6 +100,8 @@ def amplitude_error(errors: Sequence[SourceError]) -> float:
     return float(sum(abs(item.amplitude) if item.known else np.nan for item in errors))
 
 
+NEGLIGIBLE = 1e-3
+"""Relative error whose digits are not printed."""
 LARGE_SHARE = 1.0 / 3.0
 """Share of the error from which its source is named."""
 
@@ -114,10 +116,11 @@ def error_text(errors: Sequence[SourceError]) -> str:
     unknown = [item.source for item in errors if not item.known]
     total = amplitude_error(known)
     texts = []
-    if known:
+    if known and total < NEGLIGIBLE:
+        texts.append(f"error below {percent(NEGLIGIBLE)}")
+    elif known:
         large = [item.source for item in known if abs(item.amplitude) > LARGE_SHARE * total]
-        sources = f", from {listed(large)}" if large else ""
-        texts.append(f"error about {percent(total)}{sources}")
+        texts.append(f"error about {percent(total)}, from {listed(large)}")
     if unknown:
         texts.append(f"error from {listed(unknown)} unknown")
     return ", ".join(texts)
