@@ -23,6 +23,7 @@ from bdamper.analyses import (
     campbell,
     crossings,
     error_estimates,
+    excitation_curve,
     flutter,
     refinement,
     robust_optimum,
@@ -33,6 +34,7 @@ from bdamper.analyses import nonlinear_mode as modes
 from bdamper.analyses.campbell import Campbell
 from bdamper.analyses.crossings import Crossings
 from bdamper.analyses.effect_significance import EffectSignificance
+from bdamper.analyses.excitation_curve import ExcitationCurve
 from bdamper.analyses.executors import check_executor
 from bdamper.analyses.flutter import Flutter
 from bdamper.analyses.hysteresis import Hysteresis, Solved
@@ -1027,6 +1029,63 @@ class Study(Comparable):
             amplitude,
             more_harmonics=more_harmonics,
             options=options,
+            progress=progress,
+        )
+
+    @partial(validation.check_arguments, name="excitation_curve")
+    def excitation_curve(
+        self,
+        preload: float,
+        excitation: tuple[float, float] | Sequence[float] | NDArray,
+        n: int = 12,
+        *,
+        frequency: tuple[float, float] | None = None,
+        mode: int = 1,
+        options: PeakOptions | None = None,
+        scaled_from: OptimalCurve | None = None,
+        progress: bool | None = None,
+    ) -> ExcitationCurve:
+        """Compute the resonance amplitude at a preload as a function of the excitation, with frequency and damping.
+
+        A test at several levels of excitation measures this curve.
+
+        Parameters
+        ----------
+        preload : float, N
+        excitation : (low, high) or sequence of more than two values, N or m/s2
+            Amplitudes of the excitation, or the ends of a range that is divided into ``n``
+            amplitudes in geometric progression.  A search adds amplitudes near the one with the
+            lowest response per excitation.
+        n : int
+            Number of amplitudes if a range is given.
+        frequency, mode, options
+            See :meth:`peak`.
+        scaled_from : OptimalCurve, optional
+            Optimal curve of this study.  Without gaps, cubic springs and constant loads only the
+            ratio of excitation and preload matters: the values then follow from this curve, or
+            from one that is computed, without further solutions.
+        progress : bool, optional
+            Show progress: a bar or, without a terminal, lines of text after ten seconds; on by default.
+
+        Returns
+        -------
+        ExcitationCurve
+
+        Raises
+        ------
+        SettingError
+            If an argument is not valid, or ``scaled_from`` is given although more than the ratio
+            matters.
+        """
+        return excitation_curve.excitation_curve(
+            self.problem,
+            preload,
+            excitation,
+            n,
+            frequency=frequency,
+            mode=mode,
+            options=options,
+            scaled_from=scaled_from,
             progress=progress,
         )
 

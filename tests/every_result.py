@@ -114,6 +114,7 @@ RESULTS = {
         s, FRICTION, (0.5, 4.0), n=5, tolerance=0.5, frequency=BAND
     ),
     "nonlinear_mode": lambda s: s.nonlinear_mode(2.0, 1, (1e-3, 10.0)),
+    "excitation_curve": lambda s: s.excitation_curve(2.0, (0.5, 2.0), 3, frequency=BAND),
     "flutter": lambda s: s.flutter(2.0, -0.01, amplitude=(1e-3, 10.0)),
     "fit_loop": lambda s: fitted_loop(),
     "mistuning": lambda s: Mistuning.random(6, 0.02, seed=1),

@@ -733,7 +733,7 @@ def _from_size(table: Mapping[str, NDArray], stated: str, unit: str | None) -> t
 def read_measurements(path: Path) -> tuple[Measurement, ...]:
     """Read the frequency response functions (data set 58) of a universal file (UNV, UFF).
 
-    Transmissibilities and spectra are also read; their name says so.  Squared quantities such as
+    Transmissibilities and spectra are also read, with the type in their name.  Squared quantities such as
     auto-spectra, coherences, and records over time are not responses: a warning names them, or an
     error if the file has nothing else.  The package pyuff (extra ``bdamper[unv]``) is needed.
 

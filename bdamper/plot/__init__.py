@@ -49,6 +49,7 @@ from bdamper.plot.studies import draw_table as draw_table
 from bdamper.plot.studies import plot_accuracy as plot_accuracy
 from bdamper.plot.studies import plot_convergence as plot_convergence
 from bdamper.plot.studies import plot_effect_significance as plot_effect_significance
+from bdamper.plot.studies import plot_excitation_curve as plot_excitation_curve
 from bdamper.plot.studies import plot_fit as plot_fit
 from bdamper.plot.studies import plot_flutter as plot_flutter
 from bdamper.plot.studies import plot_information as plot_information

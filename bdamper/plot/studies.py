@@ -14,10 +14,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import FuncFormatter, NullLocator
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from bdamper.analyses.accuracy import COMBINED, AccuracyCost, Run
 from bdamper.analyses.effect_significance import EffectRow, EffectSignificance
+from bdamper.analyses.excitation_curve import ExcitationCurve
 from bdamper.analyses.fit_result import Fitted
 from bdamper.analyses.flutter import Flutter
 from bdamper.analyses.loop_fit import FittedLoop
@@ -614,6 +615,40 @@ def plot_nonlinear_mode(mode: NonlinearMode, ax: NDArray = NEW, **style: Any) ->
             markerfacecolor="w",
         )
     ax[0].set(xlabel="", title=f"mode {mode.mode}, preload {amount(mode.preload, 'N')}")
+
+
+@picture(ExcitationCurve, size=(COLUMN, 3.4), rows=2)
+def plot_excitation_curve(
+    curve: ExcitationCurve,
+    ax: NDArray = NEW,
+    measured: tuple[ArrayLike, ArrayLike] | None = None,
+    **style: Any,
+) -> None:
+    """Plot resonance amplitude and damping ratio against the amplitude of the excitation.
+
+    Parameters
+    ----------
+    curve : ExcitationCurve
+    measured : (excitation, amplitude), optional
+        Measured amplitudes (n,) in m at amplitudes (n,) of the excitation, drawn as points.
+    style
+        Line options of matplotlib's ``plot``.
+    """
+    line = {"color": "0.1", "marker": ".", "label": "computed", **style}
+    draw_table(ax[0], curve, "excitation", "amplitude", **line)
+    draw_table(ax[1], curve, "excitation", "damping_ratio", **line)
+    if measured is not None:
+        excitation, amplitude = (np.asarray(values, float) for values in measured)
+        if excitation.shape != amplitude.shape or excitation.ndim != 1:
+            found = f"{excitation.shape} and {amplitude.shape}"
+            raise SettingError(f"measured: expected two lists of one length, found {found}")
+        points = {"linestyle": "", "marker": "o", "markerfacecolor": "w", "color": "C3"}
+        ax[0].plot(excitation, amplitude, label="measured", **points)
+        ax[0].legend()
+    for axes in ax:
+        axes.set(xscale="log")
+    ax[0].set(yscale="log", xlabel="", title=f"preload {amount(curve.preload, 'N')}")
+    ax[1].set(xlabel=f"Excitation amplitude ({curve.unit})")
 
 
 @picture(Flutter)

@@ -755,15 +755,15 @@ def _columns(
     }
 
 
-def preload_values(preload: Any, n: int) -> NDArray:
-    """Return the preloads of a curve.
+def preload_values(preload: Any, n: int, name: str = "preload", unit: str = "N") -> NDArray:
+    """Return the preloads of a curve, or the values of another parameter with a name and a unit.
 
     They are ``n`` in geometric progression between two values, or the given sequence if longer.
 
     Raises
     ------
     SettingError
-        If the preloads are not positive and increasing.
+        If the values are not positive and increasing.
     """
     validation.check_value(
         np.ndim(n) == 0,
@@ -771,10 +771,10 @@ def preload_values(preload: Any, n: int) -> NDArray:
         "a whole number, and an interval by its name as frequency=(low, high)",
         n,
     )
-    values = validation.numbers("preload", preload, above=0.0, unit="N")
+    values = validation.numbers(name, preload, above=0.0, unit=unit)
     if len(values) < 2 or np.any(np.diff(values) <= 0.0):
         raise validation.invalid(
-            "preload", "(low, high) or a longer sequence of increasing values", preload
+            name, "(low, high) or a longer sequence of increasing values", preload
         )
     n = validation.integer("n", n, least=2)
     if len(values) > 2:

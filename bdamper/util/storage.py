@@ -102,6 +102,7 @@ FORMATS = {
     "bdamper-damper-variation": "bdamper.mistuning.mistuning",
     "bdamper-effect-significance": "bdamper.analyses.effect_significance",
     "bdamper-fit": "bdamper.analyses.fit_result",
+    "bdamper-excitation-curve": "bdamper.analyses.excitation_curve",
     "bdamper-flutter": "bdamper.analyses.flutter",
     "bdamper-hysteresis": "bdamper.analyses.hysteresis",
     "bdamper-margin-curve": "bdamper.fatigue.margin",
