@@ -7,7 +7,7 @@ import re
 import sys
 import warnings
 import webbrowser
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -38,7 +38,11 @@ def import_decks(given: argparse.Namespace) -> None:
             deck, _, instance = text.rpartition(":")
         return importers.read_job(deck or text, instance or None)
 
-    points = given.points[0] if len(given.points) == 1 else tuple(given.points)
+    gaps = dict(given.gap)
+    points_of = dict(item for item in given.points if isinstance(item, tuple))
+    shared = [item for item in given.points if not isinstance(item, tuple)]
+    # one number is a maximum, two are the numbers along t1 and t2
+    points: Any = shared[0] if len(shared) == 1 else tuple(shared) or DEFAULT_POINTS
 
     def contact(text: str) -> importers.ContactFaces:
         """Read NAME=SET,SET, each set as SET or BODY/SET."""
@@ -50,18 +54,16 @@ def import_decks(given: argparse.Namespace) -> None:
         if not body_a:
             body_a = "damper" if given.damper else "blade"
         body_b, _, set_b = sides[1].rpartition("/")
-        if set_b == "ground":
-            # the ground has no mesh
-            return importers.ContactFaces(
-                name, faces_a=set_a, faces_b=None, body_a=body_a, body_b="ground", points=points
-            )
+        on_ground = set_b == "ground"
         return importers.ContactFaces(
             name,
             faces_a=set_a,
-            faces_b=set_b,
+            # the ground has no mesh
+            faces_b=None if on_ground else set_b,
             body_a=body_a,
-            body_b=body_b or "blade",
-            points=points,
+            body_b="ground" if on_ground else body_b or "blade",
+            points=points_of.get(name, points),
+            gap=gaps.get(name, 0.0),
         )
 
     def stop(text: str) -> importers.ContactFaces:
@@ -89,6 +91,12 @@ def import_decks(given: argparse.Namespace) -> None:
         name, _, deck = text.rpartition("=")
         dampers[name or "damper"] = body(deck)
     contacts = [contact(text) for text in given.contact]
+    names = [face.name for face in contacts]
+    for flag, items in (("--gap", gaps), ("--points", points_of)):
+        unknown = [name for name in items if name not in names]
+        if unknown:
+            listed = ", ".join(names)
+            raise bd.SettingError(f"{flag}: expected contacts out of {listed}, found {unknown[0]}")
     stops = [stop(text) for text in given.stop]
     locations = None
     if given.tip:
@@ -206,6 +214,41 @@ def file_to_write(endings: Sequence[str], name: str) -> str:
     return name
 
 
+DEFAULT_POINTS = 24
+"""Largest number of contact points of a pair of faces."""
+
+
+def of_face(kind: str, read: Callable[[str], Any]) -> Callable[[str], tuple[str, Any]]:
+    """Return the function that reads NAME=VALUE of one face; ``kind`` describes the value."""
+
+    def item(text: str) -> tuple[str, Any]:
+        name, _, value = text.partition("=")
+        try:
+            if name:
+                return name, read(value)
+        except ValueError:
+            pass
+        raise argparse.ArgumentTypeError(f"expected NAME={kind}, found {text!r}")
+
+    return item
+
+
+def gap_of(text: str) -> float | str:
+    """Read a distance, or "measured"."""
+    return text if text == "measured" else float(text)
+
+
+def counts_of(text: str) -> int | tuple[int, ...]:
+    """Read a number of contact points, or two along t1 and t2."""
+    counts = tuple(int(number) for number in text.split(","))
+    return counts[0] if len(counts) == 1 else counts
+
+
+def points_of_face_or_all(text: str) -> int | tuple[str, Any]:
+    """Read a number of contact points for all faces, or NAME=N or NAME=N,N for one."""
+    return of_face("N or NAME=N,N", counts_of)(text) if "=" in text else int(text)
+
+
 TWO_NUMBERS: dict[str, Any] = {"nargs": 2, "type": float, "metavar": ("LOW", "HIGH")}
 SOME: dict[str, Any] = {"nargs": "+", "metavar": "N"}
 
@@ -298,6 +341,14 @@ def _study_options() -> Parser:
         default="tangential",
         help="direction of the excitation: tangential, radial or axial, default %(default)s",
     )
+    add(
+        "--load",
+        nargs="+",
+        default=(),
+        type=of_face("N", float),
+        metavar="NAME=N",
+        help="constant normal loads of faces in N, for example of a shroud, default 0",
+    )
     return asked
 
 
@@ -370,13 +421,26 @@ def _add_import_options(command: argparse.ArgumentParser) -> None:
     )
     add("--stop", nargs="+", default=(), metavar="NAME=SET,GAP", help=stop)
     add(
-        "--points",
-        default=(24,),
-        type=int,
+        "--gap",
+        nargs="+",
+        default=(),
+        type=of_face("DISTANCE or NAME=measured", gap_of),
+        metavar="NAME=DISTANCE",
         help=(
-            "maximum number of contact points of a pair, or the numbers along t1 and t2, default 24"
+            "distances of pairs of faces in the unit of the decks, or measured for that of the "
+            "meshes, default 0"
         ),
-        **SOME,
+    )
+    add(
+        "--points",
+        nargs="+",
+        default=(),
+        type=points_of_face_or_all,
+        metavar="[NAME=]N",
+        help=(
+            "maximum number of contact points of a pair, or the numbers along t1 and t2, default "
+            f"{DEFAULT_POINTS}; NAME=N or NAME=N,N for a single pair"
+        ),
     )
     add(
         "--units",
@@ -436,6 +500,8 @@ def explore(study: bd.Study, given: argparse.Namespace) -> int:
     numbers = (
         f"{study.settings.engine_order}, {given.friction_coefficient}, harmonics={given.harmonics}"
     )
+    if given.load:
+        numbers += f", constant_loads={dict(given.load)}"
     driven = f"bd.Excitation({given.location!r}, {given.direction!r}, {given.amplitude})"
     source = f"import bdamper as bd\nstudy = bd.Study({model}, {driven}, {numbers})"
     page = bd.explore(study, source=source)
@@ -457,6 +523,7 @@ def study_of(given: argparse.Namespace, model: bd.Model) -> bd.Study:
         orders[0] if model.n_blades > 1 else 0,
         friction_coefficient=given.friction_coefficient,
         harmonics=given.harmonics,
+        constant_loads=dict(given.load) or None,
     )
     rpm = options.get("speed")
     if rpm:
@@ -510,23 +577,68 @@ def _write_picture(result: Any, path: str | None) -> None:
     print(f"wrote {path}", file=sys.stderr)
 
 
-def print_warning(message: Warning | str, *_: Any, **__: Any) -> None:
-    """Print a warning in one line, as ``warnings.showwarning``."""
-    print(f"bdamper: {message}", file=sys.stderr)
+FLAGS = {
+    "frequency": "--band",
+    "preload": "--preloads or --preload",
+    "speeds": "--speeds",
+    "rotor speed": "--speed",
+    "engine_orders": "--orders",
+    "engine_order": "--engine-order",
+    "friction_coefficient": "--friction-coefficient",
+    "harmonics": "--harmonics",
+    "mode": "--mode",
+    "n": "-n",
+    "constant_loads": "--load",
+    "excitation location": "--location",
+    "excitation direction": "--direction",
+    "excitation amplitude": "--amplitude",
+    "n_blades": "--sectors",
+    "n_modes": "--modes",
+    "points": "--points",
+    "gap": "--gap",
+    "units (or Units(...))": "--units",
+    "axis and radial": "--axis and --radial",
+}
+"""Flags of the items with which messages begin."""
+BEGINNING = re.compile(
+    r"^(?:contact '(?P<contact>[^']+)': )?"
+    rf"(?P<item>{'|'.join(map(re.escape, sorted(FLAGS, key=len, reverse=True)))})"
+    r"(?: of '(?P<part>[^']+)')?(?=: )"
+)
+
+
+def with_flag(message: str, command: str) -> str:
+    """Return a message that names the flag of the command instead of the argument in Python."""
+    found = BEGINNING.match(message)
+    if not found:
+        return message
+    flag = FLAGS[found["item"]]
+    if found["item"] == "preload":
+        flag = "--preloads" if command == "optimum" else "--preload"
+    face = found["contact"] or found["part"]
+    return f"{flag} {face}{message[found.end() :]}" if face else flag + message[found.end() :]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; return the exit code."""
     given = parser().parse_args(arguments)
+
+    def say(message: object) -> None:
+        print(f"bdamper: {with_flag(str(message), given.command)}", file=sys.stderr)
+
+    def print_warning(message: Warning | str, *_: Any, **__: Any) -> None:
+        """Print a warning in one line, as ``warnings.showwarning``."""
+        say(message)
+
     try:
         with warnings.catch_warnings():
             warnings.showwarning = print_warning
             return answer(given)
     except bd.SettingError as error:
-        print(f"bdamper: {error}", file=sys.stderr)
+        say(error)
         return 2
     except (bd.BdamperError, OSError, KeyboardInterrupt) as error:
-        print(f"bdamper: {str(error) or 'interrupted'}", file=sys.stderr)
+        say(str(error) or "interrupted")
         return 1
 
 

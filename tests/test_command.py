@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 import bdamper as bd
-from bdamper.__main__ import main, parser
+from bdamper.__main__ import main, parser, study_of, with_flag
 from tests.each import each
 
 QUICK = {
@@ -59,8 +59,7 @@ def test_what_is_asked_is_what_the_study_answers(capsys, tmp_path):
     )
     told, wrote = capsys.readouterr().err.splitlines()
     assert (
-        "excitation direction: plausible along the motion of a mode" in told
-        and wrote == f"wrote {picture}"
+        "--direction: plausible along the motion of a mode" in told and wrote == f"wrote {picture}"
     )
     study = bd.Study(
         bd.reference_model("turbine_blade"), bd.Excitation("tip", "axial", 2.0), 5, 0.5, harmonics=1
@@ -133,7 +132,14 @@ def test_info_of_a_file(capsys, tmp_path):
             1,
             "rpm with free contacts and at",
         ),
-        (["response", "--demo", "--preload", "-1"], 2, "preload"),
+        (["response", "--demo", "--preload", "-1"], 2, "bdamper: --preload: expected a finite"),
+        (["optimum", "--demo", "--preloads", "9", "-3"], 2, "bdamper: --preloads: expected a seq"),
+        (["response", "--demo", "--location", "tap"], 2, "bdamper: --location: expected one of"),
+        (
+            ["response", "--demo", "--load", "left=9"],
+            2,
+            "bdamper: --load: expected names of loaded",
+        ),
         (["response", "--demo", "--engine-order", "4"], 2, "nodal diameter"),
     ],
 )
@@ -157,6 +163,11 @@ def test_no_answer_is_told_in_a_line(arguments, code, text, capsys, tmp_path, mo
             "--png: expected .png or .pdf or .svg in an existing folder, found 'out.xyz'",
         ),
         (["response", "--demo", "--csv", "nowhere/out.csv"], "found 'nowhere/out.csv'"),
+        (["response", "--demo", "--load", "shroud=much"], "expected NAME=N, found 'shroud=much'"),
+        (
+            ["import", "a.inp", "--contact", "a=A,B", "--points", "a=few"],
+            "argument --points: expected NAME=N or NAME=N,N, found 'a=few'",
+        ),
         (["explore", "--demo", "--png=out.png"], "unrecognized arguments: --png"),
         (
             ["margin", "--demo"],
@@ -172,9 +183,33 @@ def test_wrong_use_is_told_in_a_line(arguments, words, capsys, tmp_path, monkeyp
     assert line.startswith("bdamper") and words in line
 
 
+def test_faces_have_loads_of_their_own():
+    """A shroud at 20 N beside dampers at 50 N, as by the settings of a study."""
+    given = parser().parse_args(
+        ["response", "stage.h5", "--engine-order", "4", "--load", "shroud=20"]
+    )
+    model = bd.reference_model("shrouded_blade")
+    study = study_of(given, model)
+    forces = study.static(50.0).normal_force
+    loaded = bd.Study(model, bd.Excitation("tip"), engine_order=4, constant_loads={"shroud": 20.0})
+    assert forces == loaded.static(50.0).normal_force
+    assert forces["shroud"] > study.replace(constant_loads=None).static(50.0).normal_force["shroud"]
+
+
+def test_messages_name_the_face_of_a_flag():
+    assert (
+        with_flag("contact 'wedge': points: expected 1", "import") == "--points wedge: expected 1"
+    )
+    assert (
+        with_flag("constant_loads of 'shroud': expected", "response") == "--load shroud: expected"
+    )
+    assert with_flag("preload: expected 1", "optimum") == "--preloads: expected 1"
+    assert with_flag("gap between bodies: expected 1", "import") == "gap between bodies: expected 1"
+
+
 def test_the_check_of_an_optimum_is_one_that_a_study_has(capsys):
     assert main(["optimum", "--demo", "-n", "1"]) == 2
-    assert capsys.readouterr().err == "bdamper: n: expected a whole number >= 2, found 1\n", (
+    assert capsys.readouterr().err == "bdamper: -n: expected a whole number >= 2, found 1\n", (
         "not refused for the check"
     )
 
@@ -205,7 +240,7 @@ def test_doubts_and_details(capsys, tmp_path):
     out, err = capsys.readouterr()
     assert "All values: --details" in out and "summary()" not in out
     assert (
-        err.startswith("bdamper: frequency: plausible an interval in Hz")
+        err.startswith("bdamper: --band: plausible an interval in Hz")
         and "possibly given in radians per second\n" in err
     )
     assert main(["response", "--demo", *asked, "--details"]) == 0

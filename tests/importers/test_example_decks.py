@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import bdamper as bd
-from bdamper.__main__ import main
+from bdamper.__main__ import main, parser, study_of
 from bdamper.importers import (
     Checks,
     ContactFaces,
@@ -196,7 +196,15 @@ def test_a_shroud_and_two_dampers_on_the_command_line(tmp_path, monkeypatch):
         "LOW",
         "HIGH",
         "--points",
-        "4",
+        "3",
+        "2",
+        "shroud=1,4",
+        "--gap",
+        "front_LEFT=1e-6",
+        "--tip",
+        "0",
+        "0.345",
+        "0",
     ]
     faces = ["--contact", "shroud=blade/SHROUD_HIGH,SHROUD_LOW", *STRIPS]
     assert (
@@ -205,7 +213,17 @@ def test_a_shroud_and_two_dampers_on_the_command_line(tmp_path, monkeypatch):
     )
     model = bd.load_model("blade.h5")
     assert [*model.bodies] == ["blade", "front", "rear"] and len(model.interfaces) == 5
-    assert model.interfaces["shroud"].n_points == 4 and model.interfaces["shroud"].sector_b == 1
+    points = [face.n_points for face in model.interfaces.values()]
+    assert points == [4, 6, 6, 6, 6] and model.interfaces["shroud"].sector_b == 1
+    # the decks are in m
+    assert model.interfaces["front_LEFT"].gap.tolist() == pytest.approx([1e-6] * 6)
+    assert not model.interfaces["rear_LEFT"].gap.any()
+    # what is imported can be studied
+    given = parser().parse_args(
+        ["response", "blade.h5", "--engine-order", "4", "--harmonics", "1", "--load", "shroud=100"]
+    )
+    alone = study_of(given, model).static(0.0).normal_force["shroud"]
+    assert alone == pytest.approx(100.0, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -221,6 +239,16 @@ def test_a_shroud_and_two_dampers_on_the_command_line(tmp_path, monkeypatch):
             ["import", "sector.inp", "--contact", "A,B"],
             2,
             "--contact: expected NAME=SET,SET, found 'A,B'",
+        ),
+        (
+            ["import", "sector.inp", "--contact", "a=A,B", "--points", "b=4"],
+            2,
+            "--points: expected contacts out of a, found b",
+        ),
+        (
+            ["import", "sector.inp", "--contact", "a=A,B", "--points", "a=0"],
+            2,
+            "--points a: expected a whole number from 1 to 400, found 0",
         ),
         (
             ["import", "sector.inp", "--contact", "a=A,B", "--stop", "b=B"],
