@@ -12,7 +12,7 @@ at 1.2, 1.7, and 2.5 times the preload of the optimum.  A sector that reaches th
 error of the energy and the range of its last motion; a larger limit computes it again.
 ``... optima --sectors FOLDER`` computes the default optimal curve of sectors, and the peak at the
 recommended preload with its references (``results/sector_optima.jsonl``).
-``... show`` prints the tables of docs/evidence/measured.md.
+``... show`` prints the tables of docs/evidence/measured-contact.md.
 
 A peak belongs to a study with the vectors of partial contact at a multiple of the preload of its optimum.  The
 stated error is the sum of :meth:`bdamper.Study.estimate_errors`.  The reference has all residual

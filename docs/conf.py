@@ -74,7 +74,11 @@ suppress_warnings = ["config.cache"]
 linkcheck_timeout = 10
 linkcheck_retries = 1
 html_theme = "pydata_sphinx_theme"
+html_title = "bdamper"
 html_theme_options = {
+    "logo": {"text": "bdamper"},
+    # four links in the head; the column at the side has the others
+    "navbar_center": ["head_links.html"],
     "show_toc_level": 2,
     "navigation_with_keys": False,
     "secondary_sidebar_items": ["page-toc"],

@@ -29,7 +29,7 @@ def main(wheels: int, harmonics: int, folder: Path) -> None:
     """Print and draw both samples."""
     model = bd.reference_model("bladed_disk", contact_points=9)
     excitation = bd.Excitation("tip", direction="tangential", amplitude=1.0)
-    study = bd.Study(model, excitation, 5, friction_coefficient=0.4, harmonics=harmonics)
+    study = bd.Study(model, excitation, 5, friction_coefficient=0.3, harmonics=harmonics)
     folder.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(2, get_context("spawn")) as pool:
         ways = {"disks": wheels, "audit": 0.0, "executor": pool}

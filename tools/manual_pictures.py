@@ -4,11 +4,15 @@
 
 * ``left-out``: a response curve at very low preload, with the ranges that have no solution
   (docs/messages.md).
+* ``mode-point``: contact states where a nonlinear mode has its largest damping
+  (docs/nonlinear-modes.md).
+* ``designs``, ``contacts``: three designs, and what the contacts of one do (docs/how-to.md).
+* ``advice``: effects and their changes of a peak (docs/accuracy.md).
 * ``report``: the beginning of the report of the typical blade (docs/fit.md).
 * ``explorer``: the explorer of the typical blade in a window of 1280 by 800 pixels
   (docs/how-to.md).
 
-The last two need the extras ``bdamper[app-test]`` and ``bdamper[report]``, and a browser (Debian:
+Report and explorer need the extras ``bdamper[app-test]`` and ``bdamper[report]``, and a browser (Debian:
 chromium, chromium-driver).
 """
 
@@ -47,18 +51,66 @@ def typical_blade() -> bd.Study:
     )
 
 
+def difficult_disk(**settings: Any) -> bd.Study:
+    """Return the study of the recipes, with settings other than the defaults."""
+    return bd.Study(
+        bd.reference_model("bladed_disk", contact_points=9),
+        bd.Excitation("tip", direction="tangential", amplitude=1.0),
+        engine_order=5,
+        friction_coefficient=0.3,
+        **settings,
+    )
+
+
+QUICK = {"harmonics": 1, "contact_stiffness": "unit_traction", "blade_modes": 5}
+"""Settings of the recipes."""
+
+
 def left_out() -> None:
     """Draw a response curve at very low preload."""
-    study = bd.Study(
-        bd.reference_model("bladed_disk", contact_points=9),
-        bd.Excitation("tip"),
-        engine_order=5,
-        friction_coefficient=0.4,
-    )
+    study = difficult_disk()
     curve = study.frequency_response(12.0, (250.0, 400.0))
     ax = plot_curve(curve, new_axes(4.4, 2.8))
     ax.set(xlim=(255.0, 315.0), ylim=(1.5e-5, None))
     save_figure(ax, IMAGES / "left-out.png")
+
+
+def mode_point() -> None:
+    """Draw the contact states where a nonlinear mode has its largest damping."""
+    study = difficult_disk()
+    mode = study.nonlinear_mode(500.0, 1, (5e-5, 5e-4))
+    nearest = int(abs(mode.amplitude - 2e-4).argmin())
+    save_figure(mode.plot_contacts(study, point=nearest), IMAGES / "mode-point.png")
+
+
+def designs() -> None:
+    """Draw response curves of three designs."""
+    study = difficult_disk(**QUICK)
+    changes = {
+        "half the friction": {"friction_coefficient": 0.15},
+        "damper 50 % heavier": {"damper_mass_factor.damper": 1.5},
+    }
+    compared = bd.compare(
+        {"now": study} | changes, lambda s: s.frequency_response(500.0, (280.0, 380.0))
+    )
+    save_figure(compared.plot(), IMAGES / "designs.png")
+
+
+def contacts() -> None:
+    """Draw loops, energy and equivalent stiffness and damping of the faces of a damper."""
+    study = difficult_disk(**QUICK)
+    curve = study.frequency_response(500.0, (280.0, 380.0))
+    cycle = study.hysteresis(curve)
+    cycle.plot(IMAGES / "loop_faces.png", where=["left", "right"])
+    cycle.plot_energy(IMAGES / "energy.png")
+    study.dissipation(curve).plot(IMAGES / "losses.png", over="frequency")
+
+
+def advice() -> None:
+    """Draw the change of a peak without each effect."""
+    study = difficult_disk(harmonics=1, blade_modes=5)
+    found = study.effect_significance(5000.0, (250.0, 400.0), tolerance=0.01)
+    save_figure(found.plot(), IMAGES / "advice.png")
 
 
 # ---- Pages in a browser ----
@@ -121,6 +173,10 @@ def explorer() -> None:
 
 PICTURES: dict[str, Callable[[], None]] = {
     "left-out": left_out,
+    "mode-point": mode_point,
+    "designs": designs,
+    "contacts": contacts,
+    "advice": advice,
     "report": report,
     "explorer": explorer,
 }

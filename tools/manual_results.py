@@ -40,7 +40,9 @@ def code_of(page: Path) -> list[str]:
     text = page.read_text(encoding="utf-8")
     if page.suffix == ".ipynb":
         cells = json.loads(text)["cells"]
-        return ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+        code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+        # commands of the notebook itself are no Python
+        return [re.sub(r"^%.*$", "", text, flags=re.M) for text in code]
     return re.findall(r"```python\n(.*?)```", text, re.S)
 
 

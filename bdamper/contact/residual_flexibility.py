@@ -84,7 +84,7 @@ SOFT_ENOUGH = 0.17
 
 Without the limit the share falls from 0.50 to 0.01 on random sectors, and a corner that carries
 alone is 9 % too stiff; with 0.2 a corner of the turbine blade is 29 % too soft
-(docs/evidence/measured.md).
+(docs/evidence/measured-contact.md).
 """
 FADING = 10.0
 """Increase of the stiffness of fading combinations for each unit of flexibility below the limit.
@@ -121,7 +121,7 @@ class ResidualModes(validation.Checked):
         Number of force vectors, and thus of coordinates, per harmonic.  Five vectors give five
         exact stuck frequencies.  With ten blade modes, the highest peak has an error of 8 % with
         six vectors, and of 4 % with twelve, which take twice the time
-        (docs/evidence/measured.md).  "all" is exact for the forces that the mesh resolves, and
+        (docs/evidence/measured-contact.md).  "all" is exact for the forces that the mesh resolves, and
         serves as a reference.
     contact_share : float
         Largest fraction of the flexibility of a point that its contact stiffness represents.
@@ -131,11 +131,11 @@ class ResidualModes(validation.Checked):
         Number of further force vectors for partial contact, those with the largest flexibility.
         For two reference models at and above the optimal preload, six of them reduce the error of
         the peak due to edge contact, which is 3 to 7 % otherwise, to less than 1 %, in 1.5 to 2
-        times the time (docs/evidence/measured.md).
+        times the time (docs/evidence/measured-contact.md).
     partial_contact : bool
         Add the force vectors of faces that touch at one end: outer, inner, front or rear third.
         For 29 random sectors with bonded faces, they reduce the largest error of mode 1 from 44 to
-        12 %, in up to 1.8 times the time (docs/evidence/measured.md).  Stiff combinations fade out,
+        12 %, in up to 1.8 times the time (docs/evidence/measured-contact.md).  Stiff combinations fade out,
         so that only the first stuck frequency is exact.
     """
 

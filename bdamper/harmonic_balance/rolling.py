@@ -11,7 +11,7 @@ and then it slides.  A load that does not pass through this point adds its momen
 side.  Otherwise the damper rolls on the edges of its faces, with much less dissipation.  The points
 of a face lie at the centres of ``n`` strips, so that the normal force shifts by ``(n - 1) / n a``
 only, and a damper may roll on its points although the whole faces would slide.  Its amplitude is
-then wrong by several times (docs/evidence/measured.md, rows of contact points).
+then wrong by several times (docs/evidence/measured-contact.md, rows of contact points).
 """
 
 from __future__ import annotations

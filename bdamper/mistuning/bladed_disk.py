@@ -344,7 +344,7 @@ def time_response(
     peak = validation.instance("peak", peak, DiskPeak)
     system = disk.system(peak.preload)
     # the time of a period grows with the third power of the number of blades
-    # (docs/evidence/measured.md, "Peaks of mistuned disks")
+    # (docs/evidence/measured-disks.md, "Peaks of mistuned disks")
     most_blades = 13
     if disk.n_blades > most_blades:
         raise SettingError(

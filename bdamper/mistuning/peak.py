@@ -198,7 +198,7 @@ class DiskPeak(Result, Plottable, Recorded, Storable, kind="bdamper-wheel-peak")
 MISSED = 0.045
 """Relative excess of a peak that may have been missed if the sweep has more maxima than local
 searches.  Of 188 searches with three times as many local searches, four exceed all other error
-terms: by 2.0, 2.1, 3.4 and 4.3 % (measured.md, "Peaks of mistuned disks")."""
+terms: by 2.0, 2.1, 3.4 and 4.3 % (measured-disks.md, "Peaks of mistuned disks")."""
 
 
 @validation.check_arguments
@@ -213,7 +213,7 @@ class DiskPeakOptions(validation.Checked):
     climbs : int
         Number of local searches, one for each peak.  With 8 searches from 30 points, the cost is 15
         % lower than with 12 searches from 60 points.  In 723 cases on 65 blades, 8 searches miss a
-        peak by more than 1 % in 124 cases and find more in 73 (docs/evidence/measured.md, "Peaks of
+        peak by more than 1 % in 124 cases and find more in 73 (docs/evidence/measured-disks.md, "Peaks of
         mistuned disks").
     least, most : int
         Limits of the number of points of the sweep.

@@ -28,7 +28,7 @@ ROWS = 3
 """Smallest number of rows of contact points along t1 with which a wedge does not roll too easily.
 
 Two rows carry moments over half of the length of a face, three over two thirds
-(docs/evidence/measured.md).
+(docs/evidence/measured-contact.md).
 """
 
 

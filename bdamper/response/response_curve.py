@@ -13,7 +13,7 @@ equilibrium; :func:`notes` and :func:`why_no_solution` report it.
 instants in each period. Harmonic balance then finds many periodic solutions, connected by folds,
 and time integration from the highest finds no steady amplitude.  :func:`rattles` detects curves
 with many folds and mostly open contacts.  It is an indication, not a proof, and occurs at low
-preloads only (docs/evidence/measured.md, *Where a damper rattles*).  It detects 11 of 84 curves; on
+preloads only (docs/evidence/measured-curves.md, *Where a damper rattles*).  It detects 11 of 84 curves; on
 none of these, time integration becomes steady within 250 periods.  It misses 18 others on which
 time integration does not become steady either.
 

@@ -64,7 +64,7 @@ class SteadyCriteria:
     """Criteria for motions from time integration.
 
     At 50 points the criteria give the same verdict as integrations of up to 960 periods
-    (docs/evidence/measured.md, *Labels in time and long integrations*).
+    (docs/evidence/measured-time.md, *Labels in time and long integrations*).
 
     Parameters
     ----------

@@ -174,9 +174,9 @@ def test_optimal_curves(tmp_path):
 
 
 def test_tables_of_the_approximations_have_what_was_stored():
-    """The three tables of docs/evidence/measured.md, each number of them."""
+    """The three tables of docs/evidence/measured-paper.md, each number of them."""
     page = (
-        (EXAMPLES.parent / "docs" / "evidence" / "measured.md")
+        (EXAMPLES.parent / "docs" / "evidence" / "measured-paper.md")
         .read_text()
         .split("## Approximations of the paper")[1]
     )
