@@ -94,7 +94,7 @@ class Campbell(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-cam
         return len(self.speed)
 
     def with_present_names(self) -> Self:
-        """Return a result of version 3 of the format with the current names of settings."""
+        """Return a result of an earlier version with the present names of settings."""
         return replace(self, damped=tuple(result.with_present_names() for result in self.damped))
 
     def met_by(self, engine_order: int) -> int:

@@ -124,7 +124,7 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
                 raise ValueError(f"'{name}' needs the shape {shape}, but has the shape {actual}")
 
     def with_present_names(self) -> Self:
-        """Return a result of version 3 of the format with the current names of settings."""
+        """Return a result of an earlier version with the present names of settings."""
         return replace(self, names=tuple(map(present_name, self.names)))
 
     @property

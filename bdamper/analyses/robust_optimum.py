@@ -330,7 +330,7 @@ class OptimalCurveUncertainty(
         return len(self.amplitude)
 
     def with_present_names(self) -> Self:
-        """Return a result of version 3 of the format with the current names of settings."""
+        """Return a result of an earlier version with the present names of settings."""
         return replace(
             self, samples={present_name(name): values for name, values in self.samples.items()}
         )

@@ -224,7 +224,7 @@ class SweepResult(WithRowStatus, Plottable, Tabular, Recorded, Storable, kind="b
         return len(self.points)
 
     def with_present_names(self) -> Self:
-        """Return a result of version 3 of the format with the current names of settings."""
+        """Return a result of an earlier version with the present names of settings."""
         settings = {present_name(name): self.points[name] for name in names_of(self.points)}
         names = tuple(present_name(name) for name in self.names)
         return replace(self, names=names, points=named_fields(settings, len(self)))

@@ -553,7 +553,7 @@ class _Rows:
         settings = self.problem.settings
         basis = self.basis
         at_ports = self.port_forces(force)
-        modal_force = basis.contact_modes.reshape(len(at_ports), -1).conj().T @ at_ports
+        modal_force = basis.contact_modes.reshape(-1, basis.n_modes).conj().T @ at_ports
         for location, direction, excitation in settings.excited.get(self.harmonic, []):
             if location in basis.locations:
                 shape = direction @ basis.locations[location]

@@ -322,7 +322,7 @@ class ModalBasis(Record):
         """
         residual0 = None
         if residual2 is not None and self.flexibility is not None:
-            shapes = self.contact_modes.reshape(len(self.flexibility), -1)
+            shapes = self.contact_modes.reshape(-1, self.n_modes)
             of_modes = (shapes / self.omega2) @ shapes.conj().T
             residual0 = self.flexibility - of_modes - omega_ref**2 * residual2
         stiffness0 = np.diag(self.omega2).astype(stiffness2.dtype) - omega_ref**2 * stiffness2
@@ -345,7 +345,7 @@ class ModalBasis(Record):
         contact = self.contact_modes @ shapes
         flexibility = speed.residual(omega)
         if flexibility is not None:
-            flat = contact.reshape(len(flexibility), -1)
+            flat = contact.reshape(-1, self.n_modes)
             flexibility = flexibility + (flat / omega2) @ flat.conj().T
             flexibility = 0.5 * (flexibility + flexibility.conj().T)
         basis = ModalBasis(

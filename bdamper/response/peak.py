@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -187,9 +187,9 @@ class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
     cost: Cost | None = None
     search_status: str = ""
     search_reason: Reason = ""
-    lower_bound: Metre = float("nan")
+    lower_bound: Annotated[Metre, Data(derived=True)] = float("nan")
     half_range: Annotated[float, Quantity("m"), Data(derived=True)] = float("nan")
-    notes: tuple[str, ...] = ()
+    notes: Annotated[tuple[str, ...], Data(derived=True)] = ()
     errors: tuple[SourceError, ...] = ()
     harmonic_peaks: tuple[HarmonicPeak, ...] = ()
     _summary_fields = (
@@ -208,6 +208,17 @@ class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
         without them.
         """
         return amplitude_error(self.errors)
+
+    def with_present_names(self) -> Self:
+        """Return a peak of an earlier version with the present meaning of its amplitude.
+
+        Version 0.10 stored the amplitude of the highest computed point of an incomplete search as
+        the amplitude of the peak.
+        """
+        is_complete = self.search_status in ("", COMPLETE)
+        if is_complete or not np.isfinite(self.amplitude):
+            return self
+        return replace(self, amplitude=float("nan"), lower_bound=self.amplitude)
 
     def _facts(self) -> tuple[Fact, ...]:
         """Return the most important values of the peak, or the reason why there is none."""

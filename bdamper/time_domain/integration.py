@@ -700,9 +700,11 @@ class AllSectors:
         n = self.n_coordinates
         damping = self.damping * np.where(self.mass > 0.0, self.mass, 1.0)
         vibrates = (self.mass > 0.0) & (self.omega2 <= (QUASISTATIC * omega) ** 2)
-        # factors of the cosine of the first order
-        cosine, _ = factors[list(orders).index(1)]
-        force = vibrates * np.abs(_as_complex(cosine))
+        # factors of the cosine and of the sine of the first order
+        cosine, sine = factors[list(orders).index(1)]
+        squared = np.abs(_as_complex(cosine)) ** 2 + np.abs(_as_complex(sine)) ** 2
+        # a real coordinate has one amplitude for both; in a wave each of the two has this amplitude
+        force = vibrates * np.sqrt(np.where(self.real, squared, 0.5 * squared))
         # rows of real and imaginary parts as complex ones, (n_blades, n_coordinates): the response
         # is Re[r z]
         complex_rows = self.rows[:, :n] - 1j * self.rows[:, n:]

@@ -81,9 +81,7 @@ FilePath = str | os.PathLike[str]
 VERSION = 4
 """Version of the format of all results."""
 OLDEST = 3
-"""Oldest version that can be read; its names of settings are replaced
-(:meth:`Storable.with_present_names`).
-"""
+"""Oldest version that can be read (:meth:`Storable.with_present_names`)."""
 MOST_BYTES = 1_600_000_000
 """Largest size of all arrays in a file (bytes); a larger size indicates damage, unless the file is
 as large.
@@ -170,10 +168,18 @@ def load(path: FilePath) -> Any:
     return _READERS[kind](path)
 
 
-def _written_by(file: h5py.File) -> str:
+def _made_with(file: h5py.File) -> Versions | None:
+    """Return the versions that wrote a file; None if they are unknown."""
     if "made_with" not in file:
+        return None
+    made_with: Versions = read_record(subgroup(file, "made_with"), Versions)
+    return made_with
+
+
+def _written_by(file: h5py.File) -> str:
+    made_with = _made_with(file)
+    if made_with is None:
         return "written by an unknown version of bdamper"
-    made_with = read_record(subgroup(file, "made_with"), Versions)
     return f"written by {made_with}"
 
 
@@ -211,7 +217,7 @@ class Storable(Record):
             write_record(file, self)
 
     def with_present_names(self) -> Self:
-        """Return a result of version 3 of the format with the current names of settings."""
+        """Return a result of an earlier version with the present names and meanings."""
         return self
 
 
@@ -419,7 +425,8 @@ def _read(cls: type[Storable], path: FilePath) -> Any:
             raise BdamperError(f"{path}: expected {expected}, found {found}; compute it again")
         try:
             result = read_record(file, cls)
-            return result if version == VERSION else result.with_present_names()
+            is_present = version == VERSION and result.made_with.bdamper == INSTALLED.bdamper
+            return result if is_present else result.with_present_names()
         except MemoryError:
             raise
         # invalid fields, or those of another version of bdamper
@@ -428,6 +435,12 @@ def _read(cls: type[Storable], path: FilePath) -> Any:
             # an error that names the file and the faulty place in it is complete
             if reason.startswith(f"{file.filename}: "):
                 raise BdamperError(f"{error} ({_written_by(file)})") from error
+            made_with = _made_with(file)
+            if made_with is not None and made_with.bdamper != INSTALLED.bdamper:
+                raise BdamperError(
+                    f"{path}: expected a file written by {cls.__name__}.save of bdamper "
+                    f"{INSTALLED.bdamper}, found one {_written_by(file)} ({reason}); compute it again"
+                ) from error
             raise ValueError(f"{_written_by(file)}: {reason}") from error
 
 

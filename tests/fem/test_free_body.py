@@ -1,8 +1,11 @@
 """The free damper: exact rigid modes, inertia relief, elastic modes, centrifugal load."""
 
+import shutil
+
 import numpy as np
 import pytest
 import scipy.linalg
+import scipy.sparse as sp
 from scipy.integrate import trapezoid
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
@@ -10,7 +13,11 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 from bdamper.fem.generated_models import averaging_matrix, wedge_patches
 from bdamper.fem.meshes import ElasticMaterial, Geometry, MeshDensity, damper_mesh, discretise, turn
 from bdamper.fem.reduced_bodies import FreeBody, isostatic_dofs
+from bdamper.fem.surface import Structure
+from bdamper.importers import read_calculix
 from bdamper.model.modal_basis import rigid_motions
+from examples.calculix.decks import run_job
+from tests.own_sector import deck
 
 G = Geometry()
 AXES = turn(0.5 * G.pitch).T
@@ -111,6 +118,79 @@ def test_centrifugal_load(free):
     # Its generalised force on the rigid modes: only the radial translation, 1/sqrt(m).
     generalised = free.rigid.T @ force.ravel()
     np.testing.assert_allclose(generalised, [0, free.total_mass**-0.5, 0, 0, 0, 0], atol=1e-10)
+
+
+def test_condensed_degrees_of_freedom_do_not_move_the_centre_of_mass(free):
+    """Internal motion S u without rigid part, as of incompatible modes, adds S'A + A'S + S'DS to the mass matrix."""
+    body = free.body
+    rng = np.random.default_rng(8)
+    rigid, _ = np.linalg.qr(rigid_motions(body.nodes, np.zeros(3), np.eye(3)))
+    internal = rng.standard_normal((12, body.n_dof))
+    internal -= (internal @ rigid) @ rigid.T
+    coupling = rng.standard_normal((12, body.n_dof))
+    added = internal.T @ coupling
+    added = added + added.T + 12.0 * internal.T @ internal
+    diagonal = body.mass.diagonal().min()
+    mass = body.mass + sp.csr_matrix(1e-4 * diagonal * added / np.abs(added).max())
+    other = FreeBody(Structure(body.nodes, body.stiffness, mass), AXES)
+    assert other.total_mass == pytest.approx(free.total_mass, rel=1e-9)
+    np.testing.assert_allclose(other.centre, free.centre, atol=1e-10)
+    np.testing.assert_allclose(
+        other.inertia, free.inertia, atol=1e-8 * np.abs(free.inertia).max()
+    )
+    rotation = other.rigid.T @ (mass @ other.rigid)
+    np.testing.assert_allclose(rotation, np.eye(6), atol=1e-9)
+    # neither a side force nor a moment, although the products of the condensed matrix have both
+    radial = AXES[1]
+    force = other.centrifugal_load(radial).reshape(-1, 3)
+    np.testing.assert_allclose(force.sum(axis=0), radial, atol=1e-10)
+    moment = np.cross(body.nodes - free.centre, force).sum(axis=0)
+    np.testing.assert_allclose(moment, 0.0, atol=1e-12)
+
+
+def wedge_of_unequal_angles():
+    """Nodes (mm), hexahedra, and corners of the section of a prism with faces at 60.2 and 58.4 degrees."""
+    height, top, left, right = 9.0, 2.0, np.tan(np.radians(60.2)), np.tan(np.radians(58.4))
+    corners = np.array(
+        [[-left * height, 0.0], [top + right * height, 0.0], [top, height], [0.0, height]]
+    )
+    s, t, z = np.meshgrid(
+        np.linspace(0, 1, 4), np.linspace(0, 1, 3), np.linspace(0, 30, 4), indexing="ij"
+    )
+    weights = (1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t
+    section = sum(weight[..., None] * corner for weight, corner in zip(weights, corners))
+    section[..., 1] += 240.0
+    nodes = np.concatenate([section, z[..., None]], axis=-1).reshape(-1, 3)
+    number = np.arange(len(nodes)).reshape(s.shape)
+    ends = [(a, b, c) for c in (0, 1) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    elements = np.stack([number[a : a + 3, b : b + 2, c : c + 3].ravel() for a, b, c in ends], 1)
+    return nodes, elements, corners + [0.0, 240.0]
+
+
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is not installed")
+def test_centre_of_a_damper_with_incompatible_modes_and_unequal_angles(tmp_path):
+    """Against the area and the centroid of the section, a polygon."""
+    nodes, elements, section = wedge_of_unequal_angles()
+    step = ["*STEP", "*FREQUENCY, SOLVER=MATRIXSTORAGE", "6,", "*END STEP", ""]
+    run_job("\n".join([deck("C3D8I", nodes, elements, 2.1e5, 0.3, 7.8e-9), *step]), tmp_path, "job")
+    body = read_calculix(tmp_path / "job")
+    rows = np.argsort(3 * (body.dofs[:, 0] - 1) + body.dofs[:, 1] - 1)
+    mass = body.mass[rows][:, rows]
+    free = FreeBody(Structure(nodes, body.stiffness[rows][:, rows], mass), np.eye(3))
+
+    following = np.roll(section, -1, axis=0)
+    cross = section[:, 0] * following[:, 1] - section[:, 1] * following[:, 0]
+    area = 0.5 * cross.sum()
+    centroid = (cross[:, None] * (section + following)).sum(axis=0) / (6.0 * area)
+    assert free.total_mass == pytest.approx(7.8e-9 * area * 30.0, rel=1e-7)
+    np.testing.assert_allclose(free.centre, [*centroid, 15.0], rtol=1e-6)
+    # translations and rotations about this centre are independent
+    centre = np.array([*centroid, 15.0])
+    motions = rigid_motions(nodes, centre, np.eye(3))
+    momentum = motions[:, :3].T @ (mass @ motions[:, 3:])
+    np.testing.assert_allclose(momentum, 0.0, atol=1e-7 * free.total_mass * np.abs(centre).max())
+    force = free.centrifugal_load(np.array([0.0, 1.0, 0.0])).reshape(-1, 3).sum(axis=0)
+    np.testing.assert_allclose(force, [centroid[0] / centroid[1], 1.0, 0.0], atol=1e-8)
 
 
 @pytest.mark.slow

@@ -186,7 +186,7 @@ class TestDamaged:
         answers(name).save(path)
         rewritten(path, field, lambda value: [*value, *value] if field == "shape" else value[:-1])
         with pytest.raises(
-            bd.BdamperError, match=rf"{path}: expected a file written by \w+\.save, found .*"
+            bd.BdamperError, match=rf"{path}: expected a file written by \w+\.save.*, found .*"
         ) as caught:
             bd.load(path)
         assert "\n" not in str(caught.value)
@@ -206,7 +206,7 @@ class TestDamaged:
             path, field, lambda value: value[..., :-1] if field != "harmonics" else value[:, :1]
         )
         with pytest.raises(
-            bd.BdamperError, match=rf"{path}: expected a file written by \w+\.save, found .*"
+            bd.BdamperError, match=rf"{path}: expected a file written by \w+\.save.*, found .*"
         ) as caught:
             bd.load(path)
         assert "\n" not in str(caught.value)
