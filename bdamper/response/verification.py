@@ -531,9 +531,7 @@ class FrictionPeak(WithStatus, Record):
     amplitude: Metre
     status: str = COMPLETE
     reason: Reason = ""
-    lower_bound: Annotated[Metre, Data(derived=True)] = field(
-        default=float("nan"), compare=False
-    )
+    lower_bound: Annotated[Metre, Data(derived=True)] = field(default=float("nan"), compare=False)
 
     def __post_init__(self) -> None:
         # files of version 0.7 have lower bounds as amplitudes

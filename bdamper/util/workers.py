@@ -17,7 +17,7 @@ import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar, copy_context
 from dataclasses import dataclass, replace
 from typing import Generic, TypeVar, cast
@@ -42,29 +42,47 @@ def workers() -> int:
     return os.cpu_count() or 1
 
 
-@contextmanager
-def set_workers(number: int) -> Iterator[None]:
-    """Set the number of threads for each result that is computed in this context.
+class _Workers:
+    """Number of workers that is set, and the former one, which the end of a ``with`` block restores."""
+
+    def __init__(self, number: int) -> None:
+        self._former = _number.get()
+        self._own = number
+        _number.set(number)
+
+    def __enter__(self) -> None:
+        # the block may begin later than the call
+        _number.set(self._own)
+
+    def __exit__(self, *_: object) -> None:
+        _number.set(self._former)
+
+
+def set_workers(number: int) -> AbstractContextManager[None]:
+    """Set the number of threads for each result that is computed from now on, or in a ``with`` block.
 
     By default, a result uses all cores that the process may use, and each point of a sweep on an
-    executor uses one core.  The number of threads does not change the results.
+    executor uses one core.  The number of threads does not change the results.  It holds for the
+    calling thread and the threads that work for it.
 
     Parameters
     ----------
     number : int
         Number of threads, at least 1.
 
+    Returns
+    -------
+    context manager
+        At the end of its block the former number is restored.
+
     Examples
     --------
     >>> import bdamper as bd
     >>> with bd.set_workers(1):
     ...     pass  # calls here compute on one core
+    >>> _ = bd.set_workers(2)  # all later calls compute on two cores
     """
-    before = _number.set(validation.integer("number", number, least=1))
-    try:
-        yield
-    finally:
-        _number.reset(before)
+    return _Workers(validation.integer("number", number, least=1))
 
 
 @contextmanager

@@ -135,9 +135,7 @@ def test_condensed_degrees_of_freedom_do_not_move_the_centre_of_mass(free):
     other = FreeBody(Structure(body.nodes, body.stiffness, mass), AXES)
     assert other.total_mass == pytest.approx(free.total_mass, rel=1e-9)
     np.testing.assert_allclose(other.centre, free.centre, atol=1e-10)
-    np.testing.assert_allclose(
-        other.inertia, free.inertia, atol=1e-8 * np.abs(free.inertia).max()
-    )
+    np.testing.assert_allclose(other.inertia, free.inertia, atol=1e-8 * np.abs(free.inertia).max())
     rotation = other.rigid.T @ (mass @ other.rigid)
     np.testing.assert_allclose(rotation, np.eye(6), atol=1e-9)
     # neither a side force nor a moment, although the products of the condensed matrix have both

@@ -4,6 +4,7 @@ import os
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextvars import copy_context
 from functools import partial
 
 import pytest
@@ -147,6 +148,36 @@ def test_the_number_of_workers_is_that_of_the_cores_of_the_process():
     with bd.set_workers(5):
         assert workers() == 5
     assert workers() == cores
+
+
+def test_a_plain_call_sets_the_number_for_all_later_calls():
+    def called():
+        with bd.set_workers(4):
+            bd.set_workers(3)
+            inside = workers()
+            with bd.set_workers(6):
+                pass
+            after_inner_block = workers()
+        outside = workers()
+        bd.set_workers(2)
+        return inside, after_inner_block, outside, workers()
+
+    cores = workers()
+    assert copy_context().run(called) == (3, 3, cores, 2)
+    busy = Busy()
+
+    def computed():
+        bd.set_workers(2)
+        return on_threads([partial(busy.work, k) for k in range(6)])
+
+    assert copy_context().run(computed) == list(range(6))
+    assert busy.most == 2
+
+
+@pytest.mark.parametrize("wrong", ["two", 0, 2.5, None])
+def test_a_plain_call_refuses_what_is_no_number(wrong):
+    with pytest.raises(bd.SettingError, match="number: expected an integer"):
+        bd.set_workers(wrong)
 
 
 def number_of_workers(settings):
