@@ -269,7 +269,7 @@ def with_convergence(
 
     def process_curve() -> None:
         processed = work()
-        if any(response.status == INTERRUPTED for response in processed.time_response):
+        if processed.interrupted:
             stop.set()
         processed_curves.append(processed)
 
@@ -277,13 +277,17 @@ def with_convergence(
         with stopped_by(stop):
             convergences.append(at_optimum(problem, curve, progress))
 
+    was_interrupted = False
     try:
         on_threads([process_curve, converge_at_optimum])
     except KeyboardInterrupt:
         if not processed_curves or is_part_of_work():
             raise
+        was_interrupted = True
     processed = processed_curves[0]
-    # an interrupted convergence says so itself
+    if was_interrupted:
+        # also if both parts had just ended
+        processed = replace(processed, checks_interrupted=True)
     convergence = convergences[0] if convergences else None
     cost = processed.cost
     if convergence is not None:

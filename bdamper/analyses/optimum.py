@@ -19,6 +19,7 @@ from bdamper.fatigue.margin import LeastMargin
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.time_domain import time_response
+from bdamper.util.progress import is_part_of_work
 
 
 def preloads_in_time(curve: OptimalCurve, check: str) -> list[float] | None:
@@ -57,13 +58,20 @@ def check_optimum(
     progress : bool
         Show a progress bar.
     """
-    if check and not curve.interrupted:
-        curve = _with_time_and_harmonics(problem, curve, str(check), progress)
-    # the friction is changed at the better of the preloads that were integrated in time
-    if check and not curve.interrupted:
-        curve = robust_optimum.with_other_friction(problem, curve, progress)
-    if material is not None and not curve.interrupted:
-        curve = _with_margins(problem, curve, material)
+    try:
+        if check and not curve.interrupted:
+            curve = _with_time_and_harmonics(problem, curve, str(check), progress)
+        # the friction is changed at the better of the preloads that were integrated in time
+        if check and not curve.interrupted:
+            curve = robust_optimum.with_other_friction(problem, curve, progress)
+        if material is not None and not curve.interrupted:
+            margins = robust_optimum.best_margin(problem, curve, LeastMargin(material))
+            curve = replace(curve, margins=(margins,))
+    except KeyboardInterrupt:
+        # the checks that have ended are kept
+        if is_part_of_work():
+            raise
+        curve = replace(curve, checks_interrupted=True)
     return curve
 
 
@@ -77,11 +85,3 @@ def _with_time_and_harmonics(
         return time_response.with_time_response(problem, curve, preloads, progress=progress)
 
     return accuracy.with_convergence(problem, curve, integrate, progress)
-
-
-def _with_margins(problem: Problem, curve: OptimalCurve, material: Material) -> OptimalCurve:
-    try:
-        margins = robust_optimum.best_margin(problem, curve, LeastMargin(material))
-    except KeyboardInterrupt:
-        return replace(curve, margins_interrupted=True)
-    return replace(curve, margins=(margins,))

@@ -591,7 +591,7 @@ def with_other_friction(
     nominal = FrictionPeak(factor=1.0, preload=preload, amplitude=np.nan, status=INTERRUPTED)
     friction_range = FrictionRange((nominal,))
     with (
-        LongWork(),
+        LongWork() as work,
         progress_stages(progress, "other friction coefficients", "peak") as peaks.report,
     ):
         at_recommended = peaks.at(preload)
@@ -617,6 +617,8 @@ def with_other_friction(
         other_friction=tuple(by_factor.values()),
         friction_range=replace(friction_range, seconds=seconds),
         cost=cost,
+        # the search for a remedy, which has no status, may have been interrupted
+        checks_interrupted=curve.checks_interrupted or work.interrupted,
     )
 
 

@@ -206,8 +206,8 @@ class OptimalCurve(
         Relative change of the amplitude with two more harmonics, and with six more residual modes;
         NaN if unknown.  None if the errors were left out (``errors=False``), without residual
         modes, and in files of earlier versions.
-    margins_interrupted : bool
-        Whether Ctrl-C ended the computation of the margins before any was known.
+    checks_interrupted : bool
+        Whether Ctrl-C ended the checks or the computation of the margins.
     model_doubts : tuple of str, optional
         Properties of the model due to which amplitudes may be wrong by a factor of several; None in
         files of earlier versions.
@@ -239,7 +239,7 @@ class OptimalCurve(
     friction_range: FrictionRange | None = None
     mass_radius: Annotated[float, Data(derived=True)] = float("nan")
     half_range: PerRow | None = None
-    margins_interrupted: Annotated[bool, Data(derived=True)] = False
+    checks_interrupted: Annotated[bool, Data(derived=True)] = False
     model_doubts: Annotated[tuple[str, ...] | None, Data(derived=True)] = None
     reason: Annotated[tuple[str, ...], Data(derived=True), Quantity()] = ()
     harmonic_change: Annotated[NDArray, Quantity()] | None = None
@@ -285,7 +285,7 @@ class OptimalCurve(
     def interrupted(self) -> bool:
         """Whether Ctrl-C ended the search, a check or the margins; the rest is missing."""
         # files of version 0.6 have it in the reason
-        if INTERRUPTED in self.optimum.status_text or self.margins_interrupted:
+        if INTERRUPTED in self.optimum.status_text or self.checks_interrupted:
             return True
         if self.friction_range is not None and self.friction_range.interrupted:
             return True

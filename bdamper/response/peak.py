@@ -190,8 +190,8 @@ class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
     lower_bound: Annotated[Metre, Data(derived=True)] = float("nan")
     half_range: Annotated[float, Quantity("m"), Data(derived=True)] = float("nan")
     notes: Annotated[tuple[str, ...], Data(derived=True)] = ()
-    errors: tuple[SourceError, ...] = ()
-    harmonic_peaks: tuple[HarmonicPeak, ...] = ()
+    errors: Annotated[tuple[SourceError, ...], Data(derived=True)] = ()
+    harmonic_peaks: Annotated[tuple[HarmonicPeak, ...], Data(derived=True)] = ()
     _summary_fields = (
         "parameter",
         "amplitude",

@@ -766,7 +766,7 @@ def with_time_response(
         on_threads([partial(integrate, load) for load in loads])
 
     start = time.perf_counter()
-    with LongWork():
+    with LongWork() as work:
         integrate_all(preloads)
         if preload is None and not all(_confirms(responses[p]) for p in preloads):
             # another preload may be better
@@ -775,7 +775,13 @@ def with_time_response(
     seconds = curve.cost.seconds + time.perf_counter() - start
     cost = sum((costs[p] for p in sorted(costs)), curve.cost)
     in_order = tuple(responses[p] for p in sorted(responses))
-    return replace(curve, time_response=in_order, cost=replace(cost, seconds=seconds))
+    return replace(
+        curve,
+        time_response=in_order,
+        cost=replace(cost, seconds=seconds),
+        # an interrupt may come when all integrations have ended
+        checks_interrupted=curve.checks_interrupted or work.interrupted,
+    )
 
 
 def _confirms(response: TimeResponse) -> bool:

@@ -46,7 +46,7 @@ def test_a_file_is_read_and_printed(folder, name):
 @each("name", sorted(REFUSED))
 def test_a_refused_file_names_its_version_in_one_line(folder, name):
     with pytest.raises(
-        bd.BdamperError, match="written by bdamper 0.10.0.*compute it again"
+        bd.BdamperError, match=r"written by bdamper 0\.10\.0.*compute it again"
     ) as found:
         bd.load(folder / f"{name}.h5")
     assert "\n" not in str(found.value)

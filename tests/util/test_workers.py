@@ -176,7 +176,7 @@ def test_a_plain_call_sets_the_number_for_all_later_calls():
 
 @pytest.mark.parametrize("wrong", ["two", 0, 2.5, None])
 def test_a_plain_call_refuses_what_is_no_number(wrong):
-    with pytest.raises(bd.SettingError, match="number: expected an integer"):
+    with pytest.raises(bd.SettingError, match="number: expected a whole number >= 1"):
         bd.set_workers(wrong)
 
 

@@ -1,0 +1,115 @@
+"""Interrupts of an optimal curve with its checks: each one has an effect, soon, and what is known remains."""
+
+import random
+import signal
+import time
+
+import numpy as np
+import pytest
+
+from bdamper.analyses import optimum, robust_optimum
+from bdamper.response.verification import FrictionPeak
+from bdamper.time_domain import time_response
+from tests.util.test_disk import BAND, pressed
+
+RANGE, COUNT, SEED = (0.05, 2.0), 5, 160
+
+
+@pytest.fixture(scope="module")
+def study():
+    return pressed()
+
+
+@pytest.fixture(scope="module")
+def searched(study):
+    return study.optimal_curve(RANGE, COUNT, frequency=BAND, check=False)
+
+
+def test_an_interrupt_after_the_last_integration(study, searched, monkeypatch):
+    depth = []
+
+    def interrupted(parts):
+        depth.append(parts)
+        results = run_all(parts)
+        depth.pop()
+        if not depth:
+            raise KeyboardInterrupt
+        return results
+
+    run_all = time_response.on_threads
+    monkeypatch.setattr(time_response, "on_threads", interrupted)
+    curve = study.with_time_response(searched, [searched.optimum.preload])
+    assert curve.time_response[0].status == "complete"
+    assert curve.interrupted and not searched.interrupted
+
+
+def test_an_interrupt_while_a_preload_is_searched_that_tolerates_other_friction(
+    study, searched, monkeypatch
+):
+    def steep(peaks, preload):
+        # twice as high at 0.84 times the friction
+        return lambda factor: FrictionPeak(factor, preload, 0.5 * factor**-4.0)
+
+    def interrupted(curve, preload):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(robust_optimum._FrictionPeaks, "at", steep)
+    monkeypatch.setattr(robust_optimum, "_by_distance", interrupted)
+    curve = robust_optimum.with_other_friction(study.problem, searched)
+    assert [peak.status for peak in curve.other_friction] == ["complete"] * 3
+    assert curve.friction_range.limits and curve.interrupted
+
+
+def test_an_interrupt_between_two_checks(study, searched, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(optimum.robust_optimum, "with_other_friction", interrupted)
+    curve = optimum.check_optimum(study.problem, searched)
+    assert curve.interrupted and curve.time_response[0].status == "complete"
+    assert curve.convergence is not None and not curve.other_friction
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="the system has no such timer")
+def test_interrupts_at_random_instants(study, tmp_path):
+    """At an instant of processor time, which does not depend on other programs."""
+    instants = []
+
+    def interrupt(*_):
+        instants.append(time.process_time())
+        raise KeyboardInterrupt
+
+    def computed(path):
+        return study.optimal_curve(RANGE, COUNT, frequency=BAND, progress=False, resume=path)
+
+    start = time.process_time()
+    whole = computed(tmp_path / "whole.jsonl")
+    taken = time.process_time() - start
+    assert not whole.interrupted
+    at = dict(zip(whole.preload, whole.amplitude))
+
+    fractions = random.Random(SEED)
+    before = signal.signal(signal.SIGPROF, interrupt)
+    try:
+        for k in range(16):
+            instants.clear()
+            path = tmp_path / f"{k}.jsonl"
+            try:
+                signal.setitimer(signal.ITIMER_PROF, 0.9 * taken * fractions.random())
+                curve = computed(path)
+            except KeyboardInterrupt:
+                # nothing was known: the file has its header at most
+                assert not path.exists() or len(path.read_text().splitlines()) <= 1
+                continue
+            finally:
+                signal.setitimer(signal.ITIMER_PROF, 0.0)
+            if not instants:
+                continue
+            assert curve.interrupted, "the interrupt had no effect"
+            assert time.process_time() - instants[0] < 1.0
+            known = np.isfinite(curve.amplitude)
+            right = [at[preload] for preload in curve.preload[known]]
+            np.testing.assert_allclose(curve.amplitude[known], right, rtol=1e-9)
+    finally:
+        signal.signal(signal.SIGPROF, before)
