@@ -237,13 +237,17 @@ def at_optimum(problem: Problem, curve: OptimalCurve, progress: bool = False) ->
 def _peak_at_optimum(problem: Problem, curve: OptimalCurve) -> Peak:
     """Return the highest peak at the optimum of an optimal curve.
 
+    It is that of the curve.  It is searched only if the curve does not have its unknowns.
+
     Raises
     ------
     BdamperError
         If it was not found, or its amplitude differs from the curve.
     """
     optimum = curve.optimum
-    peak = highest_peak(problem, optimum.preload, tuple(curve.settings["frequency"]))
+    peak = curve.peak_at(optimum.preload)
+    if peak is None:
+        peak = highest_peak(problem, optimum.preload, tuple(curve.settings["frequency"]))
     if not peak.ok:
         raise BdamperError(f"the highest peak is {peak.status_text}")
     difference = abs(peak.amplitude / optimum.amplitude - 1.0)

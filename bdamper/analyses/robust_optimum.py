@@ -582,7 +582,7 @@ def with_other_friction(
         return curve
     start = time.perf_counter()
     low, high = curve.settings["frequency"]
-    peaks = _FrictionPeaks(problem, (low, high))
+    peaks = _FrictionPeaks(problem, (low, high), curve)
     # every peak counts as interrupted until it is computed
     by_factor = {
         factor: FrictionPeak(factor, preload, amplitude=np.nan, status=INTERRUPTED)
@@ -630,10 +630,13 @@ class _FrictionPeaks:
     ----------
     problem : Problem
     frequency : (low, high), Hz
+    curve : OptimalCurve
+        Curve of the problem, which has peaks with the friction of the study.
     """
 
     problem: Problem
     frequency: tuple[float, float]
+    curve: OptimalCurve
     computed: dict[tuple[float, float], FrictionPeak] = field(default_factory=dict)
     costs: dict[tuple[float, float], Cost] = field(default_factory=dict)
     report: Any = None
@@ -656,10 +659,17 @@ class _FrictionPeaks:
         return self.computed[key]
 
     def _compute(self, preload: float, factor: float) -> FrictionPeak:
+        problem = self.problem
+        if factor == 1.0:
+            own = self.curve.peak_at(preload)
+            if own is not None:
+                return FrictionPeak(factor, preload, own.amplitude)
+        else:
+            problem = vary(problem, {"friction_factor": factor})
         # these preloads have no neighbours, so each counts as the lowest
         evaluate = SteadyPeak(frequency=self.frequency, lowest=preload)
         try:
-            values = evaluate(vary(self.problem, {"friction_factor": factor}), preload)
+            values = evaluate(problem, preload)
         except BdamperError as error:
             return FrictionPeak(factor, preload, np.nan, NOT_FOUND, str(error))
         self.costs[preload, factor] = values["cost"]

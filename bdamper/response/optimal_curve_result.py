@@ -24,6 +24,7 @@ from bdamper.response.optimum_checks import (
     known_in_time,
 )
 from bdamper.response.optimum_statement import statement
+from bdamper.response.peak import Peak
 from bdamper.response.peak_error import HARMONICS, VECTORS, SourceError
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import Convergence, FrictionPeak, FrictionRange, TimeResponse
@@ -441,6 +442,41 @@ class OptimalCurve(
         if len(known) < 2:
             return None
         return min(known, key=lambda response: response.largest)
+
+    def peak_at(self, preload: float) -> Peak | None:
+        """Return the highest peak at a preload (N) of the curve, without further computation.
+
+        It has its unknowns, but no tangent.  The result is None if the preload has no value, or if
+        the curve is stored without unknowns.
+        """
+        rows = np.flatnonzero(self.preload == preload)
+        if not len(rows):
+            return None
+        row = int(rows[0])
+        if self.status[row] != COMPLETE or not self.unknowns.shape[1]:
+            return None
+        frequency = float(self.frequency[row])
+        y = np.append(self.unknowns[row], 2.0 * np.pi * frequency)
+        return Peak(
+            parameter=float(self.preload[row]),
+            frequency=frequency,
+            amplitude=float(self.amplitude[row]),
+            y=y,
+            tangent=np.zeros(len(y)),
+            scale=np.ones(len(y)),
+            slope=np.nan,
+            curvature=np.nan,
+            shares=self.shares[row],
+            residual=float(self.residual[row]),
+            iterations=0,
+            trials=0,
+            rank_deficiency=0,
+            corner=self.kind[row] != "peak",
+            search_status=COMPLETE,
+            settings=self.settings,
+            model_hash=self.model_hash,
+            half_range=float(self.half_range[row]),
+        )
 
     @property
     def recommended_preload(self) -> float:

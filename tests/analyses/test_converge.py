@@ -310,14 +310,8 @@ class TestOptimalCurve:
             p.harmonics for p in more.peaks
         ) <= 16
         assert more.peaks[0].amplitude == pytest.approx(curve.optimum.amplitude, rel=1e-4)
-        alone = study.harmonic_convergence(
-            study.peak(curve.optimum.preload, INTERVAL), harmonics=(5, 7, 9, 12, 16)
-        )
         assert found.cost.evaluations == curve.cost.evaluations + more.cost.evaluations
-        assert (
-            more.cost.evaluations > alone.cost.evaluations
-            and found.cost.seconds > curve.cost.seconds
-        )
+        assert more.cost.evaluations > 0 and found.cost.seconds > curve.cost.seconds
         assert f"{span(*more.range, 'm')} {more.peaks[0].harmonics} to " in said(
             found
         ) and more.note in said(found)
@@ -354,7 +348,7 @@ class TestOptimalCurve:
         def stops(*_):
             raise KeyboardInterrupt
 
-        monkeypatch.setattr(room, "highest_peak", stops)
+        monkeypatch.setattr(room, "_converge", stops)
         assert (
             room.with_convergence(study.problem, curve, lambda: curve).convergence.status
             == "interrupted"
