@@ -237,7 +237,7 @@ def at_optimum(problem: Problem, curve: OptimalCurve, progress: bool = False) ->
 def _peak_at_optimum(problem: Problem, curve: OptimalCurve) -> Peak:
     """Return the highest peak at the optimum of an optimal curve.
 
-    It is that of the curve.  It is searched only if the curve does not have its unknowns.
+    It is searched only if the curve does not contain its unknowns.
 
     Raises
     ------

@@ -277,9 +277,9 @@ def highest_peak(
     -------
     Peak
         ``corner`` is set unless it is a smooth maximum.  The status is "incomplete" if the curve is
-        incomplete, has no maximum in the interval, has a branch that was stopped among many folds,
-        or is higher at an end or on a separate branch, or if a peak followed from a lower preload
-        is higher.  The amplitude is then NaN, and ``lower_bound`` contains the highest computed
+        incomplete, has no maximum in the interval, or has a branch that was stopped among many
+        folds.  It is also "incomplete" if the response is higher at an end, on a separate branch,
+        or at a peak followed from a lower preload.  The amplitude is then NaN, and ``lower_bound`` contains the highest computed
         maximum, or the end.  The amplitude of an unbounded resonance is infinite.  The status is
         "not found" with the reason, and there are no unknowns, if no response was found in the
         interval or if no steady periodic response is expected.  Up to two more curves are computed
@@ -304,8 +304,7 @@ def response_curve(
 ) -> ResponseCurve:
     """Compute the response curve at one preload, with the verdict on its highest point.
 
-    The curve is that of :func:`bdamper.response.response_curve.frequency_response`; see
-    :func:`with_verdict`.
+    See :func:`bdamper.response.response_curve.frequency_response` and :func:`with_verdict`.
     """
     curve = frequency_response(problem, preload, frequency, options=options, progress=progress)
     return with_verdict(problem, curve, frequency)
@@ -318,7 +317,7 @@ def with_verdict(
 
     Branches may cover the interval (Hz) although a higher response is known, or although no steady
     periodic response is expected.  The reason is then that of :attr:`AtPreload.ending`.  A curve
-    that is highest at an end of the interval remains complete: its peak says so.
+    that is highest at an end of the interval remains complete, but its peak is incomplete.
     """
     if not len(curve) or curve.interrupted:
         return curve
