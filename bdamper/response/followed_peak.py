@@ -279,11 +279,12 @@ def highest_peak(
         ``corner`` is set unless it is a smooth maximum.  The status is "incomplete" if the curve is
         incomplete, has no maximum in the interval, or has a branch that was stopped among many
         folds.  It is also "incomplete" if the response is higher at an end, on a separate branch,
-        or at a peak followed from a lower preload.  The amplitude is then NaN, and ``lower_bound`` contains the highest computed
-        maximum, or the end.  The amplitude of an unbounded resonance is infinite.  The status is
-        "not found" with the reason, and there are no unknowns, if no response was found in the
-        interval or if no steady periodic response is expected.  Up to two more curves are computed
-        if the curve has folds and the damper does not rattle; the cost includes them.
+        or at a peak followed from a lower preload.  The amplitude is then NaN, and ``lower_bound``
+        contains the highest computed maximum, or the end.  The amplitude of an unbounded resonance
+        is infinite.  The status is "not found" with the reason, and there are no unknowns, if no
+        response was found in the interval or if no steady periodic response is expected.  Up to two
+        more curves are computed if the curve has folds and the damper does not rattle; the cost
+        includes them.
     """
     frequency = peak_interval(problem.at(preload), frequency, mode)
     check_options(options)
