@@ -802,6 +802,17 @@ def _remedy(branch: _Branch) -> str:
     )
 
 
+def _parameter_at(parameter: NDArray, values: NDArray, limit: float, beyond: int) -> float:
+    """Return the parameter at which values (n,) reach a limit, interpolated before point
+    ``beyond``, the first point beyond the limit.
+    """
+    if beyond == 0:
+        return float(parameter[0])
+    before = beyond - 1
+    share = (limit - values[before]) / (values[beyond] - values[before])
+    return float(parameter[before] + share * (parameter[beyond] - parameter[before]))
+
+
 def _ending(branch: _Branch, y: NDArray, correlation: NDArray, mode: int) -> tuple[str, str]:
     """Return status and reason of the mode.
 
@@ -821,18 +832,18 @@ def _ending(branch: _Branch, y: NDArray, correlation: NDArray, mode: int) -> tup
     same_mode = 0.5
     other_mode = correlation < same_mode
     if other_mode.any():
-        first = y[int(np.argmax(other_mode))]
+        first = _parameter_at(y[:, PARAMETER], correlation, same_mode, int(np.argmax(other_mode)))
         reason += (
-            f"; above {place(first[PARAMETER])} the motion is no longer that of mode {mode}: it "
+            f"; above {place(first)} the motion is no longer that of mode {mode}: it "
             "interacts with another mode"
         )
     # damping ratio above which the periodic motion does not represent a decaying one
     high_damping = 0.5
     overdamped = y[:, ZETA] > high_damping
     if overdamped.any():
-        first = y[int(np.argmax(overdamped))]
+        first = _parameter_at(y[:, PARAMETER], y[:, ZETA], high_damping, int(np.argmax(overdamped)))
         reason += (
-            f"; above {place(first[PARAMETER])} the damping ratio exceeds {high_damping:g}, which "
+            f"; above {place(first)} the damping ratio exceeds {high_damping:g}, which "
             "is too high for a periodic approximation"
         )
     if path.status != COMPLETE or other_mode.any() or overdamped.any():

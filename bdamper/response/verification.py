@@ -578,11 +578,15 @@ class FrictionLimit(NamedTuple):
         Next computed factor, at which the amplitude is at least doubled; NaN if it does not double.
     known : bool
         False if the amplitude at ``outside`` is unknown.
+    factor : float
+        Factor at which the amplitude doubles, interpolated between ``inside`` and ``outside``; NaN
+        if it does not double, or if the amplitude at ``outside`` is infinite or unknown.
     """
 
     inside: float
     outside: float
     known: bool
+    factor: float = float("nan")
 
     @property
     def near(self) -> bool:
@@ -594,6 +598,22 @@ class FrictionLimit(NamedTuple):
         # above 1 for less friction as well
         factor = max(self.outside, 1.0 / self.outside)
         return factor <= FRICTION_SPREAD * (1.0 + rounding)
+
+    @property
+    def doubles(self) -> float:
+        """Factor at which the amplitude doubles; ``inside`` if it cannot be interpolated, and NaN
+        if there is none.
+        """
+        if np.isnan(self.outside) or not self.known:
+            return float("nan")
+        return self.inside if np.isnan(self.factor) else self.factor
+
+    @property
+    def text(self) -> str:
+        """Factor at which the amplitude doubles, or the range that contains it, in words."""
+        if np.isfinite(self.factor):
+            return f"{self.factor:.2g}"
+        return " to ".join(f"{factor:.2g}" for factor in sorted((self.inside, self.outside)))
 
 
 @dataclass(frozen=True)
@@ -632,26 +652,31 @@ class FrictionRange(Record):
         ``outward`` contains the peaks with less friction, or with more, in the order of their
         distance from nominal.
         """
-        inside = 1.0
+        inside = nominal
         for peak in outward:
             comparison = peak.compared_with(nominal)
-            if comparison != "low":
-                return FrictionLimit(inside, outside=peak.factor, known=comparison == "high")
-            inside = peak.factor
+            if comparison == "low":
+                inside = peak
+                continue
+            factor = float("nan")
+            if comparison == "high" and np.isfinite(peak.amplitude):
+                factor = _factor_between(inside, peak, MUCH * nominal.amplitude)
+            known = comparison == "high"
+            return FrictionLimit(inside.factor, peak.factor, known, factor)
         # all amplitudes are known and low: there is no factor at which the amplitude doubles
-        return FrictionLimit(inside, outside=np.nan, known=True)
+        return FrictionLimit(inside.factor, outside=np.nan, known=True)
 
     @property
     def doubles(self) -> tuple[float, float]:
-        """Factors below and above 1 at which the amplitude is at least doubled; NaN if there is
-        none.
+        """Factors below and above 1 at which the amplitude doubles; NaN if there is none.
+
+        They are interpolated between the computed factors.  If the amplitude is infinite at the
+        outer one, the inner one is given.
         """
         if self.limits is None:
             return np.nan, np.nan
         below, above = self.limits
-        low = below.outside if below.known else np.nan
-        high = above.outside if above.known else np.nan
-        return low, high
+        return below.doubles, above.doubles
 
     def __str__(self) -> str:
         return f"{self.text} ({counted(len(self.peaks), 'peak')}, {amount(self.seconds, 's')})"
@@ -662,20 +687,21 @@ class FrictionRange(Record):
         if self.limits is None:
             return "the friction at which the amplitude doubles is unknown"
         below, above = self.limits
-        tolerated = f"from {below.inside:.2g} to {above.inside:.2g} times"
         doubled = []
         unknown = []
         for limit in self.limits:
-            factor = f"{limit.outside:.2g}"
             if not limit.known:
-                unknown.append(factor)
+                unknown.append(f"{limit.outside:.2g}")
             elif np.isfinite(limit.outside):
-                doubled.append(factor)
-        if doubled:
-            factors = " and ".join(doubled)
-            text = f"the amplitude doubles at {factors} times the friction, but not {tolerated}"
-        else:
+                doubled.append(limit.text)
+        text = f"the amplitude doubles at {' and '.join(doubled)} times the friction"
+        if not doubled:
+            tolerated = f"from {below.inside:.2g} to {above.inside:.2g} times"
             text = f"the amplitude does not double {tolerated} the friction"
+        elif above.inside > 1.0 and not np.isfinite(above.doubles):
+            text += f", but not up to {above.inside:.2g} times"
+        elif below.inside < 1.0 and not np.isfinite(below.doubles):
+            text += f", but not down to {below.inside:.2g} times"
         if unknown:
             text += f"; unknown at {' and '.join(unknown)} times"
         return text
@@ -684,6 +710,16 @@ class FrictionRange(Record):
     def interrupted(self) -> bool:
         """Whether the search was interrupted."""
         return any(peak.status == INTERRUPTED for peak in self.peaks)
+
+
+def _factor_between(inside: FrictionPeak, outside: FrictionPeak, amplitude: float) -> float:
+    """Return the factor on friction between two peaks at which the amplitude (m) is reached.
+
+    The logarithm of the amplitude is linear in the logarithm of the factor.
+    """
+    rise = np.log(outside.amplitude / inside.amplitude)
+    share = np.log(amplitude / inside.amplitude) / rise
+    return float(inside.factor * (outside.factor / inside.factor) ** share)
 
 
 class Meeting(NamedTuple):

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy
 
 import bdamper as bd
 from bdamper.analyses import robust_optimum
@@ -57,7 +58,11 @@ def test_the_factors_enclose_the_exact_ones(below, above):
         assert high.inside <= above <= high.outside <= 1.15 * high.inside
     else:
         assert high.inside == 1.5 and np.isnan(high.outside)
-    np.testing.assert_array_equal(found.doubles, (low.outside, high.outside))
+    # the law is a straight line in the logarithms
+    expected = [below if low.near else np.nan, above if high.near else np.nan]
+    np.testing.assert_allclose(found.doubles, expected, rtol=1e-12)
+    factors = " and ".join(f"{factor:.2g}" for factor in expected if factor > 0.0)
+    assert found.text.startswith(f"the amplitude doubles at {factors} times the friction")
     assert 5 <= len(asked) <= 7 and len(set(asked)) == len(asked)
     assert all(1.0 / 1.5 <= factor <= 1.5 for factor in asked)
 
@@ -68,9 +73,12 @@ def test_a_cliff_between_two_factors():
     found = find_range(peaks_of(lambda f: float(np.interp(f, *known)))[0])
     low, high = found.limits
     assert low.outside < 0.69 < low.inside <= 0.7 and np.isnan(high.outside) and high.inside == 1.5
+    # nearly as high as the cliff is close
+    assert low.outside < found.doubles[0] <= 0.7 and np.isnan(found.doubles[1])
+    factor = f"{low.factor:.2g}"
     assert (
         found.text
-        == f"the amplitude doubles at {low.outside:.2g} times the friction, but not from 0.7 to 1.5 times"
+        == f"the amplitude doubles at {factor} times the friction, but not up to 1.5 times"
     )
 
 
@@ -96,7 +104,13 @@ def test_no_steady_response_is_high_and_an_unknown_one_is_not():
         assert found.limits[0].outside == pytest.approx(1.0 / 1.5) and found.limits[0].known == (
             kind != "unknown"
         )
-        assert np.isnan(found.doubles[0]) == (kind == "unknown")
+        # without an amplitude at 0.67 times the friction there is nothing to interpolate
+        assert np.isnan(found.limits[0].factor)
+        expected = (
+            "the amplitude doubles at 0.67 to 0.7 times the friction, but not up to 1.5 times"
+        )
+        assert (found.text == expected) == (kind != "unknown")
+        np.testing.assert_equal(found.doubles[0], np.nan if kind == "unknown" else 0.7)
     assert (
         found.text
         == "the amplitude does not double from 0.7 to 1.5 times the friction; unknown at 0.67 times"
@@ -109,6 +123,77 @@ def test_lower_bounds_of_earlier_files():
     peak = FrictionPeak(0.7, 10.0, 2.0, "incomplete", "why")
     assert np.isnan(peak.amplitude) and peak.lower_bound == 2.0 and "at least 2 m" in str(peak)
     assert FrictionPeak(0.7, 10.0, np.inf, "not found", "why").size_text == "not steady"
+
+
+def jenkins_peak(limit):
+    """Peak of one mass m = k = kt = 1, c = 0.02, F = 1 by the closed form of one harmonic (tests/anchors, A1)."""
+
+    def force(amplitude, omega):
+        """Squared force that the amplitude takes."""
+        theta = np.arccos(1.0 - 2.0 * limit / amplitude)
+        elastic = (theta - np.sin(2.0 * theta) / 2.0) / np.pi
+        friction = 4.0 * limit / (np.pi * amplitude) * (1.0 - limit / amplitude)
+        in_phase = (1.0 + elastic - omega**2) * amplitude
+        return in_phase**2 + (0.02 * omega * amplitude + friction * amplitude) ** 2
+
+    def lacking(amplitude):
+        """Least squared force over the frequency, less the given one."""
+        least = scipy.optimize.minimize_scalar(
+            lambda omega: force(amplitude, omega), bounds=(0.9, 1.5), options={"xatol": 1e-10}
+        )
+        return least.fun - 1.0
+
+    # the amplitude at which the mass slips in full, and one without friction
+    return scipy.optimize.brentq(lacking, 1.001 * limit, 49.0)
+
+
+@pytest.mark.slow
+def test_one_mass_with_a_jenkins_element():
+    """The factors solve the closed form of the peak, whose values are known (1.5: 2.91810452)."""
+    assert jenkins_peak(1.5) == pytest.approx(2.91810452, rel=1e-7)
+    limit = 1.0
+    study = bd.lumped(
+        1.0, 0.02, 1.0, contacts=[bd.Contact(0, kt=1.0, mu=0.3, preload=limit / 0.3)], forces={0: 1.0},
+        harmonics=1,
+    )  # fmt: skip
+    band = (0.14, 0.24)
+    found = find_range(
+        lambda f: FrictionPeak(
+            f, 0.0, study.replace(friction_factor=f).peak(0.0, band, progress=False).amplitude
+        )
+    )
+    twice = 2.0 * jenkins_peak(limit)
+    factor = scipy.optimize.brentq(lambda f: jenkins_peak(f * limit) - twice, 0.6, 0.9)
+    assert found.doubles[0] == pytest.approx(factor, rel=0.005) and np.isnan(found.doubles[1])
+
+
+@pytest.mark.slow
+def test_the_factors_belong_to_twice_the_amplitude_of_a_damper():
+    """At 0.15 N it doubles with less friction, at 0.42 N with more."""
+    for preload in (0.15, 0.42):
+
+        def peak_with(factor, preload=preload):
+            peak = STUDY.replace(friction_factor=factor).peak(preload, BAND, progress=False)
+            return FrictionPeak(factor, preload, peak.amplitude, peak.status, peak.reason)
+
+        sides_of_twice_the_amplitude(STUDY, preload, BAND, find_range(peak_with))
+
+
+def sides_of_twice_the_amplitude(study, preload, band, found):
+    """Check that peaks with 1 to 3 % less and more friction are below and above twice the amplitude."""
+
+    def amplitude(factor):
+        peak = study.replace(friction_factor=factor).peak(preload, band, progress=False)
+        assert peak.ok
+        return peak.amplitude
+
+    twice = 2.0 * amplitude(1.0)
+    limits = [limit for limit in found.limits if np.isfinite(limit.factor)]
+    assert limits
+    for limit in limits:
+        # toward the friction of the study, and away from it
+        nearer, farther = (limit.factor**power for power in (0.98, 1.02))
+        assert amplitude(nearer) < twice < amplitude(farther), limit
 
 
 @pytest.fixture(scope="module")
@@ -212,3 +297,6 @@ def test_peaks_at_ten_factors():
             assert ratio <= 2.0
         elif factor <= low.outside or factor >= high.outside:
             assert ratio > 2.0
+    sides_of_twice_the_amplitude(
+        study, curve.recommended_preload, (600.0, 720.0), found.friction_range
+    )

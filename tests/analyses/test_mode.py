@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import scipy
 
 import bdamper as bd
 from bdamper.analyses.nonlinear_mode import _with_more_harmonics, mode_system
@@ -190,6 +191,27 @@ def test_motions_that_damping_ends_at_once_are_named():
     assert f"above {a:.6g} m the damping ratio exceeds 0.5" in found.reason
     light = oscillator(1).nonlinear_mode(0.0, 1, (2.0, 100.0))
     assert light.complete and "damping" not in light.reason
+
+
+def test_the_amplitude_at_which_damping_becomes_too_high():
+    """One mass m = k = kt = mu N = 1 with c = 1: friction raises the damping ratio to 0.5, in closed form."""
+    study = bd.lumped(
+        1.0, 1.0, 1.0, contacts=[bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)], forces={0: 1.0},
+        harmonics=1,
+    )  # fmt: skip
+    found = study.nonlinear_mode(0.0, 1, (0.8, 3.0))
+
+    def damping_ratio(x):
+        # elastic and dissipative part of the friction force, per displacement
+        theta = np.arccos(1.0 - 2.0 / x)
+        elastic = (theta - np.sin(2.0 * theta) / 2.0) / np.pi
+        friction = 4.0 / (np.pi * x) * (1.0 - 1.0 / x)
+        square = 1.0 + elastic
+        return (np.sqrt(square) + friction) / (2.0 * square)
+
+    exact = scipy.optimize.brentq(lambda x: damping_ratio(x) - 0.5, 1.01, 3.0)
+    (text,) = re.findall(r"above (\S+) m the damping ratio exceeds 0.5", found.reason)
+    assert float(text) == pytest.approx(exact, rel=2e-3)
 
 
 def own_modes(mu, harmonics, ends):
