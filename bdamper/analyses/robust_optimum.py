@@ -136,19 +136,22 @@ def sample(distributions: Mapping[str, Any], n: int, *, seed: int = 0) -> dict[s
     return values | residual_slip
 
 
-def _upper_percentile(values: NDArray, q: float | Sequence[float]) -> NDArray:
+def _percentile_of_draws(values: NDArray, q: float | Sequence[float]) -> NDArray:
     """Return percentiles of draws (n, m) at each of m preloads, (m,) or (len(q), m).
 
-    A percentile between two draws is the higher one, so that at least its share of the draws is not
-    above it.  A draw without a value (NaN) counts as infinite.  Without draws the percentiles are
-    NaN.
+    A percentile between two draws is the lower one below 50 %, and the higher one from 50 % on.  A
+    band between a low and a high percentile then contains at least its share of the draws.  A draw
+    without a value (NaN) counts as infinite.  Without draws the percentiles are NaN.
     """
     if not len(values):
         return np.full((*np.shape(q), values.shape[1]), np.nan)
     ranked = np.sort(np.where(np.isnan(values), np.inf, values), axis=0)
     place = np.asarray(q) / 100.0 * (len(values) - 1)
     rounding = 1e-9  # 7 % of 100 intervals are 7.000000000000001
-    return np.asarray(ranked[np.ceil(place - rounding).astype(int)])
+    lower = np.floor(place + rounding)
+    higher = np.ceil(place - rounding)
+    outer = np.where(np.asarray(q) < 50.0, lower, higher)
+    return np.asarray(ranked[outer.astype(int)])
 
 
 def _draws_text(percentile: float, n: int) -> str:
@@ -338,9 +341,9 @@ class OptimalCurveUncertainty(
     def percentile(self, q: float | Sequence[float], quantity: str = "amplitude") -> NDArray:
         """Return percentiles over the sample at every preload, (m,) or (len(q), m).
 
-        A percentile is the value of a draw: the higher one of the two adjacent draws.  A draw
-        without a peak counts as an infinite amplitude.  Frequencies are NaN at preloads at which a
-        draw has no peak.
+        A percentile is the value of a draw: of the two adjacent draws the lower one below 50 %, and
+        the higher one from 50 % on.  A draw without a peak counts as an infinite amplitude.
+        Frequencies are NaN at preloads at which a draw has no peak.
 
         Parameters
         ----------
@@ -351,7 +354,7 @@ class OptimalCurveUncertainty(
         validation.choice("quantity", quantity, ("amplitude", "frequency"))
         validation.numbers("percentile", np.atleast_1d(q), least=0.0, most=100.0)
         values = np.asarray(getattr(self, quantity))
-        percentiles = _upper_percentile(values[self._counted], q)
+        percentiles = _percentile_of_draws(values[self._counted], q)
         if quantity == "frequency":
             # an unknown frequency has no place among the others, high or low
             all_known = self._has_peak.all(axis=0)
@@ -501,7 +504,15 @@ def _check_samples(samples: Any) -> None:
     valid = samples and "preload" not in samples
     validation.check(valid, "samples", expected, ", ".join(samples) or "none")
     for name, values in samples.items():
-        validation.check(np.ndim(values) > 0, f"samples '{name}'", "a sequence of values", values)
+        item = f"samples '{name}'"
+        try:
+            shape = np.shape(values)
+        except ValueError:
+            # sequences of different lengths have no shape
+            shape = ()
+        validation.check_value(len(shape) > 0, item, "a sequence of values", values)
+        found = f"an array of shape {shape}"
+        validation.check(len(shape) == 1, item, "one number for each draw", found)
     lengths = [len(values) for values in samples.values()]
     validation.check(len({*lengths}) == 1, "samples", "equal numbers of values", lengths)
 
@@ -803,7 +814,7 @@ class _Draws:
             # NaN becomes zero, an infinite amplitude remains
             lower = np.nan_to_num(size, posinf=np.inf)
             # of both columns (n_draws, 2)
-            high, low = _upper_percentile(np.column_stack([upper, lower]), percentile).tolist()
+            high, low = _percentile_of_draws(np.column_stack([upper, lower]), percentile).tolist()
             bounds[preload] = high, low
         return bounds
 

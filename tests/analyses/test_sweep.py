@@ -838,6 +838,28 @@ class TestUncertainty:
             assert np.count_nonzero(size <= reached) >= 0.95 * n and (reached < n) == (n >= 21)
             assert ("(the 95th percentile requires 21 draws)" in said(found)) == (n < 21)
 
+    def test_low_percentiles_take_the_lower_draw(self, curve):
+        """Draws of a uniform distribution: a band contains its share of them, and its mirror image is its other end."""
+
+        def of_draws(size):
+            n = len(size)
+            return replace(curve, preload=np.array([1.0]), amplitude=size[:, None], frequency=size[:, None],
+                           status=("complete",) * n, samples={"friction_coefficient": np.ones(n)}, warnings=())  # fmt: skip
+
+        three = of_draws(np.array([506e-6, 53e-6, 591e-6]))
+        shares = [5.0, 25.0, 50.0, 75.0, 95.0]
+        expected = [53e-6, 53e-6, 506e-6, 591e-6, 591e-6]
+        assert three.percentile(shares)[:, 0].tolist() == expected
+        for n in range(2, 45):
+            uniform = (np.random.default_rng(n).permutation(n) + 0.5) / n
+            found, mirrored = of_draws(uniform), of_draws(1.0 - uniform)
+            for q in (0.0, 2.5, 5.0, 25.0, 40.0):
+                low, high = found.percentile([q, 100.0 - q])[:, 0]
+                assert np.count_nonzero((low <= uniform) & (uniform <= high)) >= (1 - q / 50) * n
+                # next to the percentile of the distribution
+                assert abs(low - q / 100.0) <= 1.0 / n and abs(high - 1.0 + q / 100.0) <= 1.0 / n
+                assert mirrored.percentile(100.0 - q)[0] == pytest.approx(1.0 - low)
+
     def test_draws_of_an_uncertain_curve_that_fail(self, study, monkeypatch):
         """A draw with invalid settings does not count; one whose search ends in an error is unknown."""
         whole = optimal_curve
@@ -1007,6 +1029,14 @@ class TestUncertainty:
             (
                 lambda s: bd.robust_optimum(s, {"friction_factor": 0.7}),
                 "'friction_factor': expected a sequence of values",
+            ),
+            (
+                lambda s: bd.robust_optimum(s, {"contact_stiffness": np.ones((2, 9))}),
+                r"'contact_stiffness': expected one number for each draw, found an array of shape \(2, 9\)",
+            ),
+            (
+                lambda s: bd.optimal_curve_uncertainty(s, {"gap": [[0.0], [0.0, 1e-6]]}),
+                "'gap': expected a sequence of values",
             ),
             (lambda s: bd.sample({"x": 3}, 8), "one of scipy.stats"),
             (lambda s: bd.sample({"x": stats.norm()}, 7), "power of two"),
