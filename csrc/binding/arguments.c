@@ -51,6 +51,11 @@ static int enter(core_arguments *arguments, PyArrayObject *array, const char *na
                      name, arguments->array[i].name);
         return 0;
     }
+    if (arguments->n == BD_MAX_ARRAYS) {
+        PyErr_Format(PyExc_SystemError, "%s: expected at most %d arrays in one call", name,
+                     BD_MAX_ARRAYS);
+        return 0;
+    }
     const int i = arguments->n++;
     arguments->array[i].name = name;
     arguments->array[i].start = start;

@@ -30,13 +30,16 @@ typedef struct {
 
 /* ---- arguments (arguments.c) ---- */
 
+/* Largest number of arrays of one call, that of Wheel(). */
+enum { BD_MAX_ARRAYS = 26 };
+
 /* Arrays of one call. */
 typedef struct {
     int n;
     struct {
         const char *name, *start, *end;
         int output;
-    } array[26]; /* the most of any call: Wheel() */
+    } array[BD_MAX_ARRAYS];
 } core_arguments;
 
 typedef enum { BD_FINITE, BD_NON_NEGATIVE, BD_POSITIVE, BD_NEGATIVE } core_range;
