@@ -46,6 +46,7 @@ from numpy.typing import NDArray
 
 from bdamper.fatigue.haigh_table import HaighTable, means_per_amplitude
 from bdamper.util import validation
+from bdamper.util.errors import warn_implausible
 
 CRITERIA = ("von_mises", "findley")
 
@@ -457,6 +458,8 @@ def _circumcentre(a: NDArray, b: NDArray, c: NDArray) -> NDArray:
     return c + np.stack([x, y], axis=1)
 
 
+DIFFERENT_LIMIT = 2.0
+"""Plausible factor between the endurance limit and the Haigh table of the same material."""
 LINES = ("goodman", "gerber", "soderberg", "table")
 ON = ("amplitude", "both")
 
@@ -514,6 +517,20 @@ class Material(validation.Checked):
         expected = f"mean stresses below the ultimate strength, {self.ultimate_strength:g} Pa"
         largest = max(table.mean)
         validation.check(largest < self.ultimate_strength, "haigh", expected, f"{largest:g}")
+        without_mean = [
+            float(table.allowed(0.0, self.ultimate_strength, temperature))
+            for temperature in table.temperatures
+        ]
+        low = min(without_mean) / DIFFERENT_LIMIT
+        high = max(without_mean) * DIFFERENT_LIMIT
+        if not low <= self.endurance_limit <= high:
+            warn_implausible(
+                "endurance_limit",
+                f"{low:.3g} to {high:.3g} Pa, within a factor of {DIFFERENT_LIMIT:g} of the Haigh "
+                "table without mean stress",
+                f"{self.endurance_limit:.4g} Pa; possibly the limit or the table of another "
+                "material, or in another unit",
+            )
 
     def limit(self, line: str) -> float:
         """Return the mean stress (Pa) at which no amplitude is allowable."""

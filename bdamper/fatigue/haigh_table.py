@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated, Self
 
 import numpy as np
@@ -25,6 +26,7 @@ from scipy.special import ndtri
 
 from bdamper.importers.measurements import read_columns
 from bdamper.util import validation
+from bdamper.util.errors import quiet, warn_implausible
 from bdamper.util.storage import FilePath
 
 STRESSES = {"MPa": 1e6, "Pa": 1.0, "GPa": 1e9, "N/mm2": 1e6, "N/mm^2": 1e6, "ksi": 6.894757293168e6}
@@ -43,6 +45,8 @@ UNITS = {
 ICE = 273.15
 ROOM, MEDIAN = 20.0, 0.5
 """Temperature (°C) and survival probability of a table without their columns."""
+NOTABLE_RISE = 0.01
+"""Relative rise of an allowable amplitude that scatter and rounding of a table do not explain."""
 
 
 def _numbers(name: str, values: object) -> tuple[float, ...]:
@@ -82,6 +86,7 @@ def means_per_amplitude(ratio: ArrayLike) -> NDArray:
     return (1.0 + values) / (1.0 - values)
 
 
+@validation.check_arguments
 @dataclass(frozen=True)
 class HaighTable(validation.Checked):
     """Allowable stress amplitudes as functions of mean stress, temperature and survival
@@ -100,8 +105,9 @@ class HaighTable(validation.Checked):
     Raises
     ------
     SettingError
-        If the numbers of rows differ, an amplitude is not positive, a probability is not between 0
-        and 1, or two rows have the same mean stress, temperature and probability.
+        If the numbers of rows differ, an amplitude is not positive, a temperature is below absolute
+        zero, a probability is not between 0 and 1, two rows have the same mean stress, temperature
+        and probability, or an amplitude rises with the survival probability.
     """
 
     amplitude: Annotated[tuple[float, ...], _numbers]
@@ -116,6 +122,7 @@ class HaighTable(validation.Checked):
         counts = [len(values) for values in (self.mean, self.temperature, self.probability)]
         validation.check(n > 0 and counts == [n, n, n], "Haigh table", f"{n} rows each", counts)
         validation.numbers("amplitude", self.amplitude, above=0.0, unit="Pa")
+        validation.numbers("temperature", self.temperature, above=-ICE, unit="°C")
         between = all(0.0 < probability < 1.0 for probability in self.probability)
         expected = "survival probabilities between 0 and 1"
         validation.check_value(between, "probability", expected, self.probability)
@@ -123,6 +130,48 @@ class HaighTable(validation.Checked):
         repeated = next((row for row in rows if rows.count(row) > 1), None)
         expected = "one amplitude for each mean stress, temperature and probability"
         validation.check(repeated is None, "Haigh table", expected, f"several for {repeated}")
+        self._check_survival()
+        self._doubt_rises()
+
+    def _check_survival(self) -> None:
+        """Raise SettingError if more parts survive at a higher amplitude."""
+        for temperature in self.temperatures.tolist():
+            for lower, higher in pairwise(self.probabilities.tolist()):
+                before = self._line(temperature, lower)
+                after = self._line(temperature, higher)
+                place = _rise_between(before, after)
+                expected = "amplitudes that fall with the survival probability"
+                found = (
+                    f"one that rises from {lower:g} to {higher:g} at {temperature:g} °C, {place}"
+                )
+                validation.check(not place, "Haigh table", expected, found)
+
+    def _doubt_rises(self) -> None:
+        """Warn of amplitudes that rise with the mean stress or with the temperature."""
+        for temperature in self.temperatures.tolist():
+            for probability in self.probabilities.tolist():
+                means, amplitudes = self._line(temperature, probability)
+                rises = amplitudes[1:] > (1.0 + NOTABLE_RISE) * amplitudes[:-1]
+                if rises.any():
+                    i = int(np.argmax(rises))
+                    warn_implausible(
+                        "Haigh table",
+                        "amplitudes that fall with the mean stress",
+                        f"a rise from {means[i]:.4g} to {means[i + 1]:.4g} Pa at "
+                        f"{temperature:g} °C; possibly a mean stress without its sign",
+                    )
+        for cooler, hotter in pairwise(self.temperatures.tolist()):
+            for probability in self.probabilities.tolist():
+                before = self._line(cooler, probability)
+                after = self._line(hotter, probability)
+                place = _rise_between(before, after)
+                if place:
+                    warn_implausible(
+                        "Haigh table",
+                        "amplitudes that fall with the temperature",
+                        f"a rise from {cooler:g} to {hotter:g} °C {place}; possibly exchanged "
+                        "temperatures",
+                    )
 
     @classmethod
     def from_csv(cls, path: FilePath | Mapping[str, object]) -> Self:
@@ -216,7 +265,11 @@ class HaighTable(validation.Checked):
             ]
         amplitudes_of_rows, means_of_rows, temperatures = zip(*rows)
         survival = (wanted,) * len(rows)
-        return HaighTable(amplitudes_of_rows, means_of_rows, temperatures, survival, self.source)
+        # the complete table has been checked
+        with quiet():
+            return HaighTable(
+                amplitudes_of_rows, means_of_rows, temperatures, survival, self.source
+            )
 
     def _line_at(
         self, temperature: float, known: NDArray, probability: float
@@ -322,6 +375,28 @@ class HaighTable(validation.Checked):
         means = np.append(means, ultimate_strength)
         amplitudes = np.append(amplitudes, 0.0)
         return np.asarray(np.interp(mean, means, amplitudes))
+
+
+def _rise_between(before: tuple[NDArray, NDArray], after: tuple[NDArray, NDArray]) -> str:
+    """Return the mean stress at which the amplitude rises from one series to another, in words.
+
+    A series has ascending mean stresses (n,) and amplitudes (n,), Pa.  They are compared at the
+    mean stresses that both cover.  The text is empty without a rise.
+    """
+    means_before, amplitudes_before = before
+    means_after, amplitudes_after = after
+    if not len(means_before) or not len(means_after):
+        return ""
+    lowest = max(means_before[0], means_after[0])
+    highest = min(means_before[-1], means_after[-1])
+    means = np.union1d(means_before, means_after)
+    common = means[(means >= lowest) & (means <= highest)]
+    lower = np.interp(common, means_before, amplitudes_before)
+    upper = np.interp(common, means_after, amplitudes_after)
+    rises = upper > (1.0 + NOTABLE_RISE) * lower
+    if not rises.any():
+        return ""
+    return f"at a mean stress of {common[int(np.argmax(rises))]:.4g} Pa"
 
 
 def at_points(

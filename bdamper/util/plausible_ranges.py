@@ -9,7 +9,7 @@ limits the range to that function or class.  A bound can depend on characteristi
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -164,6 +164,9 @@ STRENGTH = Range(
     "possibly converted from MPa to Pa twice",
     "possibly given in MPa; 1 MPa is 1e6 Pa",
 )
+TEMPERATURE = Range(
+    -200.0, 1500.0, "°C", "possibly given in K", "possibly °C labelled as K", compared=all_of
+)
 PRELOAD = Range(
     lambda s, _: s.amplitude,
     lambda s, _: 1e6 * s.amplitude or np.inf,
@@ -172,6 +175,12 @@ PRELOAD = Range(
     "possibly given in kN, or the damper leaves its seat",
     "1 to 1e+06 times the excitation amplitude",
     some,
+)
+ACCELERATION = Range(
+    1e-4, 1e3, "m/s2", "possibly given in mm/s2", "possibly given in km/s2 or as a displacement"
+)
+LOAD_HISTORY = Range(
+    1e-3, 10.0, above="possibly given in newtons; factors on the preload are expected"
 )
 DEVIATION = Range(
     -0.5,
@@ -262,9 +271,7 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
         "possibly a distance; a negative load of a point is a gap",
         "a pressure of 1 GPa on the faces",
     ),
-    "Study.load_history": Range(
-        1e-3, 10.0, above="possibly given in newtons; factors on the preload are expected"
-    ),
+    "Study.load_history": LOAD_HISTORY,
     "Study.residual_slip_std": Range(
         1e-12, lambda s, _: 1e-3 * s.size, "m", MILLIMETRES, by="0.1 % of the extent"
     ),
@@ -337,6 +344,7 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     # arguments of analyses
     "preload": PRELOAD,
     "preloads": PRELOAD,
+    "static.history": LOAD_HISTORY,
     "resonance_crossings.damper_mass_factor": Range(
         0.05,
         10.0,
@@ -365,6 +373,15 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "Material.endurance_limit": STRENGTH,
     "Material.ultimate_strength": STRENGTH,
     "Material.yield_strength": STRENGTH,
+    "HaighTable.amplitude": STRENGTH,
+    "HaighTable.mean": replace(STRENGTH, compared=largest),
+    "HaighTable.probability": Range(
+        0.05, 1.0, above=PER_CENT, below="possibly the probability of failure"
+    ),
+    "HaighTable.temperature": TEMPERATURE,
+    "LeastMargin.temperature": TEMPERATURE,
+    "margin.temperature": TEMPERATURE,
+    "best_margin.temperature": TEMPERATURE,
     "Material.findley_k": Range(0.05, 1.0, above=PER_CENT),
     "ElasticMaterial.youngs_modulus": Range(1e8, 2e12, "Pa", below="possibly given in MPa or GPa"),
     "ElasticMaterial.density": Range(500.0, 3e4, "kg/m3", below="possibly given in g/cm3 or t/mm3"),
@@ -374,6 +391,7 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "lumped.stiffness": Range(1e-6, 1e13, "N/m", "possibly given in N/mm or GN/m"),
     "lumped.cubic": Range(1e-9, 1e20, "N/m3", compared=largest),
     "lumped.forces": Range(1e-9, 1e7, "N", "possibly given in mN", "possibly given in MN"),
+    "lumped.base": Range(1e-9, 1e6, "m/s2", "possibly given in mm/s2"),
     "lumped.load_per_preload": Range(
         1e-3,
         100.0,
@@ -442,6 +460,7 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "DamperVariation.random.gap": Range(1e-12, 1e-3, "m", MILLIMETRES),
     # measurements
     "MeasuredResponse.force": Range(1e-6, 1e6, "N", "possibly given in mN", "possibly given in MN"),
+    "MeasuredResponse.base_acceleration": ACCELERATION,
     "MeasuredResponse.preload": Range(
         1e-3, 1e8, "N", "possibly given in mN", "possibly given in MN"
     ),

@@ -1,5 +1,6 @@
 """Haigh tables of laboratories: files, stress ratios, survival probabilities, temperatures at the points."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from scipy.stats import norm
 import bdamper as bd
 from bdamper.fatigue import HaighTable, Margins, Material
 from bdamper.fatigue.haigh_table import at_points, mean_at_ratio
-from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.errors import BdamperError, PlausibilityWarning, SettingError
 from tests.each import each
 from tests.fatigue.test_margins import with_stress
 
@@ -248,6 +249,10 @@ def test_a_temperature_without_the_table_is_refused(study, peak, material):
         (lambda m: table().allowed(0.0, 1e9, 20.0), r"Haigh table: expected one probability"),
         (lambda m: HaighTable((1e8, 1e8), (0.0,), (20.0,), (0.5,)), "Haigh table: expected 2 rows each"),
         (lambda m: HaighTable((-1e8,), (0.0,), (20.0,), (0.5,)), "amplitude"),
+        (lambda m: HaighTable((1e8,), (0.0,), (-300.0,), (0.5,)), r"temperature: .*> -273\.15 °C"),
+        (lambda m: by_ratio([(300.0, 200.0, 120.0), (250.0, 230.0, 100.0)]),
+         "Haigh table: expected amplitudes that fall with the survival probability, found one that rises from "
+         r"0\.1 to 0\.9 at 20 °C, at a mean stress of 2e\+08 Pa"),
         (lambda m: HaighTable((1e8,), (0.0,), (20.0,), (50.0,)), "probability: expected survival probabilities"),
         (lambda m: HaighTable((1e8, 2e8), (0.0, 0.0), (20.0, 20.0), (0.5, 0.5)), "Haigh table: expected one amplitude"),
         (lambda m: at_points({"fillet": 20.0}, ["root node 3"]), "temperature: the value for 'root node 3'"),
@@ -278,3 +283,41 @@ def test_a_table_without_temperature_and_probability():
     expected = "temperature: expected 20 to 20 °C, as in the table"
     with pytest.raises((BdamperError, SettingError), match=expected):
         alloy.allowed(0.0, "table", 600.0)
+
+
+def changed(**columns):
+    """A table of one series at two temperatures, with other columns (MPa)."""
+    usual = {
+        "amplitude (MPa)": [400.0, 250.0, 300.0, 100.0],
+        "mean (MPa)": [0.0, 400.0, 0.0, 400.0],
+        "temperature (C)": [20.0, 20.0, 600.0, 600.0],
+        "probability (%)": [99.0] * 4,
+    }
+    return HaighTable.from_csv(usual | columns)
+
+
+@each(
+    ("call", "message"),
+    [
+        (lambda: changed(**{"amplitude (MPa)": [250.0, 400.0, 100.0, 300.0]}),
+         "Haigh table: plausible amplitudes that fall with the mean stress, found a rise from 0 to 4e+08 Pa at 20 °C"),
+        (lambda: changed(**{"temperature (C)": [600.0, 600.0, 20.0, 20.0]}),
+         "Haigh table: plausible amplitudes that fall with the temperature, found a rise from 20 to 600 °C at a mean "
+         "stress of 0 Pa"),
+        (lambda: Material(30e6, 1000e6, 900e6, haigh=changed()),
+         "endurance_limit: plausible 1.5e+08 to 8e+08 Pa, within a factor of 2 of the Haigh table without mean "
+         "stress, found 3e+07 Pa"),
+    ],
+)  # fmt: skip
+def test_implausible_tables_are_named(call, message):
+    with pytest.warns(PlausibilityWarning) as caught:
+        call()
+    assert message in str(caught[0].message)
+
+
+def test_a_plausible_table_is_silent():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for endurance in (150e6, 300e6, 400e6):
+            Material(endurance, 1000e6, 900e6, haigh=changed())
+        table((0.1, 0.5, 0.9)).at_probability(0.3)

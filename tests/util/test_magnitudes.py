@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.fatigue import HaighTable, Material
+from bdamper.fatigue.margin import LeastMargin
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.harmonic_balance.rotor_speed import Conditions
 from bdamper.importers import Measurement, Units, read_response
@@ -16,6 +18,8 @@ from tests.each import each
 from tests.plain import plain_study
 
 TIP, F = bd.Excitation("tip"), (270.0, 380.0)
+STEEL = Material(4e8, 1e9, 9e8, haigh=HaighTable((4e8,), (0.0,), (20.0,), (0.5,)))
+DATA = Measurement("rig", np.array([100.0, 101.0, 102.0]), np.array([1e-5, 2e-5, 1e-5]))
 LAW = bd.ContactLaw.jenkins([5e6], 10.0, 0.3, kn=1e7)
 
 
@@ -51,6 +55,11 @@ def read(folder, text):
 
 OF_STUDIES = {
     # settings
+    "a load history in newtons": (
+        lambda s: s.static(20.0, history=(2000.0, 1.0)),
+        "history: plausible 0.001 to 10, found 2000; possibly given in newtons; factors on the "
+        "preload are expected",
+    ),
     "a gap in millimetres": (
         lambda s: s.replace(gap={"left": 0.5}),
         "gap of 'left': plausible -0.00038 to 0.0038 m, -0.2 % to 2 % of the extent of the "
@@ -225,6 +234,52 @@ OF_STUDIES = {
     ),
 }
 ALONE = {
+    "an acceleration in mm/s2": (
+        lambda: bd.MeasuredResponse(DATA, base_acceleration=9806.65),
+        "base_acceleration: plausible 0.0001 to 1000 m/s2, found 9807 m/s2; possibly given in mm/s2",
+    ),
+    "an acceleration of masses in um/s2": (
+        lambda: lumped(forces=None, base=9.8e6),
+        "base: plausible 1e-09 to 1e+06 m/s2, found 9.8e+06 m/s2; possibly given in mm/s2",
+    ),
+    "a modulus of the response in GPa": (
+        lambda: bd.Response("root", "axial", elastic=(210.0, 0.3)),
+        "elastic: plausible 1e+08 to 2e+12 Pa, found 210 Pa; possibly given in MPa or GPa",
+    ),
+    "a Haigh table in Pa labelled MPa": (
+        lambda: HaighTable.from_csv(
+            {
+                "amplitude (MPa)": [4e8],
+                "mean (MPa)": [0.0],
+                "temperature (C)": [20.0],
+                "probability": [0.5],
+            }
+        ),
+        "amplitude: plausible 1e+06 to 1e+10 Pa, found 4e+14 Pa; possibly converted from MPa to Pa twice",
+    ),
+    "mean stresses in MPa labelled Pa": (
+        lambda: HaighTable((4e8, 3e8), (0.0, 400.0), (20.0, 20.0), (0.5, 0.5)),
+        "mean: plausible 1e+06 to 1e+10 Pa, found 400 Pa; possibly given in MPa; 1 MPa is 1e6 Pa",
+    ),
+    "temperatures in °C labelled K": (
+        lambda: HaighTable.from_csv(
+            {
+                "amplitude (MPa)": [400.0],
+                "mean (MPa)": [0.0],
+                "temperature (K)": [20.0],
+                "probability": [0.5],
+            }
+        ),
+        "temperature: plausible -200 to 1500 °C, found -253.1 °C; possibly °C labelled as K",
+    ),
+    "probabilities of failure": (
+        lambda: HaighTable((4e8,), (0.0,), (20.0,), (0.001,)),
+        "probability: plausible 0.05 to 1, found 0.001; possibly the probability of failure",
+    ),
+    "temperatures of points in K": (
+        lambda: LeastMargin(STEEL, line="table", temperature={"root": 1800.0}),
+        "temperature of 'root': plausible -200 to 1500 °C, found 1800 °C; possibly given in K",
+    ),
     "deviations in per cent": (
         lambda: Mistuning([2.0, 1.0, 0.5]),
         "deviation: plausible -0.5 to 0.5 of the frequency, found 2 of the frequency; "
