@@ -36,6 +36,7 @@ from bdamper.util.tables import (
     Metres,
     Newtons,
     Numbers,
+    PerRow,
     Quantity,
     RadiansPerSecond,
     Tabular,
@@ -216,7 +217,10 @@ class Margins(
         i = self.critical
         in_time = any(note.startswith(over_cycle.SCALED) for note in self.notes)
         margin = f"margin against fatigue {self.least:.3g} at {self.names[i]}"
-        if self.least < 1.0 or self.yields:
+        load_check = over_cycle.load_check(self.notes)
+        if load_check:
+            verdict = over_cycle.OTHER_SPEED
+        elif self.least < 1.0 or self.yields:
             verdict = f"Not for design: {margin}"
         else:
             verdict = sentence(margin)
@@ -224,11 +228,14 @@ class Margins(
             Row("Stress amplitude", amount(self.amplitude[i], "Pa"), str(self.rule)),
             Row("Mean stress", amount(self.mean[i], "Pa"), self.material.name),
         ]
-        checks = [_fatigue_check(self.least), self._yield_check(), _time_check(in_time)]
+        checks = [_fatigue_check(self.least), self._yield_check(), *load_check]
+        checks.append(_time_check(in_time))
         subject = about(self.settings, self.preload, amount(self.frequency, "Hz"))
         table, further = self._few_rows()
         remarks = [*further, *over_cycle.doubts(self.notes)]
-        if self.least < 1.0 or self.yields:
+        if load_check:
+            remarks.append(over_cycle.load_remedy(self.preload, self.centrifugal_load, self.speed))
+        elif self.least < 1.0 or self.yields:
             remarks.append(REMEDY)
         return Statement([f"{verdict}{subject}"], rows, checks, remarks, table)
 
@@ -291,6 +298,8 @@ class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-
         Margins at the largest blade amplitude from time integration, for each preload that was
         integrated.
     notes : tuple of str
+    centrifugal_load : (n,) float, N, or None
+        Centrifugal load of the damper at each speed; None in files of earlier versions.
     settings : mapping
     model_hash : str
     """
@@ -316,6 +325,7 @@ class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-
     best_reason: Reason = ""
     in_time: tuple[Margins, ...] = ()
     notes: tuple[str, ...] = ()
+    centrifugal_load: PerRow | None = None
     _summary_fields = (
         "over",
         "best_value",
@@ -403,11 +413,18 @@ class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-
             other = Row("Largest margin", f"{best_margin:.3g}", amount(best_value, self.unit))
         rows = [other, *self._rows_in_time()]
         lowest = min([self.margin[least], *(margins.least for margins in self.in_time)])
-        checks = [_fatigue_check(lowest), _time_check(bool(self.in_time))]
+        load_check = over_cycle.load_check(self.notes)
+        checks = [_fatigue_check(lowest), *load_check, _time_check(bool(self.in_time))]
         verdict = f"Not for design: {text}" if failed else sentence(text)
+        if load_check:
+            verdict = over_cycle.OTHER_SPEED
+            place = f"at {amount(value, self.unit)}"
+            rows.insert(0, Row(f"{sentence(name)} margin", f"{margin:.3g}", place))
         rows += [Row("Criterion", "", str(self.rule)), Row("Material", "", self.material.name)]
         remarks = over_cycle.doubts(self.notes)
-        if lowest < 1.0:
+        if load_check:
+            remarks = [*remarks, self._load_remedy(value)]
+        elif lowest < 1.0:
             remarks = [*remarks, self._remedy(failed)]
         return Statement([f"{verdict}{about(self.settings)}"], rows, checks, remarks)
 
@@ -416,6 +433,13 @@ class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-
         if failed or self.over in ("frequency", "speed"):
             return REMEDY
         return f"Remedy: choose a {self.over} whose margin is at least 1"
+
+    def _load_remedy(self, value: float) -> str:
+        """Return the remedy for preloads that contradict the speed, at a value of the abscissa."""
+        i = int(np.nanargmin(np.abs(self.values - value)))
+        preload = value if self.over == "preload" else self.preload[i]
+        load = 0.0 if self.centrifugal_load is None else self.centrifugal_load[i]
+        return over_cycle.load_remedy(preload, load, self.speed[i])
 
     def _rows_in_time(self) -> list[Row]:
         """Return the margin of each time integration, with the notes that the curve lacks."""
@@ -596,6 +620,7 @@ class LeastMargin(Rule):
             frequency=cycle.frequency,
             preload=cycle.preload,
             speed=cycle.speed,
+            centrifugal_load=cycle.centrifugal_load,
             notes=(*cycle.notes, *_degrees(temperature), *_caveats(cycle, factor)),
             amplitude=amplitude,
             mean=mean,
@@ -648,6 +673,7 @@ class LeastMargin(Rule):
         least = factor_of_counted.min(axis=1)
         caveats = _caveats(first, factor[least.argmin()])
         over = "preload" if np.ndim(curve.preload) else "frequency"
+        rotor_speed = over_cycle.speeds(problem, solutions.frequency, self.speed)
         return MarginCurve(
             over=over,
             unit=UNITS[over],
@@ -661,10 +687,11 @@ class LeastMargin(Rule):
             factor=factor,
             frequency=np.asarray(solutions.frequency),
             preload=np.asarray(solutions.preload),
-            speed=over_cycle.speeds(problem, solutions.frequency, self.speed),
+            speed=rotor_speed,
             material=self.material,
             rule=self.rule,
             notes=(*first.notes, *load_notes, *_degrees(temperature), *caveats),
+            centrifugal_load=problem.sizes.centrifugal_load(rotor_speed),
             settings=first.settings,
             model_hash=first.model_hash,
         )

@@ -32,6 +32,7 @@ from bdamper.util import validation
 from bdamper.util.display import Plottable, Result
 from bdamper.util.errors import SettingError, warn_implausible
 from bdamper.util.formatting import amount, peak_text, sentence, short_repr
+from bdamper.util.records import Data
 from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import Numbers, Pascals, PerRow, Quantity, Tabular
@@ -54,6 +55,8 @@ class AtPoints:
         mesh error; NaN if not available.
     frequency, preload, speed : float, Hz, N, rad/s
     notes : tuple of str
+    centrifugal_load : float, N
+        Centrifugal load of the damper at this speed; 0 if it is unknown.
     """
 
     points: Annotated[NDArray, Quantity("m", parts=("x", "y", "z"))]
@@ -64,6 +67,7 @@ class AtPoints:
     preload: float
     speed: float
     notes: tuple[str, ...] = ()
+    centrifugal_load: Annotated[float, Data(derived=True)] = 0.0
 
     def __len__(self) -> int:
         return len(self.points)
@@ -131,12 +135,18 @@ class StressCycle(
         largest = f"{amount(cycle.amplitude[i], 'Pa')} at {self.names[i]}"
         subject = about(self.settings, self.preload, amount(self.frequency, "Hz"))
         table, further = self._few_rows()
+        verdict = f"Largest stress amplitude {largest}{subject}"
+        check = load_check(self.notes)
+        if check:
+            further = [load_remedy(self.preload, self.centrifugal_load, self.speed), *further]
+            verdict = f"{OTHER_SPEED}{subject}"
         return Statement(
-            [f"Largest stress amplitude {largest}{subject}"],
+            [verdict],
             [
-                Row("Amplitude", amount(cycle.amplitude[i], "Pa"), "von Mises"),
+                Row("Amplitude", amount(cycle.amplitude[i], "Pa"), f"von Mises, {self.names[i]}"),
                 Row("Mean stress", amount(cycle.mean[i], "Pa"), "trace of the mean stress tensor"),
             ],
+            checks=check,
             remarks=[*further, *doubts(self.notes)],
             table=table,
         )
@@ -209,6 +219,8 @@ def _highest(result: Any, solutions: Solutions) -> int:
 
 
 DOUBTED_LOAD = "the centrifugal stress belongs to a preload of "
+OTHER_SPEED = "Not for design: the preload and the centrifugal stress belong to different speeds"
+"""Verdict on a stress whose preload contradicts the rotor speed."""
 MEASURES = "trace of the mean tensor; the amplitude is by von Mises"
 SCALED = "vibration scaled by "
 UNSETTLED = "the amplitude by time integration is "
@@ -244,19 +256,18 @@ def check_loads(
 ) -> tuple[str, ...]:
     """Compare the preloads with the centrifugal load of the damper at the rotor speed.
 
-    Warn about a contradiction at a given speed.  Otherwise return it as a note: at the speed of the
-    study the search that found the solutions has warned, and other studies need a speed for the
-    static stress alone.
+    Return a contradiction as a note, and warn about it at a given speed.  At the speed of the study
+    the search that found the solutions has warned, and other studies need a speed for the static
+    stress alone.
     """
     if (solutions.kind == "free").all():  # without dampers
         return ()
     rotor_speed = speeds(problem, solutions.frequency, speed)
     if speed is not None:
         problem.sizes.check_preload(solutions.preload, rotor_speed)
-        return ()
     contradiction = problem.sizes.contradiction(solutions.preload, rotor_speed)
     has_static = any(stress_set.static is not None for stress_set in chosen)
-    needs_speed = has_static or problem.settings.speed is not None
+    needs_speed = has_static or speed is not None or problem.settings.speed is not None
     if contradiction is None or not needs_speed:
         return ()
     expected, found = contradiction
@@ -277,9 +288,28 @@ def check_ends(result: SomeResult) -> None:
         warn_implausible("result", "an optimal curve with its optimum inside the range", found)
 
 
+def load_check(notes: Sequence[str]) -> list[Row]:
+    """Return the failed check of preloads that contradict the rotor speed; empty without one."""
+    found = [sentence(note) for note in notes if note.startswith(DOUBTED_LOAD)]
+    return [Row("Centrifugal load", "FAIL", text) for text in found]
+
+
+def load_remedy(preload: float, load: float, speed: float) -> str:
+    """Return the remedy for a preload (N) that contradicts the centrifugal load at a speed (rad/s).
+
+    The damper has the load ``load`` (N) at this speed, 0 if it is unknown.
+    """
+    if not load > 0.0:
+        return f"Remedy: use study.at_speed({speed:.4g})"
+    return (
+        f"Remedy: use study.at_speed({speed:.4g}), where this damper presses with "
+        f"{amount(load, 'N')}; {amount(preload, 'N')} requires {preload / load:.2g} times its mass"
+    )
+
+
 def doubts(notes: Sequence[str]) -> list[str]:
     """Return the notes that qualify the largest stress or the smallest margin."""
-    starts = (DOUBTED_LOAD, SCALED, UNSETTLED, APART)
+    starts = (SCALED, UNSETTLED, APART)
     return [sentence(note) for note in notes if note.startswith(starts) or note.endswith(SMALLER)]
 
 
@@ -308,6 +338,7 @@ def of_solution(
     for s in chosen:
         if s.static is None:
             notes.append(f"set '{s.name}' has no centrifugal stress: the mean stress neglects it")
+    rotor_speed = speeds(problem, solution.frequency, speed)
     names: list[str] = []
     spread = []
     for s in chosen:
@@ -321,7 +352,8 @@ def of_solution(
         spread=np.concatenate(spread),
         frequency=float(solution.frequency[0]),
         preload=float(solution.preload[0]),
-        speed=float(speeds(problem, solution.frequency, speed)[0]),
+        speed=float(rotor_speed[0]),
+        centrifugal_load=float(problem.sizes.centrifugal_load(rotor_speed)[0]),
         notes=tuple(notes),
         **problem.recorded(),
     )

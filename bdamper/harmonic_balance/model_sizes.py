@@ -143,6 +143,17 @@ class Sizes:
             return np.inf
         return 2.0 * mass * float(np.sqrt(lowest))
 
+    def centrifugal_load(self, speed: NDArray) -> NDArray:
+        """Return the centrifugal load (n,) of the first loaded body at rotor speeds (n,), N.
+
+        It is 0 if no load is known.
+        """
+        if not self.problem.carries_load:
+            return np.zeros(np.shape(speed))
+        arms = centrifugal_arms(self.problem.model)
+        first_arm = next(iter(arms.values()), 0.0)
+        return np.asarray(first_arm * np.square(speed))
+
     def contradiction(
         self, preload: NDArray, speed: float | NDArray, mass: float = 1.0
     ) -> tuple[str, str] | None:
@@ -162,12 +173,8 @@ class Sizes:
             Expected load and preloads found; None if the preloads contain the load, or no load is
             known.
         """
-        if not self.problem.carries_load:
-            return None
-        arms = centrifugal_arms(self.problem.model)
-        first_arm = next(iter(arms.values()), 0.0)
         speeds = np.broadcast_to(speed, np.shape(preload))
-        load = mass * first_arm * speeds**2
+        load = mass * self.centrifugal_load(speeds)
         if not load.all():
             return None
         ratio = preload / load

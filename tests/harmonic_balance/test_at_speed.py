@@ -14,6 +14,7 @@ from bdamper.harmonic_balance.rotor_speed import Conditions, preload_at
 from bdamper.response.followed_peak import LOWER
 from bdamper.response.optimal_curve import Curves
 from bdamper.util.errors import PlausibilityWarning
+from bdamper.util.formatting import amount
 from tests.each import each
 from tests.fatigue.test_margins import with_stress
 from tests.plain import plain_study
@@ -364,6 +365,21 @@ def test_a_preload_that_contradicts_the_speed_of_the_engine_order_is_in_the_answ
     for result in results[:2]:
         assert words in said(result) and "found 2000 N" in said(result)
     assert "found 1000 to 2000 N" in said(results[2])
+    # the headline does not say that the margin passes
+    verdict = "Not for design: the preload and the centrifugal stress belong to different speeds: "
+    for result in results:
+        assert said(result).startswith(verdict) and "Centrifugal load FAIL" in said(result)
+    presses = f"where this damper presses with {amount(load, 'N')}; "
+    mass = f"2 kN requires {LOW / load:.2g} times its mass"
+    for result in results[:2]:
+        assert f"Remedy: use study.at_speed({turning:.4g}), {presses}{mass}" in said(result)
+    assert "Largest margin" in said(results[2]) and "times its mass" in said(results[2])
+    with pytest.warns(PlausibilityWarning):
+        given = quick.margin(peak, AISI_1050, speed=1.05 * turning)
+    assert said(given).startswith(verdict), "also at a speed that the user gives"
+    # the preload of this speed is no contradiction
+    at_load = quick.margin(quick.peak(LOW), AISI_1050, speed=float(np.sqrt(LOW / load)) * turning)
+    assert "belong" not in said(at_load)
     bare = replace(quick.model, stress={"root": replace(quick.model.stress["root"], static=None)})
     other = quick.replace(model=bare)
     assert "belongs" not in said(other.stress(other.peak(LOW))), (
