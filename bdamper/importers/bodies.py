@@ -132,13 +132,18 @@ def rotation_of(body: PreparedBody) -> Rotation | None:
     same_mass = norm(faster.structure.mass - mass) <= 1e-6 * norm(mass)
     item = f"mass matrix at {last:g} rad/s"
     body.require(same_mass, item, "the mass matrix of the other speed", "a different one")
-    difference = faster.structure.stiffness - body.structure.stiffness
-    per_squared_speed = (difference / (last**2 - first**2)).tocsr()
+    per_squared_speed = _per_squared_speed(body, faster)
     softening = _spin_softening(body, per_squared_speed)
-    if softening < 0.5:
+    _check_softening(body, softening, first, last)
+    between = body.between
+    if between is not None:
+        middle = between.raw.rotor_speed
+        of_middle = _spin_softening(body, _per_squared_speed(body, between))
+        _check_softening(body, of_middle, first, middle)
+    if abs(softening) <= TOLERATED_SOFTENING:
         body.report.missing.append(
             f"spin softening of the {body.name}: the stiffness at {last:g} rad/s contains "
-            f"{100 * softening:.3g} % of the spin softening of its mass; frequencies of bending "
+            f"{_percent(softening)} of the spin softening of its mass; frequencies of bending "
             "in the plane of rotation are too high"
         )
     body.passed(
@@ -148,7 +153,67 @@ def rotation_of(body: PreparedBody) -> Rotation | None:
     return Rotation(per_squared_speed, first, last, body.raw.source)
 
 
-def _spin_softening(body: PreparedBody, per_squared_speed: NDArray) -> float:
+def _percent(fraction: float) -> str:
+    return f"{100.0 * fraction:.3g} %"
+
+
+def _per_squared_speed(body: PreparedBody, faster: PreparedBody) -> sp.csr_matrix:
+    """Return the change of the stiffness of a body with the squared rotor speed, in kg."""
+    difference = faster.structure.stiffness - body.structure.stiffness
+    return (difference / (faster.raw.rotor_speed**2 - body.raw.rotor_speed**2)).tocsr()
+
+
+TOLERATED_SOFTENING = 0.005
+"""Deviation of the spin softening from all or nothing, due to rounding in files; speeds in
+revolutions per minute give 0.011.
+"""
+
+
+def _check_softening(body: PreparedBody, softening: float, first: float, last: float) -> None:
+    """Check that a stiffness contains the complete spin softening of the mass, or none.
+
+    Any other fraction shows that the matrices belong to other speeds.  A fraction below 0 or above 1
+    is an error, and one between them a failed comparison.
+
+    Parameters
+    ----------
+    softening : float
+        Fraction of the spin softening of the mass in the change from ``first`` to ``last``.
+    first, last : float, rad/s
+        Speeds of the matrices according to the user.
+
+    Raises
+    ------
+    ModelError
+    """
+    tolerance = TOLERATED_SOFTENING
+    complete = abs(softening - 1.0) <= tolerance
+    none = abs(softening) <= tolerance
+    if complete or none:
+        return
+    # with complete softening the change is that up to this squared speed
+    squared = first**2 + softening * (last**2 - first**2)
+    if softening < 0.0:
+        suspicion = "the matrices of both speeds are exchanged"
+    elif abs(softening / RPM_SOFTENING - 1.0) <= tolerance and first == 0.0:
+        suspicion = "the speeds are in revolutions per minute; give rad/s"
+    else:
+        suspicion = f"the matrices belong to {np.sqrt(squared):.4g} rad/s"
+    item = f"stiffness at {last:g} rad/s"
+    expected = "all of the spin softening of the mass, or none"
+    found = f"{_percent(softening)}; possibly {suspicion}"
+    if 0.0 < softening < 1.0:
+        with body.report.comparison():
+            body.require(False, item, expected, found)
+    else:
+        body.require(False, item, expected, found)
+
+
+RPM_SOFTENING = (np.pi / 30.0) ** 2
+"""Fraction of the spin softening if the speeds are in revolutions per minute."""
+
+
+def _spin_softening(body: PreparedBody, per_squared_speed: sp.csr_matrix) -> float:
     """Return the fraction of the mass in the plane of rotation by which the stiffness is softened.
 
     It is 1 for matrices with full spin softening, and 0 without.  A translation in this plane
@@ -159,20 +224,52 @@ def _spin_softening(body: PreparedBody, per_squared_speed: NDArray) -> float:
     structure = body.structure
     # along X and Y: (3 n_nodes, 2)
     translations = np.tile(IN_PLANE[:, :2], (len(structure.nodes), 1))
-    standstill = structure.stiffness - body.raw.rotor_speed**2 * per_squared_speed
-    force = np.abs(standstill @ translations).max(axis=1)
+    momentum = structure.mass @ translations
+    force = structure.stiffness @ translations
     # of any displacement with components of at most 1
-    largest_force = np.abs(standstill).sum(axis=1).A1
-    is_loaded = (force > 1e-6 * largest_force).reshape(-1, 3).any(axis=1)
+    largest_force = np.abs(structure.stiffness).sum(axis=1).A1
+    is_loaded = np.ones(len(structure.nodes), bool)
+    # the stiffness at the lower speed is without or with softening
+    for restored in (0.0, body.raw.rotor_speed**2):
+        elastic_force = np.abs(force + restored * momentum).max(axis=1)
+        is_loaded &= (elastic_force > 1e-6 * largest_force).reshape(-1, 3).any(axis=1)
     has_held_component = body.fixed(held=None).any(axis=1)
     is_inner = np.repeat(~(is_loaded | has_held_component), 3)
-    inertia = is_inner[:, None] * (structure.mass @ translations)
+    inertia = is_inner[:, None] * momentum
     squared_mass = float(np.square(inertia).sum())
     # without inner nodes there is no comparison, and the softening counts as complete
     if not squared_mass:
         return 1.0
     # least squares: the stiffness loses this fraction of the mass per squared speed
     return -float((inertia * (per_squared_speed @ translations)).sum()) / squared_mass
+
+
+def check_fall(
+    body: PreparedBody, d: int, slower: NDArray, faster: NDArray, speeds: tuple[float, float]
+) -> None:
+    """Check that frequencies fall with speed by no more than spin softening explains.
+
+    Rotation stretches a structure, so its geometric stiffness is not negative.  Spin softening
+    reduces a squared natural frequency by at most the squared speed.
+
+    Parameters
+    ----------
+    slower, faster : (n,) float, rad2/s2
+        Squared natural frequencies of a nodal diameter d at both speeds, in any order.
+    speeds : (2,) float, rad/s
+    """
+    n = min(len(slower), len(faster))
+    first, last = speeds
+    softening = last**2 - first**2
+    fall = np.sort(slower)[:n] - np.sort(faster)[:n]
+    largest = float(fall.max(initial=0.0)) / softening
+    with body.report.comparison():
+        body.require(
+            largest <= 1.0 + BOUNDS.fall,
+            f"nodal diameter {d} at {last:g} rad/s",
+            f"squared frequencies that fall from {first:g} rad/s by at most the spin softening",
+            f"{largest:.3g} times as much; possibly the bodies of both speeds are exchanged",
+        )
 
 
 def basis_from_modes(
@@ -223,6 +320,7 @@ def basis_from_modes(
         f"{body.name}, nodal diameter {d}: overlap of the modes at the two speeds at least "
         f"{sizes[-1]:.5g}"
     )
+    check_fall(body, d, basis.omega2, omega2, (first, omega))
     hermitian = 0.5 * (per_squared_speed + per_squared_speed.conj().T)
     return basis.with_speed(hermitian, omega_ref=first, source=body.raw.source)
 
@@ -337,6 +435,8 @@ def check_second_speed(
                 f"{body.name}: frequencies at {speeds} are those of the matrices within {error}"
             )
         at_last, _ = basis.at_speed(last)
+        natural = slice(basis.n_natural)
+        check_fall(body, d, basis.omega2[natural], at_last.omega2[natural], (first, last))
         of_diameter = [modes for modes in faster.raw.modes if modes.nodal_diameter == d]
         for modes in of_diameter:
             item = f"{body.name}, nodal diameter {d} at {last:g} rad/s"
@@ -377,6 +477,7 @@ def check_between_speeds(
         of_model, _ = basis.at_speed(omega)
         # squared frequencies of a stiffness that is not linear may be negative
         squared = np.maximum(of_model.omega2[: basis.n_natural], 0.0)
+        at_last, _ = basis.at_speed(body.raw.faster.rotor_speed)
         computed = np.sqrt(squared) / (2.0 * np.pi)
         item = f"{body.name}, nodal diameter {d} at {omega:g} rad/s"
         with body.report.comparison():
@@ -385,6 +486,15 @@ def check_between_speeds(
             else:
                 given, _ = sectors(d).modes(basis.n_natural)
             error = compare_frequencies(computed, np.sqrt(given) / (2.0 * np.pi), item, source)
+            n = min(len(squared), len(given))
+            deviation = np.abs(np.sort(squared)[:n] - np.sort(given)[:n]).max()
+            change = np.abs(at_last.omega2[: basis.n_natural] - basis.omega2[: basis.n_natural])
+            part = float(deviation / change.max())
+            expected = (
+                f"squared frequencies of {source} within {_percent(BOUNDS.of_change)} of their "
+                "change up to the highest speed"
+            )
+            body.require(part <= BOUNDS.of_change, item, expected, _percent(part))
             body.passed(
                 f"{item}, between both speeds: frequencies agree within {100 * error:.2g} %"
             )

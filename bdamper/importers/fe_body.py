@@ -683,6 +683,12 @@ class Bounds:
     """Largest difference of frequencies of two programs, of areas of equal faces, and of singular
     values from 1 for modes of two rotor speeds.
     """
+    fall: float = 0.05
+    """Fall of squared frequencies with speed beyond spin softening, as a fraction of it."""
+    of_change: float = 0.1
+    """Largest deviation of squared frequencies at a third speed, divided by their change between
+    the other speeds.
+    """
     material: float = 0.02
     """Largest difference of density and Young's modulus of elements and matrices; at most 0.006
     with the elements of CalculiX, distorted by 15 % of their length.

@@ -30,7 +30,7 @@ typedef struct {
 
 /* ---- arguments (arguments.c) ---- */
 
-/* Largest number of arrays of one call, that of Wheel(). */
+/* Wheel() has the most arrays of all calls. */
 enum { BD_MAX_ARRAYS = 26 };
 
 /* Arrays of one call. */

@@ -1,6 +1,7 @@
 """A sector from another program at two rotor speeds: matrices, and modes alone."""
 
 import re
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,9 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 from bdamper.fem.generated_models import SectorFE
 from bdamper.fem.meshes import Geometry, MeshDensity
 from bdamper.fem.rotation import Rotation, spin_softening
-from bdamper.importers import Modes, over_speed
+from bdamper.importers import Modes, Placement, over_speed
+from bdamper.importers.bodies import rotation_of
+from bdamper.importers.prepared_body import PreparedBody
 from bdamper.util.errors import BdamperWarning, ModelError, SettingError
 from tests.fe_bodies import contacts
 from tests.imports import build
@@ -180,6 +183,56 @@ def test_modes_at_a_third_speed_are_compared(fe, bodies, rotation):
         rf"nodal diameter {ND} at 450 rad/s, .* agree within ([\d.e-]+) %", said(built)
     )
     assert float(found[1]) < 0.01
+
+
+def rotation_from(bodies):
+    """The change of stiffness with speed of a body at several speeds, without modes."""
+    return rotation_of(PreparedBody("blade", over_speed(bodies), Placement()))
+
+
+@pytest.mark.slow
+def test_the_spin_softening_shows_matrices_of_other_speeds(bodies, rotation):
+    """A stiffness K + omega^2 K' has all of the softening at its own speeds, and (true/said)^2 of it at others."""
+    blade, _ = bodies
+    at_speeds = {omega: at(blade, rotation, omega) for omega in (300.0, BETWEEN, TOP)}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = rotation_from({0.0: blade, BETWEEN: at_speeds[BETWEEN], TOP: at_speeds[TOP]})
+        rotation_from({300.0: at_speeds[300.0], TOP: at_speeds[TOP]})
+    difference = found.per_squared_speed - rotation.per_squared_speed
+    assert abs(difference).max() < 1e-6 * abs(rotation.per_squared_speed).max()
+
+    words = "expected all of the spin softening of the mass, or none, found"
+    exchanged = f"at 600 rad/s: {words} -100 %; possibly the matrices of both speeds are exchanged"
+    with pytest.raises(ModelError, match=exchanged):
+        rotation_from({0.0: at_speeds[TOP], TOP: blade})
+    in_rpm = TOP * 30.0 / np.pi
+    with pytest.warns(BdamperWarning, match=f"{words} 1.1 %; possibly the speeds are in revol"):
+        rotation_from({0.0: blade, in_rpm: at_speeds[TOP]})
+    # 25 % up to the highest speed, 400 % up to the third one
+    with (
+        pytest.warns(BdamperWarning, match=f"at 1200 rad/s: {words} 25 %; .* belong to 600 rad/s"),
+        pytest.raises(ModelError, match=f"at 600 rad/s: {words} 400 %; .* belong to 1200 rad/s"),
+    ):
+        rotation_from({0.0: blade, TOP: at(blade, rotation, 2.0 * TOP), 2.0 * TOP: at_speeds[TOP]})
+    # (600^2 - 300^2)/(1200^2 - 300^2)
+    with pytest.warns(BdamperWarning, match=f"{words} 20 %; .* belong to 600 rad/s"):
+        rotation_from({300.0: at_speeds[300.0], 2.0 * TOP: at_speeds[TOP]})
+
+
+@pytest.mark.slow
+def test_modes_of_exchanged_speeds_are_named(fe, bodies, rotation):
+    """Frequencies fall by more than spin softening explains, or by another part of their change."""
+    blade, damper = bodies
+    low_speeds = (0.0, 115.0, 133.0)
+    first, middle, last = (modal_body(fe, rotation, blade, omega) for omega in low_speeds)
+    falls = "squared frequencies that fall from 0 rad/s by at most the spin softening"
+    with pytest.warns(BdamperWarning, match=falls):
+        build(over_speed({0.0: last, 133.0: first}), damper, **SETTINGS)
+    # (115^2 - 100^2)/133^2
+    part = "within 10 % of their change up to the highest speed, found 18.2 %"
+    with pytest.warns(BdamperWarning, match=part):
+        build(over_speed({0.0: first, 100.0: middle, 133.0: last}), damper, **SETTINGS)
 
 
 @pytest.mark.slow
