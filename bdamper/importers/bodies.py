@@ -470,6 +470,8 @@ def check_between_speeds(
     between = body.between
     if between is None:
         return
+    assert body.raw.faster is not None
+    highest = body.raw.faster.rotor_speed
     omega = between.raw.rotor_speed
     source = f"{between.raw.source} at this speed"
     sectors = None if mask is None else cyclic_sectors(between, ring, mask, ())
@@ -477,7 +479,7 @@ def check_between_speeds(
         of_model, _ = basis.at_speed(omega)
         # squared frequencies of a stiffness that is not linear may be negative
         squared = np.maximum(of_model.omega2[: basis.n_natural], 0.0)
-        at_last, _ = basis.at_speed(body.raw.faster.rotor_speed)
+        at_last, _ = basis.at_speed(highest)
         computed = np.sqrt(squared) / (2.0 * np.pi)
         item = f"{body.name}, nodal diameter {d} at {omega:g} rad/s"
         with body.report.comparison():
