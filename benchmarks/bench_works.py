@@ -62,7 +62,7 @@ def optimal_curve(model: str) -> Callable[[], Counts]:
     study = study_of(model)
 
     def run() -> Counts:
-        curve = study.optimal_curve(check=False, progress=False)
+        curve = study.optimal_curve(check=False, progress=False, errors=False)
         return {"points": len(curve.preload), "evaluations": curve.cost.evaluations}
 
     return run
@@ -73,7 +73,7 @@ def peak() -> Callable[[], Counts]:
     study = study_of("bladed_disk")
 
     def run() -> Counts:
-        found = study.peak(DISK_PRELOAD, progress=False)
+        found = study.peak(DISK_PRELOAD, progress=False, errors=False)
         return {"evaluations": found.cost.evaluations}
 
     return run
@@ -82,7 +82,7 @@ def peak() -> Callable[[], Counts]:
 def time_response() -> Callable[[], Counts]:
     """Return the default amplitude in time of the turbine blade near its optimal preload."""
     study = study_of("turbine_blade")
-    start = study.peak(BLADE_PRELOAD, progress=False)
+    start = study.peak(BLADE_PRELOAD, progress=False, errors=False)
 
     def run() -> Counts:
         response = study.time_response(start, progress=False)

@@ -634,11 +634,13 @@ class AccuracyCost(Result, Plottable, Tabular, Storable, kind="bdamper-accuracy"
             name: Column(np.array([run.values[i] for run in self.runs]))
             for i, name in enumerate(self.varied)
         }
-        columns |= columns_of_rows(self.runs)
-        # the error, which counts, comes before these columns
-        last = {name: columns.pop(name) for name in ("difference", "seconds", "reason")}
+        of_runs = columns_of_rows(self.runs)
+        # the error and the time, which decide, come before the rest
+        for name in ("reduced_setting", "amplitude"):
+            columns[name] = of_runs.pop(name)
         columns["error"] = Column(np.array([self.error(run) for run in self.runs]))
-        return columns | last
+        columns["seconds"] = of_runs.pop("seconds")
+        return columns | of_runs
 
     def error(self, run: Run) -> float:
         """Return the relative error of a run; NaN if either of its two parts is unknown.

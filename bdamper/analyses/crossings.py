@@ -74,6 +74,9 @@ NUMBERS = (
     "amplitude_by_mass",
     "speed_by_mass",
     "margin",
+    "harmonic_change",
+    "vector_change",
+    "error",
     "residual",
 )
 """Numeric results of a crossing; NaN if there is none."""
@@ -124,6 +127,9 @@ class CrossingTask:
         If given, margins against fatigue are computed.
     named : tuple
         Values of the functions among the conditions, which identify them in results files.
+    errors : bool
+        Estimate the errors by harmonics and residual modes: "harmonic_change", "vector_change", and
+        their sum "error", relative to the amplitude, from the peak at fixed speed.
     """
 
     speeds: tuple[float, float]
@@ -131,6 +137,7 @@ class CrossingTask:
     conditions: Conditions = field(default_factory=Conditions)
     margin: LeastMargin | None = None
     named: tuple[Any, ...] = ()
+    errors: bool = True
 
     def __call__(self, problem: Problem, preload: float | None) -> dict[str, Any]:
         meter = CostMeter()
@@ -206,6 +213,8 @@ class CrossingTask:
         else:
             results["fixed_speed"] = fixed.parameter
             results["fixed_speed_amplitude"] = fixed.amplitude
+            if self.errors:
+                results |= self._errors(family, fixed, meter)
         at_fixed_speed = self._verdict_at_speed(family, curve, solution.parameter, meter)
         if at_fixed_speed.status == NOT_FOUND:
             return {"kind": NOT_FOUND, "warning": [*warnings, at_fixed_speed.reason]}

@@ -39,6 +39,7 @@ from bdamper.response.optimal_curve import optimal_curve, preload_values
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.optimum_checks import checks
 from bdamper.response.peak import Peak
+from bdamper.response.peak_error import changes_by_source
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import plausible_ranges, validation
 from bdamper.util.display import Differences, Plottable, Result
@@ -98,16 +99,22 @@ class PeakTask(validation.Checked):
     frequency : (low, high), Hz, optional
         Search interval; by default around the free and the stuck resonance of ``mode``.
     mode : int
+    errors : bool
+        Estimate the errors by harmonics and residual modes: "harmonic_change", "vector_change", and
+        their sum "error", relative to the amplitude.
     """
 
     preload: validation.Force | None = None
     frequency: validation.Interval | None = None
     mode: validation.Count = 1
+    errors: bool = True
 
     def __call__(self, study: StudyLike | Problem, preload: float | None) -> Values:
         # the preload of the task, if the sweep does not vary it
         load: Any = self.preload if preload is None else preload
-        peak = highest_peak(problem_of(study), load, self.frequency, mode=self.mode)
+        peak = highest_peak(
+            problem_of(study), load, self.frequency, mode=self.mode, errors=self.errors
+        )
         stick, slip, separation = peak.shares
         warning = ""
         search = with_reason(peak.search_status, peak.search_reason)
@@ -117,6 +124,7 @@ class PeakTask(validation.Checked):
             "amplitude": peak.amplitude if peak.ok else np.nan,
             "lower_bound": peak.lower_bound,
             "frequency": peak.frequency if peak.ok else np.nan,
+            **(changes_by_source(peak.errors) if self.errors else {}),
             "residual": peak.residual,
             "stick": float(stick),
             "slip": float(slip),
@@ -142,12 +150,15 @@ class OptimalTask(validation.Checked):
         Number of values between two limits.
     frequency : (low, high), Hz, optional
     mode : int
+    errors : bool
+        See :class:`PeakTask`; the errors are those of the optimum.
     """
 
     preload: tuple[float, ...] = (10.0, 25e3)
     n: int = 24
     frequency: validation.Interval | None = None
     mode: validation.Count = 1
+    errors: bool = True
 
     def __post_init__(self) -> None:
         preload_values(self.preload, self.n)
@@ -155,7 +166,12 @@ class OptimalTask(validation.Checked):
 
     def __call__(self, study: StudyLike | Problem, preload: float | None) -> Values:
         curve = optimal_curve(
-            problem_of(study), self.preload, self.n, frequency=self.frequency, mode=self.mode
+            problem_of(study),
+            self.preload,
+            self.n,
+            frequency=self.frequency,
+            mode=self.mode,
+            errors=self.errors,
         )
         optimum = curve.optimum
         # the preloads that refine the curve differ from point to point of the sweep
@@ -167,6 +183,7 @@ class OptimalTask(validation.Checked):
             "optimum_preload": optimum.preload,
             "optimum_amplitude": optimum.amplitude,
             "optimum_frequency": optimum.frequency,
+            **(changes_by_source(curve.errors_at(optimum.preload)) if self.errors else {}),
             "optimum_kind": optimum.kind,
             "optimum_uncertainty": optimum.uncertainty,
             "optimum_status": optimum.status,

@@ -345,7 +345,8 @@ def plot_optimal(
     Dotted lines mark preloads between which the highest resonance changes.  A filled star marks a
     verified optimum, an open star the lowest value found.  In the shaded range of preloads, the
     harmonic-balance amplitude is at most 20 % above the optimum.  In hatched ranges no value was
-    found; open triangles there mark lower bounds.  The bar at the optimum shows the range of its
+    found; open triangles there mark lower bounds.  Thin bars show the errors by harmonics and residual
+    modes.  The bar at the optimum shows the range of its
     peak with more harmonics.  Diamonds with bars show means and ranges from time integration; the
     filled diamond is the lowest of them.  Triangles to the left and to the right mark amplitudes
     that are clearly higher with lower and higher friction coefficients.
@@ -388,11 +389,34 @@ def _draw_optimal(ax: Axes, result: OptimalCurve, quantity: str) -> None:
                 ax, "no frequency shift, because no peak or no free resonance is known", empty=True
             )
         return
+    _draw_errors(ax, result)
     _draw_limits(ax, result)
     _mark_gaps(ax, result)
     _mark_checks(ax, result)
     _mark_optimum(ax, result)
     ax.set(yscale="log", ylabel=amplitude_label(result))
+
+
+def _draw_errors(ax: Axes, result: OptimalCurve) -> None:
+    """Draw the known errors of the amplitudes as bars upward and downward."""
+    error = result.error
+    known = np.isfinite(error)
+    if not known.any():
+        return
+    amplitude = result.amplitude[known]
+    # a logarithmic axis has no zero
+    lower = np.minimum(error[known], 0.99) * amplitude
+    upper = error[known] * amplitude
+    ax.errorbar(
+        result.preload[known],
+        amplitude,
+        yerr=np.array([lower, upper]),
+        fmt="none",
+        ecolor="0.55",
+        elinewidth=0.8,
+        capsize=1.5,
+        label="error by harmonics and residual modes",
+    )
 
 
 def _draw_limits(ax: Axes, result: OptimalCurve) -> None:

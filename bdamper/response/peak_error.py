@@ -100,6 +100,18 @@ def amplitude_error(errors: Sequence[SourceError]) -> float:
     return float(sum(abs(item.amplitude) if item.known else np.nan for item in errors))
 
 
+def changes_by_source(errors: Sequence[SourceError]) -> dict[str, float]:
+    """Return the relative changes of an amplitude by harmonics and by residual modes, and the error
+    by both, as results of a sweep; NaN if unknown.
+    """
+    changes = {item.source: item.amplitude if item.known else np.nan for item in errors}
+    return {
+        "harmonic_change": float(changes.get(HARMONICS, np.nan)),
+        "vector_change": float(changes.get(VECTORS, np.nan)),
+        "error": amplitude_error(errors),
+    }
+
+
 NEGLIGIBLE = 1e-3
 """Relative error whose digits are not printed."""
 LARGE_SHARE = 1.0 / 3.0

@@ -8,6 +8,8 @@ import pytest
 import bdamper as bd
 from bdamper.response import richer_peak
 from bdamper.response.highest_peak import found_at, maxima
+from bdamper.response.optimum_checks import checks
+from bdamper.response.peak_error import SourceError, amplitude_error, error_rows, error_text
 from bdamper.response.richer_peak import (
     NEARLY_HIGHEST,
     Reached,
@@ -176,3 +178,91 @@ def test_soft_vectors_are_added_to_residual_modes_alone():
     assert with_soft_vectors(problem).stiffness_method.n_soft == 6
     all_vectors = replace(problem.contact.residual.options, n_vectors="all")
     assert with_soft_vectors(problem.replace(contact_stiffness=all_vectors)) is None
+
+
+# ---- errors that results carry ----
+
+
+@pytest.fixture(scope="module")
+def pair():
+    """A curve with errors, and one without."""
+    study = separating()
+    ask = {"frequency": INTERVAL, "check": False, "progress": False}
+    return [study.optimal_curve((0.1, 0.8), 4, errors=errors, **ask) for errors in (True, False)]
+
+
+@pytest.mark.slow
+def test_an_optimal_curve_carries_the_error_of_each_amplitude(pair):
+    with_errors, without = pair
+    np.testing.assert_array_equal(with_errors.amplitude, without.amplitude)
+    assert without.harmonic_change is None and np.isnan(without.error).all()
+    assert with_errors.vector_change is None  # lumped masses have no residual modes
+    row = int(np.abs(with_errors.preload - 0.2).argmin())
+    richer = separating().replace(harmonics=5).peak(0.2, INTERVAL, errors=False)
+    change = richer.amplitude / with_errors.amplitude[row] - 1.0
+    assert with_errors.harmonic_change[row] == pytest.approx(change, abs=1e-6)
+    assert with_errors.error[row] == pytest.approx(abs(change), abs=1e-6)
+    assert "error about" in str(with_errors) and "error about" not in str(without)
+    # the evaluations of both curves show the price
+    assert with_errors.cost.evaluations <= 1.2 * without.cost.evaluations
+
+
+@pytest.mark.slow
+def test_errors_are_stored_with_a_curve_and_a_peak(pair, tmp_path):
+    with_errors, _ = pair
+    with_errors.save(tmp_path / "curve.h5")
+    loaded = bd.load(tmp_path / "curve.h5")
+    np.testing.assert_array_equal(loaded.harmonic_change, with_errors.harmonic_change)
+    peak = separating().peak(0.2, INTERVAL)
+    peak.save(tmp_path / "peak.h5")
+    stored = bd.load(tmp_path / "peak.h5")
+    assert stored.errors == peak.errors and stored.harmonic_peaks == peak.harmonic_peaks
+    assert stored.error == pytest.approx(0.152, abs=5e-4)
+
+
+@pytest.mark.slow
+def test_a_large_change_is_followed_by_further_harmonics():
+    """15 % with five harmonics, as much with seven: the change is below 2 %, and the search ends."""
+    peak = separating().peak(0.2, INTERVAL)
+    assert [step.harmonics for step in peak.harmonic_peaks] == [5, 7]
+    for step in peak.harmonic_peaks:
+        true = separating().replace(harmonics=step.harmonics).peak(0.2, INTERVAL, errors=False)
+        assert step.amplitude == pytest.approx(true.amplitude, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_rows_of_a_sweep_carry_their_errors():
+    study = separating()
+    peak = study.peak(0.2, INTERVAL)
+    found = bd.sweep(study, {"damping_factor": [1.0]}, bd.PeakTask(0.2, INTERVAL))
+    # a single peak takes further steps, which change it less than the first one
+    assert found.array("harmonic_change")[0] == pytest.approx(peak.errors[0].amplitude, abs=1e-3)
+    assert found.array("error")[0] == pytest.approx(peak.error, abs=1e-3)
+    left_out = bd.sweep(study, {"damping_factor": [1.0]}, bd.PeakTask(0.2, INTERVAL, errors=False))
+    assert "error" not in left_out.columns()
+
+
+@pytest.mark.slow
+def test_one_harmonic_is_amber_and_never_white():
+    study = separating().replace(harmonics=1)
+    for errors in (True, False):
+        curve = study.optimal_curve(
+            (0.2, 0.4), 2, frequency=INTERVAL, check=False, errors=errors, progress=False
+        )
+        by_name = {check.name: check.colour for check in checks(curve)}
+        assert by_name["More harmonics"] == "amber"
+
+
+def test_unknown_errors_are_named():
+    known = SourceError("harmonics", 0.11, 0.001, 0.0, "5 harmonics")
+    small = SourceError("residual modes", -0.01, 0.0, 0.0, "6 more residual modes")
+    unknown = SourceError("residual modes", np.nan, np.nan, np.inf, "no peak")
+    assert error_text([known, small]) == "error about 12 %, from harmonics"
+    assert error_text([known, unknown]) == (
+        "error about 11 %, from harmonics, error from residual modes unknown"
+    )
+    assert np.isnan(amplitude_error([known, unknown])) and np.isnan(amplitude_error([]))
+    assert amplitude_error([known, small]) == pytest.approx(0.12)
+    rows = error_rows([known, unknown], 528e-6)
+    assert rows[0][:2] == ("Harmonics", "+11 %") and rows[0].remark == "586 µm with 5 harmonics"
+    assert rows[1][:2] == ("Residual modes", "unknown")
