@@ -496,6 +496,10 @@ NEWTON_FIRST = How()
 """Newton's method first, then a complete curve; each estimate has a peak."""
 
 
+READINGS = How(readings=True)
+"""Newton's method first; a point without convergence near a solution is an answer."""
+
+
 class Examination(NamedTuple):
     """Errors of a peak, and the more detailed study of each source that has one."""
 
@@ -513,7 +517,7 @@ def estimate_errors(
 ) -> ErrorEstimates:
     """See :meth:`bdamper.Study.estimate_errors`."""
     complete = validation.flag("complete", complete)
-    how = How(by_newton=not complete, readings=not complete)
+    how = How(by_newton=False) if complete else READINGS
     return examine(problem, result, sources, how=how).estimates
 
 

@@ -459,7 +459,7 @@ def optimal_curve_uncertainty(
     """
     _check_samples(samples)
     values = preload_values(preload, n)
-    task = OptimalTask(tuple(float(p) for p in values), len(values), frequency, mode)
+    task = OptimalTask(tuple(float(p) for p in values), len(values), frequency, mode, errors=False)
     curves = sweep(
         study,
         dict(samples),

