@@ -44,7 +44,9 @@ from bdamper.response.continuation import TWO_PI
 from bdamper.response.highest_peak import FOLLOWED
 from bdamper.response.linear_limits import free_and_stuck
 from bdamper.response.peak import Peak
+from bdamper.response.peak_error import changes_by_source
 from bdamper.response.response_curve_result import NO_STEADY, ResponseCurve
+from bdamper.response.richer_peak import peak_errors
 from bdamper.response.sensitivity import sensitivities
 from bdamper.util import validation
 from bdamper.util.errors import (
@@ -250,6 +252,17 @@ class CrossingTask:
             return Ending(peak.status, f"at fixed speed: {peak.reason}")
         return Ending()
 
+    @staticmethod
+    def _errors(family: SpeedFamily, fixed: Peak, meter: CostMeter) -> dict[str, float]:
+        """Return the relative errors of a peak at fixed speed."""
+        try:
+            problem = family.problem(fixed.parameter)
+            preload = family.preload(fixed.parameter)
+            found = peak_errors(problem, preload, (fixed,), meter)
+        except FAILURES_AT_ONE_PRELOAD:
+            return {}
+        return changes_by_source(found.errors)
+
 
 @short_repr
 @dataclass(frozen=True)
@@ -284,6 +297,9 @@ class Crossings(SweepResult, kind="bdamper-crossings"):
         i = int(np.nanargmax(np.where(among, amplitude, np.nan)))
         top = row_of(self.values, i)
         peak = peak_text(top["amplitude"], top["frequency"])
+        # files of earlier versions have no errors
+        if np.isfinite(top.get("error", np.nan)):
+            peak += f", error about {percent(top['error'])}"
         point = dict(row_of(self.points, i))
         if len(highest) > 1:
             del point[MASS]

