@@ -243,5 +243,6 @@ class TimeIntegration:
         first: int = 0,
         energy: NDArray[np.float64] | None = None,
         seconds: float = 0.0,
+        states: NDArray[np.int8] | None = None,
     ) -> tuple[int, int, int]: ...
     def follow(self, q: NDArray[np.float64], w: NDArray[np.float64]) -> None: ...

@@ -261,7 +261,12 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
     @property
     def elsewhere(self) -> int:
         """Number of the other initial states that lead to a different motion."""
-        return sum(abs(amplitude / self.mean - 1.0) > ALIKE for amplitude in self.starts.values())
+        return len(self._other_motions)
+
+    @property
+    def _other_motions(self) -> list[float]:
+        """Amplitudes (m) of different motions that other initial states lead to."""
+        return [x for x in self.starts.values() if abs(x / self.mean - 1.0) > ALIKE]
 
     @property
     def largest(self) -> float:
@@ -357,6 +362,9 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         if self.starts:
             outcome = "uncertain" if self.elsewhere else "pass"
             finding = f"{self.elsewhere} of {len(self.starts)} lead to a different motion"
+            others = self._other_motions
+            if others:
+                finding += f", {extent(min(others), max(others), 'm')}"
             rows.append(Row("Other starts", outcome, finding))
         return rows
 

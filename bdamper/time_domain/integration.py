@@ -163,12 +163,16 @@ class Motion(NamedTuple):
     a : (2 n_coordinates,) float, optional
         Accelerations of the integration method.  Without them they, and massless coordinates,
         follow from the other variables.
+    states : (n_steps, n_sectors, n_points) int8, optional
+        Contact states in each time step of the last period; -1 if unknown.  The next period expects
+        them to return, which saves evaluations of the contact forces.
     """
 
     q: NDArray
     v: NDArray
     w: NDArray
     a: NDArray | None = None
+    states: NDArray | None = None
 
 
 class Trajectory(NamedTuple):
@@ -565,6 +569,10 @@ class AllSectors:
         harmonics = np.zeros((1, complete_periods, len(self.rows), n_columns), complex)
         energy = np.zeros((1, complete_periods, 4))
         path = np.zeros((1, count, q.shape[1])) if trace else None
+        states = np.full((1, n_steps, self.n, self.system.n_points), -1, np.int8)
+        # those of steps of another length do not count
+        if motion.states is not None and motion.states.shape == states.shape[1:]:
+            states[0] = motion.states
 
         started = time.thread_time()
         status, *effort = self.core.integrate(
@@ -584,6 +592,7 @@ class AllSectors:
             first,
             energy,
             seconds,
+            states,
         )
         taken = time.thread_time() - started
         self.effort = self.effort + effort
@@ -604,7 +613,7 @@ class AllSectors:
                 "raise steps_per_period"
             )
         return Trajectory(
-            motion=Motion(q[0], v[0], w[0], a[0]),
+            motion=Motion(q[0], v[0], w[0], a[0], states[0]),
             harmonics=harmonics[0],
             energy=energy[0],
             trace=np.zeros((0, q.shape[1])) if path is None else path[0],
@@ -884,6 +893,71 @@ def _residual(basis: HarmonicBasis) -> NDArray:
     return np.array([coordinate.body == RESIDUAL for coordinate in basis.coordinates], bool)
 
 
+def extended(source: AllSectors, u: NDArray, target: AllSectors) -> NDArray:
+    """Return a harmonic-balance solution in a structure with other modes and the same points.
+
+    Modes of both structures keep their amplitudes.  With the contact force ``F_l`` of the solution
+    in harmonic l, the other modes of the target and its residual modes have the quasi-static
+    amplitudes
+
+        q_l = (E_l - G_l^H F_l)/Omega^2.
+
+    At rest instead, they would leave stiff contacts penetrated or apart: on imported sectors the
+    first period then lost 50 times the work of the excitation.
+
+    Parameters
+    ----------
+    source, target : AllSectors
+    u : (n_unknowns,) float
+        Unknowns of the source.
+    """
+    if source is target:
+        return u
+    layout = source.system.layout
+    layout_of_target = target.system.layout
+    _, force, _ = source.system.contact(np.asarray(u))  # (n_points, 3, 2 H + 1)
+    out = np.zeros(layout_of_target.n_unknowns)
+    for harmonic, basis in enumerate(target.system.structure.bases):
+        if not len(basis.omega2):
+            continue
+        of_points = force[:, :, 0].astype(complex)
+        if harmonic:
+            of_points = force[:, :, 2 * harmonic - 1] - 1j * force[:, :, 2 * harmonic]
+        load = layout_of_target.amplitudes(np.asarray(target.system.structure.force), harmonic)
+        contact_force = np.einsum("pdj,pd->j", np.asarray(basis.G).conj(), of_points)
+        has_stiffness = np.asarray(basis.omega2) > 0.0
+        stiffness = np.where(has_stiffness, basis.omega2, np.inf)
+        q = (load - contact_force) / stiffness
+
+        of_source = source.system.structure.bases[harmonic]
+        in_target, in_source = _common_modes(of_source, basis)
+        q[in_target] = layout.amplitudes(np.asarray(u), harmonic)[in_source]
+        cosine, sine = layout_of_target.slices(harmonic)
+        out[cosine] = q.real
+        if harmonic:
+            out[sine] = -q.imag
+    return out
+
+
+def _common_modes(source: HarmonicBasis, target: HarmonicBasis) -> tuple[list[int], list[int]]:
+    """Return the indices of the modes of both, in the target and in the source.
+
+    Residual modes are left out, because they differ between structures.
+    """
+    # body and number identify a mode
+    place_in_source = {}
+    for place, mode in enumerate(source.coordinates):
+        place_in_source[mode.body, mode.index] = place
+    in_target: list[int] = []
+    in_source: list[int] = []
+    for place, mode in enumerate(target.coordinates):
+        name = (mode.body, mode.index)
+        if mode.body != RESIDUAL and name in place_in_source:
+            in_target.append(place)
+            in_source.append(place_in_source[name])
+    return in_target, in_source
+
+
 def transfer(source: AllSectors, motion: Motion, target: AllSectors) -> Motion:
     """Return a motion in the coordinates of another structure with the same contact points.
 
@@ -898,17 +972,12 @@ def transfer(source: AllSectors, motion: Motion, target: AllSectors) -> Motion:
         if diameter not in source_blocks:
             continue
         source_block = source_blocks[diameter]
-        source_modes = source.wide.structure.bases[source_block.harmonic].coordinates
-        target_modes = target.wide.structure.bases[target_block.harmonic].coordinates
-        # body and number identify a mode
-        place_in_source = {}
-        for place, mode in enumerate(source_modes):
-            place_in_source[mode.body, mode.index] = source_block.part.start + place
-        for place, mode in enumerate(target_modes):
-            name = (mode.body, mode.index)
-            if mode.body != RESIDUAL and name in place_in_source:
-                in_target.append(target_block.part.start + place)
-                in_source.append(place_in_source[name])
+        of_target, of_source = _common_modes(
+            source.wide.structure.bases[source_block.harmonic],
+            target.wide.structure.bases[target_block.harmonic],
+        )
+        in_target += [target_block.part.start + place for place in of_target]
+        in_source += [source_block.part.start + place for place in of_source]
 
     def transferred(x: NDArray) -> NDArray:
         """Return coordinates or velocities (2 n_coordinates,) of the target."""

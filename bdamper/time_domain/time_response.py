@@ -441,6 +441,9 @@ def _add_refinements(
     Finished motions stay there after Ctrl-C or a failure.
     """
     runs[_steps_name(search, factor=1)] = best
+    if search.blades_part(best):
+        # another motion may last as well, and the start decides which one is found
+        starts = max(starts, 2)
     # refinements start from the highest motion; if it does not stay, from the next two
     lower = [point for point in search.points if point is not best]
     highest_first = sorted(lower, key=lambda point: -point.mean)
@@ -639,13 +642,20 @@ def _after_limit(integrations: _Integrations) -> str:
     limit = integrations.search.sectors.limit
     if not integrations.time_spent or limit is None:
         return ""
-    if integrations.search.best is None:
+    search = integrations.search
+    # motions that are still to be integrated with 1,024 steps, and in the more detailed structure
+    missing_periods = 5 * CRITERIA.fewest
+    if search.best is None or search.best is search.unsettled:
         missing = "before a motion settled"
+        missing_periods += 2 * CRITERIA.lasting
     elif len(integrations.runs) == 0:
         missing = "before the search for the highest motion ended"
+        missing_periods += CRITERIA.lasting
     else:
         missing = "before all refinements ended"
-    return f"{integrations.time_spent} {missing}; {limit.remedy}"
+    seconds = missing_periods * search.seconds_per_period
+    more = f", which takes about {amount(seconds, 's')} more" if seconds > 0.0 else ""
+    return f"{integrations.time_spent} {missing}{more}; {limit.remedy}"
 
 
 def _ending(status: str, reason: str, interrupted: bool) -> Ending:

@@ -108,14 +108,21 @@ class SteadyCriteria:
     most_repeated : int
         Largest number of periods of a subharmonic motion.
     pace : int
-        Periods in which a sweep covers the half width of the resonance.  With 15 to 20 periods a
-        motion of the difficult disk falls at 68 µm that is followed to 108 µm with 40.
+        Smallest number of periods in which a sweep covers the half width of the resonance.  With 15
+        to 20 periods a motion of the difficult disk falls at 68 µm that is followed to 108 µm with
+        40.  If a transient decays to 1/e in more periods, the sweep takes those: at a damping ratio
+        of 0.001 a sweep with 40 periods reads 9 % low at the peak, and its highest place is no
+        steady motion.
     stride : int
         Periods between two stored motions of a sweep.
     low, low_places : float, int
         A sweep ends when ``low_places`` stored motions are below the fraction ``low`` of its
         highest amplitude.  Solutions below this fraction of the highest solution are another level,
         not a ripple of the branch.
+    confirmed : float
+        Fraction of the harmonic-balance peak from which a motion settled there needs no sweeps.
+    near : float
+        Half-widths from the peak within which another branch of the curve makes sweeps necessary.
     fine : float
         Relative width of the interval in which a motion falls.
     most_points : int
@@ -151,6 +158,8 @@ class SteadyCriteria:
     stride: int = 8
     low: float = 0.9
     low_places: int = 3
+    confirmed: float = 0.85
+    near: float = 2.0
     fine: float = 1e-3
     most_points: int = 16
     chatter: float = 15.0
@@ -415,6 +424,19 @@ def settle(transient: Transient, expected: float, parting: bool = False) -> Stea
         is_constant = abs(change) <= CRITERIA.drift
         if is_constant and (not parting or _has_lasted(transient)):
             return SteadyPoint(transient, stays=True, change=change)
+
+
+def unsettled(transient: Transient) -> SteadyPoint | None:
+    """Return a motion that was interrupted before it settled; None without enough periods for a
+    mean.
+    """
+    n_periods = len(transient.harmonics)
+    if n_periods < CRITERIA.fewest:
+        return None
+    change = _change(transient, at_end=True).largest
+    # the drift is at least the largest one of a settled motion
+    change = float(np.copysign(max(abs(change), 2.0 * CRITERIA.drift), change))
+    return SteadyPoint(transient, stays=True, change=change)
 
 
 def _has_lasted(transient: Transient) -> bool:

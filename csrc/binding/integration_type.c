@@ -253,6 +253,18 @@ static double *state(core_arguments *arguments, PyObject *object, const char *na
     return core_check_numbers(x, n, name, BD_FINITE) ? x : NULL;
 }
 
+/* Return whether all contact states are known numbers or BD_TIME_UNKNOWN; otherwise 0 with an
+ * exception. */
+static int check_states(const signed char *states, npy_intp n) {
+    for (npy_intp i = 0; i < n; ++i) {
+        if (states[i] >= BD_TIME_UNKNOWN && states[i] < BD_TIME_N_STATE) continue;
+        PyErr_Format(PyExc_ValueError, "states: expected %d to %d, found %d at flat index %zd",
+                     BD_TIME_UNKNOWN, BD_TIME_N_STATE - 1, states[i], (Py_ssize_t)i);
+        return 0;
+    }
+    return 1;
+}
+
 /* Optional output of the harmonics (n_state, n_period, n_row, n_harm + 1). Set n_harm; *X remains
  * NULL for None. Return 0 with an exception. */
 static int read_harmonics(core_arguments *arguments, PyObject *object, const bd_time *t,
@@ -281,17 +293,17 @@ static PyObject *TimeIntegration_integrate(TimeIntegrationObject *self, PyObject
                                            PyObject *kwargs) {
     static char *names[] = {"q",     "v",         "a",      "w",         "n_step", "per_period",
                             "omega", "omega_end", "radius", "tolerance", "fresh",  "harmonic",
-                            "trace", "first",     "energy", "seconds",   NULL};
+                            "trace", "first",     "energy", "seconds",   "states", NULL};
     PyObject *q_object, *v_object, *a_object, *w_object;
-    PyObject *harmonic = Py_None, *trace = Py_None, *energy = Py_None;
+    PyObject *harmonic = Py_None, *trace = Py_None, *energy = Py_None, *states = Py_None;
     double seconds = 0.0;
     bd_time_path path = {0};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOlidddd|pOOlOd:integrate", names, &q_object,
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOlidddd|pOOlOdO:integrate", names, &q_object,
                                      &v_object, &a_object, &w_object, &path.n_step,
                                      &path.steps_per_period, &path.omega, &path.omega_end,
                                      &path.spectral_radius, &path.tolerance,
                                      &path.find_acceleration, &harmonic, &trace, &path.first_step,
-                                     &energy, &seconds))
+                                     &energy, &seconds, &states))
         return NULL;
     if (seconds > 0.0) path.last_second = bd_processor_seconds() + seconds;
     core_arguments arguments = {0};
@@ -323,6 +335,14 @@ static PyObject *TimeIntegration_integrate(TimeIntegrationObject *self, PyObject
         e = core_doubles(&arguments, energy, "energy", 3, by_energy, BD_OUTPUT);
         if (!e) return NULL;
     }
+    const npy_intp by_states[4] = {n_state, path.steps_per_period, t->n_sector, t->n_point};
+    const npy_intp n_states = by_states[1] * by_states[2] * by_states[3];
+    signed char *expected = NULL;
+    if (states != Py_None) {
+        expected =
+            core_array(&arguments, states, "states", NPY_INT8, "int8", 4, by_states, BD_OUTPUT);
+        if (!expected || !check_states(expected, n_state * n_states)) return NULL;
+    }
 
     bd_time_effort effort = {0};
     bd_status status = BD_OK;
@@ -331,6 +351,7 @@ static PyObject *TimeIntegration_integrate(TimeIntegrationObject *self, PyObject
         path.response_harmonics = X ? X + i * n_harmonics : NULL;
         path.energy = e ? e + BD_TIME_N_ENERGY * i * n_period : NULL;
         path.coordinates = x ? x + i * path.n_step * n : NULL;
+        path.states = expected ? expected + i * n_states : NULL;
         if (!integrate_in_parts(self, &path, q + i * n, v + i * n, a + i * n, w + i * n_w, &effort,
                                 &status))
             return NULL;
@@ -365,7 +386,8 @@ static PyMethodDef TimeIntegration_methods[] = {
     {"integrate", (PyCFunction)(void (*)(void))TimeIntegration_integrate,
      METH_VARARGS | METH_KEYWORDS,
      "integrate(q, v, a, w, n_step, per_period, omega, omega_end, radius, tolerance, fresh=False, "
-     "harmonic=None, trace=None, first=0, energy=None, seconds=0.0) -> (int, int, int)\n\n"
+     "harmonic=None, trace=None, first=0, energy=None, seconds=0.0, states=None) -> (int, int, "
+     "int)\n\n"
      "Integrate m states in place: q, v, a (m, 2 n) and w (m, n_sector, n_point, 2 + n_memory), "
      "sliders and "
      "memories of user laws.\n\n"
@@ -383,6 +405,9 @@ static PyMethodDef TimeIntegration_methods[] = {
      "work on the contacts, increase of kinetic and strain energy; trace, the coordinates at the "
      "start of each "
      "step (m, n_step, 2 n). With seconds, the integration stops after this processor time.\n\n"
+     "states (m, per_period, n_sector, n_point) int8, read and overwritten: contact states at each "
+     "phase of the "
+     "last period, -1 if unknown. A step expects them to return, which saves evaluations.\n\n"
      "Return the status, the number of solutions for contact forces and the number of their "
      "evaluations. The "
      "status is 1 if contact forces were not found even in shortened steps, and 8 if the processor "

@@ -259,4 +259,44 @@ static void contact_tangent(bd_time *t, size_t sector, size_t point, const doubl
     }
 }
 
+/* Whether a contact state is an open one. */
+BD_INLINE int is_open_state(int state) { return (state & IN_CONTACT) == 0; }
+
+/* Force F (3) and derivative D (3, 3) of a point in a given state below SLIDES_IN_PLANE, at the
+ * motion x (3) with the slider w (2, stride) before the step. In such a state the force is affine:
+ *
+ *     stick   T_d = kt_d (u_d - w_d)        closed   N = n0 + kn v,     r = limit + mu N
+ *     slip    T_d = +- r                    open     N = least N,       T_d = 0. */
+static void force_in_state(const bd_time *t, size_t point, int state, const double *x,
+                           const double *w, double *F, double *D) {
+    const size_t stride = t->stride;
+    const double *parameter = t->parameters + point;
+    const double mu = parameter[BD_TIME_MU * stride];
+    const int is_closed = !is_open_state(state);
+    const double kn = is_closed ? parameter[BD_TIME_KN * stride] : 0.0;
+    /* only points that can open have a finite least force, 0 */
+    const double normal = is_closed ? parameter[BD_TIME_N0 * stride] + kn * x[2] : 0.0;
+    const double r = parameter[BD_TIME_LIMIT * stride] + mu * normal;
+    const int of_both_directions = (state - is_closed * IN_CONTACT) / PLACE_OF_1;
+    const int digit[2] = {of_both_directions % 3, of_both_directions / 3};
+
+    memset(D, 0, BD_N_COMPONENT * BD_N_COMPONENT * sizeof *D);
+    D[BD_N_COMPONENT * BD_NORMAL + BD_NORMAL] = kn;
+    F[BD_NORMAL] = normal;
+    for (size_t d = 0; d < 2; ++d) {
+        const double kt = parameter[(BD_TIME_KT + d) * stride];
+        const int is_fixed = parameter[(BD_TIME_FIXED_SLIDER + d) * stride] > 0.0;
+        const int sticks = is_closed && digit[d] == 0;
+        F[d] = 0.0;
+        if (is_fixed || sticks) {
+            F[d] = kt * (x[d] - w[d * stride]);
+            D[BD_N_COMPONENT * d + d] = kt;
+        } else if (is_closed && kt > 0.0) {
+            const double sign = digit[d] == 1 ? 1.0 : -1.0;
+            F[d] = sign * r;
+            D[BD_N_COMPONENT * d + BD_NORMAL] = sign * mu * kn;
+        }
+    }
+}
+
 #endif

@@ -8,9 +8,11 @@
  *
  *     R(p) = V' F(x* - V C p) - p = 0,     with the Jacobian -(I + T C),     T = V' D V.
  *
- * D holds the 3 x 3 derivatives of the law in the present state of each point. The predictor uses
- * the states of the last step. The corrections use GMRES with the preconditioner M = (I + T)^-1 of
- * each sector, where
+ * D holds the 3 x 3 derivatives of the law in the present state of each point. The first correction
+ * expects the states of the last step, or the states at the same phase of the last period if these
+ * were better in the last step: the motion is nearly periodic. In a known state the law is affine,
+ * so this correction is Newton's step with these states. The corrections use GMRES with the
+ * preconditioner M = (I + T)^-1 of each sector, where
  *
  *     M (I + T C) x = y - M (y - x),     y = C x.
  *
@@ -188,16 +190,11 @@ BD_INLINE int has_changed(const double *D, const double *stored, size_t stride) 
     return change > IGNORED * largest;
 }
 
-/* Update the derivatives of one point to its present state, and M with them; small changes are
- * ignored. */
-static void update_point(bd_time *t, const bd_time_patterns *patterns, size_t sector, size_t point,
-                         const double *motion, const double *slider) {
+/* Store the derivatives D (3, 3) of a point, and update M with them. */
+static void set_tangent(bd_time *t, const bd_time_patterns *patterns, size_t sector, size_t point,
+                        const double *D) {
     const size_t stride = t->stride;
     double *stored = tangent_of(t, sector, point);
-    double D[9];
-    contact_tangent(t, sector, point, motion, slider, D);
-    if (!has_changed(D, stored, stride)) return;
-
     for (size_t d = 0; d < 3; ++d) {
         double row_change[3];
         for (size_t e = 0; e < 3; ++e) {
@@ -209,6 +206,16 @@ static void update_point(bd_time *t, const bd_time_patterns *patterns, size_t se
         if (differs && !t->outdated[sector])
             update_inverse(t, patterns, sector, d * stride + point, row_change);
     }
+}
+
+/* Update the derivatives of one point to its present state, and M with them; small changes are
+ * ignored. */
+static void update_point(bd_time *t, const bd_time_patterns *patterns, size_t sector, size_t point,
+                         const double *motion, const double *slider) {
+    double D[9];
+    contact_tangent(t, sector, point, motion, slider, D);
+    if (has_changed(D, tangent_of(t, sector, point), t->stride))
+        set_tangent(t, patterns, sector, point, D);
 }
 
 /* Update those of the BD_WIDTH points from `first` on that differ from their stored state, with
@@ -454,6 +461,43 @@ static void predict_forces(bd_time *t) {
     }
 }
 
+/* Give a point its expected state, with the derivatives and the predicted force in this state at
+ * the motion x*. A point whose derivatives change continuously, or whose state is unknown, keeps its
+ * derivatives D, and its force is F + D (x* - x) from the last step. */
+static void expect_state(bd_time *t, const bd_time_patterns *patterns, size_t sector, size_t point,
+                         int state) {
+    const size_t stride = t->stride;
+    const size_t first = sector * t->rows + point;
+    const double *x_at_end = t->free_motion + first;
+    double *F = t->predicted_force + first;
+    double *known = t->contact_state + sector * stride + point;
+    const int is_affine = state != BD_TIME_UNKNOWN && state < SLIDES_IN_PLANE;
+    if (!is_affine) {
+        const double *D = tangent_of(t, sector, point);
+        for (size_t d = 0; d < 3; ++d) {
+            F[d * stride] = t->point_force[first + d * stride];
+            for (size_t e = 0; e < 3; ++e) {
+                const double change = x_at_end[e * stride] - t->motion[first + e * stride];
+                F[d * stride] += D[(3 * d + e) * stride] * change;
+            }
+        }
+        return;
+    }
+    const double motion[3] = {x_at_end[0], x_at_end[stride], x_at_end[2 * stride]};
+    const double *w = t->slider + 2 * stride * sector + point;
+    double D[9], force[3];
+    force_in_state(t, point, state, motion, w, force, D);
+    for (size_t d = 0; d < 3; ++d) F[d * stride] = force[d];
+    if (*known == (double)state) return;
+    *known = (double)state;
+    set_tangent(t, patterns, sector, point, D);
+}
+
+/* Tolerance of GMRES in the first iterations. */
+BD_INLINE double first_tolerance(const bd_time *t) {
+    return t->mostly_open ? BD_TIME_HARD_LINEAR_TOLERANCE : BD_TIME_LINEAR_TOLERANCE;
+}
+
 /* free_motion = the motion at the end of the step with the pattern forces of the last step. */
 static void add_motion_of_last_forces(bd_time *t, const bd_time_patterns *patterns) {
     const size_t n_sector = (size_t)t->n_sector;
@@ -469,7 +513,45 @@ static void predict_correction(bd_time *t, const bd_time_patterns *patterns) {
     predict_forces(t);
     multiply((size_t)t->n_sector, (size_t)patterns->rank, t->rows, t->predicted_force,
              patterns->pattern_transposed, t->residual);
-    find_correction(t, patterns, BD_TIME_LINEAR_TOLERANCE);
+    find_correction(t, patterns, first_tolerance(t));
+}
+
+/* First correction of a step in the states of the last period: the residual is V' F - p, where F
+ * are the forces that these states give at the motion x*. */
+static void predict_correction_by_period(bd_time *t, const bd_time_patterns *patterns) {
+    const size_t n_point = (size_t)t->n_point;
+    const signed char *expected = t->period_state;
+    for (size_t sector = 0; sector < (size_t)t->n_sector; ++sector) {
+        for (size_t point = 0; point < n_point; ++point)
+            expect_state(t, patterns, sector, point, expected[sector * n_point + point]);
+        if (t->outdated[sector]) invert_sector(t, patterns, sector);
+    }
+    multiply((size_t)t->n_sector, (size_t)patterns->rank, t->rows, t->predicted_force,
+             patterns->pattern_transposed, t->residual);
+    add(n_pattern_forces(t, patterns), -1.0, t->pattern_force, t->residual);
+    find_correction(t, patterns, first_tolerance(t));
+}
+
+/* Compare the found states with the states of the last step and of the last period, at the end of a
+ * step. The next step expects the states of the last period if they were wrong at no more points.
+ * While a transient decays the last period is a bad guess. */
+static void judge_expectations(bd_time *t) {
+    const size_t n_point = (size_t)t->n_point;
+    long wrong_of_step = 0, wrong_of_period = 0, n_open = 0;
+    for (size_t sector = 0; sector < (size_t)t->n_sector; ++sector) {
+        const double *found = t->contact_state + sector * t->stride;
+        const double *last = t->last_state + sector * t->stride;
+        for (size_t point = 0; point < n_point; ++point) {
+            wrong_of_step += last[point] != found[point];
+            n_open += is_open_state((int)found[point]);
+        }
+        if (!t->period_state) continue;
+        const signed char *of_period = t->period_state + sector * n_point;
+        for (size_t point = 0; point < n_point; ++point)
+            wrong_of_period += (double)of_period[point] != found[point];
+    }
+    t->period_is_better = t->period_state && wrong_of_period <= wrong_of_step;
+    t->mostly_open = 2 * n_open > (long)n_point * t->n_sector;
 }
 
 /* Find the contact forces at the end of a step, from the motion x* without them in free_motion.
@@ -479,7 +561,10 @@ static int solve_contact(bd_time *t, const bd_time_patterns *patterns, double to
     const size_t n_force = n_pattern_forces(t, patterns);
     const size_t n_motion = t->rows * (size_t)t->n_sector;
     add_motion_of_last_forces(t, patterns);
-    if (predict) {
+    memcpy(t->last_state, t->contact_state, sizeof(double) * t->stride * (size_t)t->n_sector);
+    if (predict && t->period_state && t->period_is_better) {
+        predict_correction_by_period(t, patterns);
+    } else if (predict) {
         predict_correction(t, patterns);
     } else {
         memset(t->correction_motion, 0, sizeof(double) * n_motion);
@@ -501,12 +586,13 @@ static int solve_contact(bd_time *t, const bd_time_patterns *patterns, double to
             /* a residual above the tolerance may still serve */
             const int is_usable = force < HUGE_VAL && norm <= BD_TIME_UNSOLVED * scale;
             if (!is_usable) t->largest_force = largest_before;
+            if (is_usable) judge_expectations(t);
             return is_usable;
         }
         /* few corrections suffice in most steps; in others the direction decides */
         const int is_hard = i >= BD_TIME_EASY_ITERATIONS;
         const double linear_tolerance =
-            is_hard ? BD_TIME_HARD_LINEAR_TOLERANCE : BD_TIME_LINEAR_TOLERANCE;
+            is_hard ? BD_TIME_HARD_LINEAR_TOLERANCE : first_tolerance(t);
         find_correction(t, patterns, linear_tolerance);
         norm = search_length(t, patterns, norm);
     }

@@ -281,10 +281,28 @@ static const bd_time_patterns *use_length(bd_time *t, const bd_time_path *path, 
     return patterns;
 }
 
+/* States of the path (n_sector, n_point) at the end of step k; NULL if it has none. */
+static signed char *states_at_end(const bd_time *t, const bd_time_path *path, long k) {
+    if (!path->states) return NULL;
+    const size_t per_step = (size_t)t->n_sector * (size_t)t->n_point;
+    const long phase = (path->first_step + k + 1) % path->steps_per_period;
+    return path->states + per_step * (size_t)phase;
+}
+
+/* Store the states that a step has found. */
+static void store_states(const bd_time *t, signed char *states) {
+    const size_t n_point = (size_t)t->n_point;
+    for (size_t sector = 0; sector < (size_t)t->n_sector; ++sector)
+        for (size_t point = 0; point < n_point; ++point)
+            states[sector * n_point + point] =
+                (signed char)t->contact_state[sector * t->stride + point];
+}
+
 /* Advance over step k of length h. If the contact forces are not found, the remainder of the step
  * is halved repeatedly. Return 0 if the shortest step also fails. */
 static int advance(bd_time *t, const bd_time_path *path, long k, double h, last_step *last) {
     const int whole = 1 << BD_TIME_HALVINGS; /* shortest steps in the step */
+    signed char *states = states_at_end(t, path, k);
     int done = 0, n_halving = 0;
     while (done < whole) {
         const int size = whole >> n_halving;
@@ -296,6 +314,8 @@ static int advance(bd_time *t, const bd_time_path *path, long k, double h, last_
         const long step_at_end = path->first_step + k + end / whole;
         const double angle = angle_of(path, step_at_end, (double)(end % whole) / whole);
         find_load(t, angle, t->next_load);
+        /* the states of a whole step say nothing about a part of it */
+        t->period_state = n_halving ? NULL : states;
         if (take_step(t, path, patterns, part, t->next_load)) {
             swap(&t->load, &t->next_load);
             done = end;
@@ -305,6 +325,7 @@ static int advance(bd_time *t, const bd_time_path *path, long k, double h, last_
         if (n_halving == BD_TIME_HALVINGS) return 0;
         ++n_halving;
     }
+    if (states) store_states(t, states);
     return 1;
 }
 

@@ -126,6 +126,7 @@ static size_t assign_arrays(bd_time *t) {
         {&t->predicted_force, rows * n_sector},
         {&t->tangent, 9 * stride * n_sector},
         {&t->contact_state, stride * n_sector},
+        {&t->last_state, stride * n_sector},
         {&t->motion_amplitude, 2 * rows * n_family},
         {&t->force_amplitude, 2 * rows * n_family},
         {&t->preconditioner, r * pattern_forces},
@@ -687,6 +688,9 @@ static void reset(bd_time *t) {
     memset(t->pattern_force, 0, sizeof(double) * n_pattern);
     bd_time_reset_states(t);
     t->largest_force = 0.0;
+    t->period_state = NULL;
+    t->period_is_better = 0;
+    t->mostly_open = 0;
 }
 
 /* Integrate the state of the caller in place: coordinates q, velocities v, accelerations a

@@ -116,6 +116,13 @@ typedef struct bd_time {
     /* (BD_TIME_VECTORS + 1, n_sector, max_rank) of GMRES; C times them */
     double *krylov, *krylov_motion;
     int *outdated; /* (n_sector) 1: recompute M */
+    /* (n_sector, stride) contact states at the end of the last step */
+    double *last_state;
+    /* (n_sector, n_point) states at the same phase of the last period, BD_TIME_UNKNOWN or a state;
+     * NULL if there are none. The path owns them. */
+    const signed char *period_state;
+    int period_is_better; /* 1: the last period was a better guess in the last step */
+    int mostly_open;      /* 1: most points were open at the end of the last step */
     bd_time_patterns of_instant;
     bd_time_patterns of_step[BD_TIME_LENGTHS_OF_STEP]; /* step halved 0, 1, ... times */
     /* energies of the steps since the last reset, see bd_time_path.energy */
@@ -157,10 +164,14 @@ enum { BD_TIME_MAX_ITERATIONS = 40, BD_TIME_VECTORS = 8, BD_TIME_REFACTOR = 64 }
 enum { BD_TIME_CLOCK_STEPS = 16 };
 
 /* Tolerance of GMRES in the first iterations of a step, their number, and tolerance in later ones.
- */
+ * The later one also applies to all iterations if most contacts are open: an error of a tenth then
+ * opens and closes further contacts. */
 enum { BD_TIME_EASY_ITERATIONS = 2 };
 #define BD_TIME_LINEAR_TOLERANCE 0.1
 #define BD_TIME_HARD_LINEAR_TOLERANCE 0.01
+
+/* Contact states (contact_law.h) are numbers from 0 to BD_TIME_N_STATE - 1. */
+enum { BD_TIME_UNKNOWN = -1, BD_TIME_N_STATE = 36 };
 
 /* Length of a correction: slope of the potential relative to the one at its start that ends the
  * search, largest number of lengths, and ratio of residuals below which the full correction needs
@@ -196,6 +207,10 @@ typedef struct bd_time_path {
     /* (n_step/steps_per_period, BD_TIME_N_ENERGY) J, energies of each period, or NULL */
     double *energy;
     double *coordinates; /* (n_step, 2, n_total) coordinates at the start of each step, or NULL */
+    /* (steps_per_period, n_sector, n_point) contact states at the end of the step that ends at each
+     * phase, BD_TIME_UNKNOWN before the first period; or NULL. The steps expect the states of the
+     * last period, and store theirs. */
+    signed char *states;
 } bd_time_path;
 
 bd_status bd_time_create(bd_time *time, const bd_time_input *input);
@@ -224,8 +239,8 @@ void bd_time_compliance(const bd_time *time, double h, double radius, double *be
                         double *acceleration);
 
 /* Integrate the state q, v, a (2, n_total), w (n_sector, n_point, 2 + n_memory) in place and add to
- * the effort. Earlier integrations have no influence; an integration in parts agrees with one at
- * once to the tolerance of the contact forces. If the contact forces of a step are not found, the
+ * the effort. Earlier integrations have no influence, except through path->states; an integration
+ * in parts agrees with one at once to the tolerance of the contact forces. If the contact forces of a step are not found, the
  * step is divided into shorter ones. If these also fail, the integration stops with
  * BD_NOT_CONVERGED. A motion without contact that overflows returns BD_NOT_FINITE. */
 bd_status bd_time_integrate(bd_time *time, const bd_time_path *path, double *q, double *v,

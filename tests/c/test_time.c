@@ -194,14 +194,17 @@ static void integrate_all(const bd_kernel *kernel, double *q, double *v, double 
     bd_time t;
     create_all(&t, &seed);
     t.kernel = kernel;
+    signed char states[200 * SECTORS * POINTS]; /* those of the first period serve in the second */
     const bd_time_path path = {.n_step = 300,
                                .steps_per_period = 200,
                                .omega = 1.1,
                                .omega_end = 1.3,
                                .spectral_radius = 0.5,
                                .tolerance = 1e-12,
-                               .find_acceleration = 1};
+                               .find_acceleration = 1,
+                               .states = states};
     double a[2 * MODES] = {0.0};
+    memset(states, BD_TIME_UNKNOWN, sizeof states);
     for (int j = 0; j < 2 * MODES; ++j)
         q[j] = v[j] = j >= MODES && j < MODES + 3 ? 0.0 : uniform(&seed);
     for (int i = 0; i < 2 * SECTORS * POINTS; ++i) w[i] = 0.1 * uniform(&seed);

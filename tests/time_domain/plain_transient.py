@@ -126,7 +126,7 @@ def implicit(ring, motion, omega, n_steps, steps, radius=0.8, first=0):
     """Motion after so many steps of the generalised alpha method, and the coordinates at the start of each."""
     A, B = matrices(ring)
     orders, factors = ring.forcing()
-    q, v, w, a = motion
+    q, v, w, a = motion[:4]
     m, c, K = (np.tile(x, 2) for x in (ring.mass, ring.damping * ring.mass, ring.stiffness))
     heavy = m > 0.0
     B = np.where(heavy, m, 1.0)[:, None] * B  # forces, and not over the mass

@@ -12,6 +12,7 @@ import scipy.linalg
 
 import bdamper as bd
 from bdamper.time_domain import steady_amplitude, time_response
+from bdamper.time_domain.integration import TimeSpent
 from bdamper.time_domain.steady_amplitude import BalanceCurve, Place, SteadySearch
 from bdamper.time_domain.time_response import _at_fall, _other_starts, _refine
 from bdamper.time_domain.transient import CRITERIA, SteadyPoint
@@ -297,7 +298,12 @@ class OnBranches:
 
 
 class Balance(SimpleNamespace):
-    """Curve from 90 to 120 Hz with its tip at 100 Hz and a flank at 110 Hz, half a width of 8 Hz apart from it."""
+    """Curve from 90 to 120 Hz with its tip at 100 Hz and a flank at 110 Hz, half a width of 8 Hz apart from it.
+
+    Another branch near the tip makes sweeps necessary.
+    """
+
+    branches = True
 
     def __init__(self, **more):
         super().__init__(
@@ -313,6 +319,9 @@ class Balance(SimpleNamespace):
     def at(self, f):
         return np.ones(1)
 
+    def branches_near_tip(self):
+        return self.branches
+
     def solution(self, f):
         return "tip" if f == self.tip else "flank"
 
@@ -325,8 +334,8 @@ def search_of(monkeypatch):
     )  # no energies are made up
     # branches that are made up have no contacts
     monkeypatch.setattr(SteadySearch, "_contacts_chatter", lambda search, tip: False)
-    for room in (steady_amplitude, time_response):
-        monkeypatch.setattr(room, "transfer", lambda source, motion, target: motion)
+    monkeypatch.setattr(steady_amplitude, "extended", lambda source, u, target: u)
+    monkeypatch.setattr(time_response, "transfer", lambda source, motion, target: motion)
 
     def search_of(ring, **balance):
         return SteadySearch(ring, ring, Balance(**balance), 64)
@@ -431,6 +440,59 @@ def test_a_motion_from_the_tip_is_the_answer_if_it_is_higher(search_of, height, 
     )
     search.run()
     assert np.isfinite(search.below) == higher and search.best.mean == pytest.approx(height)
+
+
+@each(
+    ("height", "branches", "sweeps"),
+    [(1.0, False, False), (0.86, False, False), (0.84, False, True), (0.6, False, True), (1.0, True, True)],
+)  # fmt: skip
+def test_sweeps_follow_only_where_they_can_matter(search_of, height, branches, sweeps):
+    """If the motion from the tip settles below 0.85 of the balance or leaves it, or beside another branch."""
+    search = search_of(Branches(tip=lambda f: height, flank=lambda f: 0.5), branches=branches)
+    swept, own = [], search.sweep
+    search.sweep = lambda *given: swept.append(given) or own(*given)
+    search.run()
+    assert bool(swept) == sweeps
+    assert search.best.mean == pytest.approx(height) and not search.failure
+
+
+def test_a_sweep_is_not_faster_than_a_transient(search_of, monkeypatch):
+    """Half the half-width in the periods in which a transient decays to 1/e, or in 40 of them."""
+    for memory, periods in ((20.0, 40.0), (160.0, 160.0), (1e9, 240.0)):
+        monkeypatch.setattr(OnBranches, "memory", memory)
+        places = search_of(Branches(flank=rises_to(0.0))).sweep("flank", 110.0, -1.0)
+        step = CRITERIA.stride * 8.0 / periods
+        np.testing.assert_allclose(np.diff([p.frequency for p in places]), -step)
+
+
+@each(("other", "near"), [(None, False), (102.0, True), (112.0, False), (117.0, False)])
+def test_another_branch_near_the_tip(other, near):
+    """Within two half widths of 2.9 Hz; a ripple of less than a tenth is no other solution."""
+    branches = [([90.0, 100.0, 110.0], [0.0, 1.0, 0.0])]
+    if other is not None:
+        branches.append(([other, other + 3.0], [0.2, 0.2]))
+    assert made_up(*branches).branches_near_tip() == near
+    ripple = [98.0, 100.0], [0.77, 0.97]
+    assert made_up(*branches, ripple).branches_near_tip() == near
+
+
+def test_a_motion_that_was_interrupted_is_the_result_so_far(search_of, monkeypatch):
+    """If no other is known: its mean counts, with a change above that of a settled motion."""
+
+    def spent(transient, expected, parting):
+        transient.advance(periods)
+        raise TimeSpent("spent")
+
+    monkeypatch.setattr(steady_amplitude, "settle", spent)
+    for periods, known in ((19, False), (30, True)):
+        search = search_of(Branches(tip=lambda f: 0.9))
+        with pytest.raises(TimeSpent):
+            search.run()
+        assert (search.best is not None) == known and not search.points
+        assert search.periods == CRITERIA.fewest + periods
+    assert search.best.mean == pytest.approx(0.9) and not search.best.steady
+    search.points = [point(100.0, 0.5)]
+    assert search.best.mean == 0.5
 
 
 @each("falls", ["flank", "tip"])

@@ -278,7 +278,7 @@ def test_a_number_of_steps_is_needed(bent, steps):
 def test_steps_that_need_many_evaluations_are_halved(bent, found, monkeypatch):
     """The search is that with twice the steps, but for the two periods that decide it."""
     study, curve = bent
-    monkeypatch.setattr(steady_amplitude, "CRITERIA", replace(CRITERIA, chatter=1.0))
+    monkeypatch.setattr(steady_amplitude, "CRITERIA", replace(CRITERIA, chatter=0.5))
     halved = study.time_response(curve, steps_per_period=128)
     assert list(halved.answers)[:2] == ["256 steps", "1024 steps"]
     assert halved.answers == found.answers and halved.periods == found.periods
@@ -416,7 +416,7 @@ def test_a_failing_integration_leaves_what_was_found_before(bent, monkeypatch):
 
 def test_an_interruption_leaves_the_highest_motion_so_far(bent, monkeypatch):
     study, curve = bent
-    for call, known in ((2, False), (50, True), (90, True)):
+    for call, known in ((2, False), (50, True), (80, True)):
         interrupted_at(monkeypatch, call)
         found = study.time_response(curve)
         monkeypatch.undo()
@@ -429,7 +429,7 @@ def test_an_interruption_leaves_the_highest_motion_so_far(bent, monkeypatch):
     (2, "not found", "before a motion settled"),
     (4, "not found", "before a motion settled"),
     (52, "incomplete", "before the search for the highest motion ended"),
-    (110, "incomplete", "before all refinements ended"),
+    (85, "incomplete", "before all refinements ended"),
 ])  # fmt: skip
 def test_a_spent_processor_time_leaves_what_was_computed(bent, monkeypatch, call, status, missing):
     """It is spent with the equations or with one integration, and no integration follows, not even with more modes.
@@ -447,7 +447,11 @@ def test_a_spent_processor_time_leaves_what_was_computed(bent, monkeypatch, call
     assert next(done) == call + 1
     assert found.status == status
     remedy = "raise seconds, 1000 now"
-    assert f"the 1000 s of processor time have been used {missing}; {remedy}" in found.reason
+    before, after = found.reason.split(missing)
+    assert before.endswith("the 1000 s of processor time have been used ")
+    assert after.endswith(f"; {remedy}")
+    # the seconds that the missing part takes, if one period is known
+    assert after.startswith(", which takes about ") == (call > 3)
     known = status == "incomplete"
     assert np.isfinite([found.mean, found.lowest, found.highest]).all() == known
 
