@@ -35,10 +35,10 @@ from bdamper.response.highest_peak import (
     Highest,
     as_peak,
     check_options,
+    found_at,
     highest_of_curve,
     of_curve,
     with_errors,
-    within_budget,
 )
 from bdamper.response.linear_limits import peak_interval
 from bdamper.response.peak import Peak, PeakOptions, coarse_options, find_peak
@@ -288,7 +288,7 @@ def highest_peak(
     """
     frequency = peak_interval(problem.at(preload), frequency, mode)
     check_options(options)
-    response = within_budget(problem, preload, frequency, options=options, progress=progress)
+    response = found_at(problem, preload, frequency, options=options, progress=progress)
     response = with_lower_preloads(problem, response, frequency, options)
     if errors:
         response = with_errors(problem, response, MOST_STEPS)

@@ -607,21 +607,18 @@ def within_budget(
     frequency: tuple[float, float],
     *,
     options: PeakOptions | None = None,
-    budget: int | None = BUDGET,
-    progress: bool = False,
+    budget: int | None = None,
 ) -> AtPreload:
     """Return the highest point of :func:`found_at` with a first budget of evaluations.
 
     If the budget is used up, the search is repeated with the default budget, unless the damper
     rattles.
     """
-    response = found_at(
-        problem, preload, frequency, options=options, budget=budget, progress=progress
-    )
+    response = found_at(problem, preload, frequency, options=options, budget=budget)
     used_up = budget is not None and response.curve.cost.evaluations >= budget
     if response.known or response.rattles or not used_up:
         return response
-    again = found_at(problem, preload, frequency, options=options, progress=progress)
+    again = found_at(problem, preload, frequency, options=options)
     return replace(again, cost=response.cost + again.cost)
 
 

@@ -192,7 +192,7 @@ def test_a_single_peak_beside_a_lost_branch(preload):
 def test_a_curve_without_folds_costs_nothing_more():
     study = wedge()
     interval = peak_interval(study.problem.at(8.0), None)
-    alone = highest_peak.within_budget(study.problem, 8.0, interval)
+    alone = highest_peak.found_at(study.problem, 8.0, interval)
     peak = study.peak(8.0, errors=False)
     assert peak.cost.evaluations == alone.cost.evaluations
     assert (peak.amplitude, peak.status) == (alone.amplitude, alone.ending.status)

@@ -10,7 +10,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.plot import plot_response_map
-from bdamper.response import followed_peak, highest_peak
+from bdamper.response import highest_peak
 from bdamper.response.branches import LeftOut
 from bdamper.response.highest_peak import AT_END, _tops, highest_of_curve, maxima
 from bdamper.response.linear_limits import resonance_interval
@@ -402,8 +402,6 @@ def test_a_peak_of_a_part_of_a_curve_is_incomplete(monkeypatch):
     )
     for name in ("coarse_options", "ContinuationOptions"):
         monkeypatch.setattr(module, name, lambda: options)
-    # the first budget would replace the budget of these options
-    monkeypatch.setattr(followed_peak, "within_budget", module.found_at)
     part = study.peak(0.0, (0.12, 0.4))
     assert (
         part.status == part.search_status
