@@ -653,7 +653,18 @@ class Settings(validation.Answering):
         return validation.numbers(item, value, self.model.interfaces[name].n_points, least=0.0)
 
     def warn_of_unused_friction(self, given: object) -> None:
-        """Warn if an interface ignores its friction coefficient because it has a ContactLaw."""
+        """Warn if an interface ignores its friction coefficient because it has a ContactLaw.
+
+        Raises
+        ------
+        SettingError
+            If the model has no friction faces.
+        """
+        validation.check_sentence(
+            self.friction_faces,
+            "friction_coefficient",
+            "has no effect on a model without friction faces; omit it",
+        )
         user_laws = self.own_laws()
         if isinstance(given, Mapping):
             unused = [name for name in given if name in user_laws]

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import datetime
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import gcd
 from pathlib import Path
@@ -351,6 +351,7 @@ def build_model(
     report = ImportReport(checks.strict)
     bodies = _prepared(blade, damper, placement, report)
     contacts = _checked_contacts(contacts)
+    _check_free_bodies(bodies, contacts)
     faces = _sector_faces(bodies["blade"], sector)
     n_blades = faces.n_sectors
     diameters, excited, reason = _diameters(n_blades, reduction, blade)
@@ -432,6 +433,14 @@ def _checked_contacts(contacts: Sequence[ContactFaces]) -> tuple[ContactFaces, .
     names = [contact.name for contact in checked]
     validation.check_value(len(set(names)) == len(names), "contacts", "each name once", names)
     return tuple(checked)
+
+
+def _check_free_bodies(bodies: Collection[str], contacts: Sequence[ContactFaces]) -> None:
+    """Raise SettingError if a free body has no contact."""
+    touched = {contact.body_a for contact in contacts} | {contact.body_b for contact in contacts}
+    for name in bodies:
+        in_contact = name == "blade" or name in touched
+        validation.check(in_contact, "contacts", f"at least one contact of '{name}'", "none")
 
 
 def _diameters(

@@ -161,6 +161,8 @@ def _check_ports(body: Body, model: Model, item: str) -> None:
         agrees = agrees or set(body.ports) <= set(sides)
     expected = f"the sides of interfaces that name this body, {sides}"
     check(agrees, item, expected, f"{list(body.ports)}")
+    moves_freely = body.kind == "free" and not body.ports
+    check(not moves_freely, item, "at least one contact of a free body", "none")
 
 
 def _check_sides(interface: Interface, model: Model, item: str) -> None:

@@ -34,6 +34,7 @@ from bdamper.response.optimum_checks import (
 )
 from bdamper.response.peak_error import error_text
 from bdamper.response.response_curve_result import NO_STEADY
+from bdamper.response.verification import FRICTION_SPREAD, MUCH
 from bdamper.util.errors import COMPLETE
 from bdamper.util.formatting import amount, counted, loads_text, peak_text, percent, span
 from bdamper.util.statement import Row, Statement
@@ -85,7 +86,38 @@ def _verdict(curve: OptimalCurve) -> str:
     if curve.recommended_response is None:
         answer += ", by harmonic balance alone"
     answer += _uncertain(curve)
+    answer += _drop(curve)
     return f"{answer}: {', '.join(subject)}" if subject else answer
+
+
+def _drop(curve: OptimalCurve) -> str:
+    """Return the preload and the amplitude of a drop beside the optimum, or "".
+
+    Between neighbouring preloads a steep slope and a jump look alike.  Within the spread of
+    friction coefficients, which acts like one of the preload, both decide about the design.  An
+    amplitude that a search has followed counts as a lower bound.
+    """
+    best = curve.optimum
+    amplitude = np.where(np.isfinite(curve.amplitude), curve.amplitude, curve.lower_bound)
+    distance = np.abs(np.log(curve.preload / best.preload))
+    near = distance <= np.log(FRICTION_SPREAD)
+    highest = best.amplitude
+    at = np.nan
+    for side in (curve.preload < best.preload, curve.preload > best.preload):
+        inner = best.amplitude
+        # outward from the optimum
+        for i in sorted(np.flatnonzero(side & near), key=lambda i: distance[i]):
+            outer = amplitude[i]
+            if not np.isfinite(outer):
+                continue
+            if outer > max(MUCH * inner, highest):
+                highest = outer
+                at = curve.preload[i]
+            inner = outer
+    if np.isnan(at):
+        return ""
+    ratio = highest / best.amplitude
+    return f"; at {amount(at, 'N')} {amount(highest, 'm')}, {ratio:.2g} times as high"
 
 
 def _uncertain(curve: OptimalCurve) -> str:

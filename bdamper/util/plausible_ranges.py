@@ -474,6 +474,9 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     ),
     "Units.mass": Range(1e-9, 1e4, "kg", "possibly the inverse; the factor is 1e-3 for grams"),
     "Reduction.damping_ratio": DAMPING,
+    "Reduction.n_modes": Range(
+        3, 1000, below="too few: modes above the resonance and their flexibility are missing"
+    ),
     "Sector.elasticity": (
         Range(1e3, 2e12, "Pa or N/mm2", below="possibly given in GPa"),
         Range(0.0, 0.5),

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.importers import example_decks, read_calculix
+from bdamper.importers import Reduction, build_model, example_decks, read_calculix
 from bdamper.importers.abaqus import read_frd
 from bdamper.mistuning import Mistuning
-from bdamper.util.errors import BdamperError, ModelError, SettingError
+from bdamper.util.errors import BdamperError, ModelError, PlausibilityWarning, SettingError
 from examples.calculix.decks import run_job
 from tests.each import each
 from tests.imports import build
@@ -221,6 +221,27 @@ def test_the_model_can_be_stored_and_drawn(built, study, around, tmp_path):
     built.plot(tmp_path / "model.png")
     study.free(around).plot(tmp_path / "curve.png")
     assert "contact points        0" in str(study)
+
+
+def test_a_friction_coefficient_is_refused(study):
+    """Without friction faces it has no effect, and all values of a sweep over it would be equal."""
+    words = "friction_coefficient: has no effect on a model without friction faces"
+    for given in (0.1, 0.4):
+        with pytest.raises(SettingError, match=words):
+            study.replace(friction_coefficient=given)
+
+
+def test_a_damper_without_contacts_is_refused(folder, blade):
+    damper = read_calculix(folder / "damper")
+    with pytest.raises(
+        SettingError, match="contacts: expected at least one contact of 'damper', found none"
+    ):
+        build_model(blade, damper, contacts=[])
+
+
+def test_a_single_mode_is_doubted():
+    with pytest.warns(PlausibilityWarning, match="n_modes: plausible 3 to 1000, found 1; too few"):
+        Reduction(n_modes=1)
 
 
 def test_other_contacts_are_refused(blade):

@@ -545,3 +545,12 @@ def test_points_and_modes_are_checked_all_at_once():
         return count
 
     assert calls(n_points=24, n_blade_modes=8) <= 1.1 * calls(n_points=6, n_blade_modes=2)
+
+
+def test_a_free_body_without_contacts_is_refused():
+    model = wedge_model()
+    blade, damper = (replace(model.bodies[name], ports=()) for name in ("blade", "damper"))
+    bare = replace(model, bodies={"blade": blade, "damper": damper}, interfaces={})
+    words = "/bodies/damper/@ports: expected at least one contact of a free body, found none"
+    with pytest.raises(ModelError, match=words):
+        check_model(bare)

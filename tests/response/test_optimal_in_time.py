@@ -57,6 +57,31 @@ def test_a_second_preload_follows_if_the_first_does_not_confirm_the_optimum(
     assert [k.preload for k in asked.time_response] == pytest.approx([best, 1.35 * best])
 
 
+def test_the_headline_names_a_drop_beside_the_optimum(curve):
+    """A peak of 30 times the lowest amplitude at 0.94 of its preload, known or followed as a lower bound."""
+    best = replace(curve.optimum, kind="smooth")
+    curve = replace(curve, optimum=best)
+    n = len(curve)
+    preload = best.preload * np.linspace(0.94, 1.2, n)
+    smooth = best.amplitude * (1.0 + 0.1 * np.arange(n) / n)
+    jump = smooth.copy()
+    jump[0] = 30.0 * best.amplitude
+    unknown = np.full(n, np.nan)
+    incomplete = np.where(np.arange(n) == 0, np.nan, jump)
+    bound = np.where(np.arange(n) == 0, jump, np.nan)
+    place = f"at {amount(0.94 * best.preload, 'N')} {amount(30.0 * best.amplitude, 'm')}"
+    for amplitude, lower_bound in ((jump, unknown), (incomplete, bound)):
+        found = replace(curve, preload=preload, amplitude=amplitude, lower_bound=lower_bound)
+        assert f"; {place}, 30 times as high" in said(found)
+    # a smooth rise, and a jump that even 1.5 times less friction does not reach
+    calm = replace(curve, preload=preload, amplitude=smooth, lower_bound=unknown)
+    away = replace(
+        curve, preload=preload * [0.6, *np.ones(n - 1)], amplitude=jump, lower_bound=unknown
+    )
+    for other in (calm, away):
+        assert "times as high" not in said(other)
+
+
 @pytest.mark.slow
 def test_by_default_it_is_computed_at_the_optimum(study, curve, monkeypatch, tmp_path):
     monkeypatch.setattr(in_time, "time_response", keeps)
