@@ -610,7 +610,7 @@ class StressRows:
     @staticmethod
     def _kept(rows: NDArray) -> NDArray:
         """Return rows (6 n, m) as (n, 6, m), rounded to single precision."""
-        by_node = rows.reshape(-1, 6, rows.shape[1])
+        by_node = rows.reshape(len(rows) // 6, 6, rows.shape[1])
         single = np.complex64 if np.iscomplexobj(by_node) else np.float32
         return by_node.astype(single).astype(by_node.dtype)
 

@@ -325,7 +325,9 @@ def _band_around_peaks(curve: OptimalCurve) -> tuple[float, float]:
     stuck = curve.stuck.frequency
     margin = max(0.25 * abs(stuck - free), 0.03 * free)
     peaks = [f for f in (free, curve.optimum.frequency, stuck) if np.isfinite(f)]
-    return min(peaks) - margin, max(peaks) + margin
+    # a shroud raises the frequency several times, so that the margin may exceed the lowest one
+    low = max(min(peaks) - margin, 0.7 * min(peaks))
+    return low, max(peaks) + margin
 
 
 def _short(value: Any) -> str:
