@@ -53,10 +53,10 @@ given.
     mode. Otherwise all modes of the model are used, because convergence is slow.
 ``residual flexibility``
     A diagonal contact stiffness is compared with residual modes, which contain the complete
-    flexibility for stuck modes. Residual modes are compared with six more, the softest ones, or
-    with one for every force on the mesh, at most 72, if complete curves are asked for. Both studies
-    have at least three harmonics, because only the diagonal represents contact forces above the
-    highest harmonic, and more vectors make it smaller.
+    flexibility for stuck modes. Residual modes are compared with six more, the softest ones.
+    Complete curves compare them with one for every force on the mesh, at most 72. Both studies have
+    at least three harmonics, because only the diagonal represents contact forces above the highest
+    harmonic, and more vectors make it smaller.
 ``time``
     Time integration near the peak (:mod:`bdamper.time_domain.time_response`), only on request,
     because it takes longer than all other sources. The error is the difference from the farther end

@@ -124,11 +124,12 @@ class PeakTask(validation.Checked):
             "amplitude": peak.amplitude if peak.ok else np.nan,
             "lower_bound": peak.lower_bound,
             "frequency": peak.frequency if peak.ok else np.nan,
-            **(changes_by_source(peak.errors) if self.errors else {}),
+            **({"error": peak.error} if self.errors else {}),
             "residual": peak.residual,
             "stick": float(stick),
             "slip": float(slip),
             "open": float(separation),
+            **(changes_by_source(peak.errors) if self.errors else {}),
             "search_status": peak.search_status,
             "search_reason": peak.search_reason,
             "status": peak.status_text,
@@ -151,7 +152,7 @@ class OptimalTask(validation.Checked):
     frequency : (low, high), Hz, optional
     mode : int
     errors : bool
-        See :class:`PeakTask`; the errors are those of the optimum.
+        Estimate the errors of the optimum, as in :class:`PeakTask`.
     """
 
     preload: tuple[float, ...] = (10.0, 25e3)

@@ -18,8 +18,9 @@ because it changes at every fold.
 
 The equations are not smooth.  Where contacts change between stick, slip and separation, the
 iteration may alternate between two contact states near the solution.  Its point with the smallest
-residual is then read, as long as the residual is below :data:`READ` of the excitation.  Of 18 such
-readings 16 were within 15 % of the true change of the amplitude; above this limit, none was.
+residual is then read, as long as the residual is below :data:`READ` of the excitation.  16 of 18
+such readings were within 15 % of the true change of the amplitude. Readings above this limit were
+wrong.
 
 A lower maximum of the known curve may be the highest in the richer study.  Therefore all maxima
 above :data:`NEARLY_HIGHEST` are continued.  Peaks of other branches are not covered.
@@ -223,9 +224,9 @@ def with_motion_of_faces(old: Problem, new: Problem, preload: float, y: NDArray)
     """Embed a point in a study with other residual modes; the contact faces move as before.
 
     A residual coordinate has another force vector in the other study, and the diagonal flexibility
-    of the contact points differs as well.  All residual coordinates are therefore chosen anew, by
-    least squares for the motion of the faces.  This motion is that of the contact elements plus
-    the diagonal flexibility times the contact force.
+    of the contact points differs as well.  Least squares for the
+    motion of the faces therefore give all residual coordinates.  The faces move as the contact
+    elements, and by the diagonal flexibility times the contact force.
 
     For the parameters see :func:`embed`.
     """
@@ -287,7 +288,7 @@ def _least_squares(matrix: NDArray, right: NDArray) -> NDArray:
 
 
 def starting_point(old: Problem, new: Problem, preload: float, y: NDArray) -> NDArray:
-    """Return a point of one study in the unknowns of a richer one, as a start for Newton's method.
+    """Write a point of a study in the unknowns of a richer study, as a start for Newton's method.
 
     For the parameters see :func:`embed`.
     """
@@ -396,7 +397,8 @@ class Reached(NamedTuple):
     peak : Peak or None
         Peak of the richer study; None without convergence.
     amplitude, frequency : float, m, Hz
-        Those of the peak, or of the point with the smallest residual; NaN if this is too large.
+        Values at the peak, or at the point with the smallest residual; NaN if this residual is too
+        large.
     residual : float
         Smallest residual relative to the excitation; 0 for a peak.
     """
@@ -438,7 +440,7 @@ def richer_peaks(
     problem, richer : Problem
     preload : float, N
     peaks : sequence of Peak
-        Maxima of the study at this preload, the highest first.
+        Maxima of the study at this preload in descending order.
 
     Returns
     -------
@@ -600,7 +602,7 @@ def peak_errors(
     problem : Problem
     preload : float, N
     peaks : sequence of Peak
-        Maxima at this preload above :data:`NEARLY_HIGHEST`, the highest first.
+        Maxima at this preload above :data:`NEARLY_HIGHEST` in descending order.
     meter : CostMeter
         Counts the work.
     most_steps : int
@@ -626,7 +628,7 @@ def peak_errors(
 
 @dataclass
 class _Ladder:
-    """Peaks with two more harmonics at each step, each found from the one before.
+    """Peaks with two more harmonics at each step, which starts from the peak of the previous step.
 
     Parameters
     ----------
