@@ -1,7 +1,7 @@
 """Predictions beside measurements: ``python -m benchmarks.rigs [FOLDER]``.
 
-It prints the tables of docs/measurements.md.  The friction-damped beam needs no file.  The
-Brake-Reuss beam needs FOLDER with the public files
+It writes the tables of docs/measurements.md and the picture of the friction-damped beam, which needs
+no file.  The Brake-Reuss beam needs FOLDER with the public files
 
 * ``brb_force_controlled.csv``: stepped sines (Chen et al., MSSP 166, 2022, 108401 and 108402), with
   the columns level, frequency (Hz), force (N), acceleration (m/s^2) and phase (rad);
@@ -18,8 +18,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
+from scipy.optimize import brentq
 
 import bdamper as bd
+from bdamper.analyses.nonlinear_mode import NonlinearMode
 from bdamper.importers import MeasuredMode, read_mode, read_responses
 
 MODAL_MASS = 1.9505
@@ -32,6 +34,10 @@ NOISE = 0.05
 
 CONTACT_STIFFNESS, FRICTION_LIMIT = 1e8, 106.0
 """Of the Jenkins element, N/m and N."""
+MEASURED_FREQUENCIES = (107.621, 428.744, 1279.82)
+"""Frequencies (Hz) of the rig at small amplitude, measured in 2025 (repository maltekrack/NLtest, BT02)."""
+MEASURED_SHIFT, MEASURED_DAMPING = 0.36, 0.15
+"""Published decrease of the first frequency from stick to sliding, and highest damping ratio."""
 AT_CONTACT, AT_TIP = 2 * 5 - 2, 2 * 14 - 2
 """Deflections of node 5 and of the tip among the degrees of freedom."""
 
@@ -73,7 +79,23 @@ def beam_matrices() -> tuple[NDArray, NDArray]:
     return mass[2:, 2:], stiffness[2:, 2:]
 
 
-def friction_damped_beam(harmonics: int, n_modes: int = 6) -> bd.Study:
+def stuck_frequencies(contact_stiffness: float) -> NDArray:
+    """Return the natural frequencies (Hz) of the beam with a sticking contact (N/m)."""
+    mass, stiffness = beam_matrices()
+    stiffness[AT_CONTACT, AT_CONTACT] += contact_stiffness
+    return np.sqrt(eigh(stiffness, mass, eigvals_only=True)) / (2.0 * np.pi)
+
+
+def fitted_stiffness() -> float:
+    """Return the contact stiffness (N/m) with which the beam has the measured first frequency."""
+    return float(
+        brentq(lambda k: stuck_frequencies(k)[0] - MEASURED_FREQUENCIES[0], 1e7, CONTACT_STIFFNESS)
+    )
+
+
+def friction_damped_beam(
+    harmonics: int, n_modes: int = 6, contact_stiffness: float = CONTACT_STIFFNESS
+) -> bd.Study:
     """Return the beam with a Jenkins element on the deflection of node 5 from the clamped end.
 
     Modes above ``n_modes`` are condensed into a spring in series with the element.
@@ -82,7 +104,7 @@ def friction_damped_beam(harmonics: int, n_modes: int = 6) -> bd.Study:
     omega2, shapes = eigh(stiffness, mass)
     at_contact, at_tip = shapes[AT_CONTACT], shapes[AT_TIP]
     residual = float((at_contact[n_modes:] ** 2 / omega2[n_modes:]).sum())
-    kt = 1.0 / (1.0 / CONTACT_STIFFNESS + residual)
+    kt = 1.0 / (1.0 / contact_stiffness + residual)
     sliding = {k: float(at_contact[k]) for k in range(n_modes)}
     tip = {k: float(at_tip[k]) for k in range(n_modes)}
     return bd.lumped(
@@ -97,17 +119,59 @@ def friction_damped_beam(harmonics: int, n_modes: int = 6) -> bd.Study:
 
 
 def beam_rows() -> list[str]:
-    """Return the rows of the friction-damped beam for several numbers of harmonics."""
+    """Return the rows of the friction-damped beam for both stiffnesses and numbers of harmonics."""
     rows = []
-    for harmonics in (1, 3, 9):
-        mode = friction_damped_beam(harmonics).nonlinear_mode(0.0, 1, (1e-5, 2e-2))
-        top = int(mode.damping_ratio.argmax())
-        shift = 1.0 - mode.frequency.min() / mode.frequency.max()
-        rows.append(
-            f"| {harmonics} | {100.0 * mode.damping_ratio[top]:.1f} % at "
-            f"{1e6 * mode.amplitude[top]:.0f} µm | {100.0 * shift:.1f} % | {mode.status} |"
-        )
+    for name, contact_stiffness in (("public", CONTACT_STIFFNESS), ("fitted", fitted_stiffness())):
+        for harmonics in (1, 3, 9):
+            mode = beam_mode(harmonics, contact_stiffness)
+            top = int(mode.damping_ratio.argmax())
+            shift = 1.0 - mode.frequency.min() / mode.frequency.max()
+            rows.append(
+                f"| {name}, {contact_stiffness:.4g} N/m | {harmonics} | "
+                f"{100.0 * mode.damping_ratio[top]:.1f} % at {1e6 * mode.amplitude[top]:.0f} µm | "
+                f"{100.0 * shift:.1f} % | {mode.status} |"
+            )
     return rows
+
+
+def beam_mode(harmonics: int, contact_stiffness: float) -> NonlinearMode:
+    """Return the first nonlinear mode of the beam."""
+    study = friction_damped_beam(harmonics, contact_stiffness=contact_stiffness)
+    return study.nonlinear_mode(0.0, 1, (1e-5, 2e-2))
+
+
+def frequency_rows() -> list[str]:
+    """Return the natural frequencies of the sticking beam beside the measured ones."""
+    public, fitted = stuck_frequencies(CONTACT_STIFFNESS), stuck_frequencies(fitted_stiffness())
+    return [
+        f"| {mode} | {measured:.1f} | {public[mode - 1]:.1f} | {fitted[mode - 1]:.1f} |"
+        for mode, measured in enumerate(MEASURED_FREQUENCIES, 1)
+    ]
+
+
+def draw_beam(path: Path) -> None:
+    """Draw frequency and damping of the beam over the amplitude, with the published values."""
+    import matplotlib.pyplot as plt
+
+    figure, (upper, lower) = plt.subplots(2, 1, sharex=True, figsize=(5.0, 5.0))
+    for harmonics, style in ((1, ":"), (3, "-"), (9, "--")):
+        mode = beam_mode(harmonics, fitted_stiffness())
+        micrometres = 1e6 * mode.amplitude
+        label = f"computed, {harmonics} harmonic" + "s" * (harmonics > 1)
+        upper.plot(micrometres, mode.frequency, color="0.1", linestyle=style, label=label)
+        lower.plot(micrometres, 100.0 * mode.damping_ratio, color="0.1", linestyle=style)
+    stick = MEASURED_FREQUENCIES[0]
+    upper.axhline(stick, color="C3", label="measured in stick")
+    sliding = (1.0 - MEASURED_SHIFT) * stick
+    upper.axhline(sliding, color="C3", linestyle="--", label="measured in sliding, 36 % lower")
+    lower.axhline(100.0 * MEASURED_DAMPING, color="C3", label="measured, up to 15 %")
+    upper.set(ylabel="Frequency (Hz)")
+    lower.set(xscale="log", xlabel="Amplitude of the tip (µm)", ylabel="Damping ratio (%)")
+    for axes in (upper, lower):
+        axes.legend(fontsize=7.0)
+    figure.tight_layout()
+    figure.savefig(path, dpi=120)
+    plt.close(figure)
 
 
 # ---- Brake-Reuss beam ----
@@ -211,19 +275,41 @@ def reduction_rows() -> list[str]:
     return rows
 
 
+# ---- Page ----
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "measurements.md"
+OF_BEAM = "| contact stiffness | harmonics | largest damping ratio | frequency shift | status |"
+OF_FREQUENCIES = "| mode | measured (Hz) | public stiffness (Hz) | fitted stiffness (Hz) |"
+OF_JOINT = (
+    "| fitted to | damping, hammer | frequency, hammer | damping, sweeps | frequency, sweeps |"
+)
+OF_REDUCTION = (
+    "| damping ratio | at the optimum | at twice this preload | at four times this preload |"
+)
+"""Heads of the tables that the command writes."""
+
+
+def with_table(page: str, head: str, rows: Sequence[str]) -> str:
+    """Return the page with other rows in the table that has a head."""
+    lines = page.splitlines()
+    # a line of dashes follows the head
+    first = lines.index(head) + 2
+    end = first
+    while end < len(lines) and lines[end].startswith("|"):
+        end += 1
+    return "\n".join([*lines[:first], *rows, *lines[end:]]) + "\n"
+
+
 def main() -> None:
-    """Print the tables."""
-    print("| damping ratio | at the optimum | at twice its preload | at four times |")
-    print("|---|---|---|---|")
-    print("\n".join(reduction_rows()), end="\n\n")
-    print("| harmonics | largest damping ratio | frequency shift | status |\n|---|---|---|---|")
-    print("\n".join(beam_rows()))
+    """Write the tables and the picture of the page."""
+    page = PAGE.read_text(encoding="utf-8")
+    page = with_table(page, OF_BEAM, beam_rows())
+    page = with_table(page, OF_FREQUENCIES, frequency_rows())
+    page = with_table(page, OF_REDUCTION, reduction_rows())
     if len(sys.argv) > 1:
-        print(
-            "\n| fitted to | damping, hammer | frequency, hammer | damping, sweeps | frequency, sweeps |"
-        )
-        print("|---|---|---|---|---|")
-        print("\n".join(rows_of(fitted_to(Path(sys.argv[1])))))
+        page = with_table(page, OF_JOINT, rows_of(fitted_to(Path(sys.argv[1]))))
+    PAGE.write_text(page, encoding="utf-8")
+    draw_beam(PAGE.parent / "images" / "friction-damped-beam.png")
 
 
 if __name__ == "__main__":

@@ -644,7 +644,6 @@ def plot_excitation_curve(
             raise SettingError(f"measured: expected two lists of one length, found {found}")
         points = {"linestyle": "", "marker": "o", "markerfacecolor": "w", "color": "C3"}
         ax[0].plot(excitation, amplitude, label="measured", **points)
-        ax[0].legend()
     for axes in ax:
         axes.set(xscale="log")
     ax[0].set(yscale="log", xlabel="", title=f"preload {amount(curve.preload, 'N')}")
