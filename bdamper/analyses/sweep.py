@@ -451,6 +451,12 @@ class SweepResult(WithRowStatus, Plottable, Tabular, Recorded, Storable, kind="b
 
         lowest = int(np.nanargmin(values))
         highest = int(np.nanargmax(values))
+        n_known = int(np.isfinite(values).sum())
+        rounding = 1e-9 * abs(float(values[lowest]))
+        if n_known > 1 and values[highest] - values[lowest] <= rounding:
+            settings = ", ".join(spaced(setting) for setting in self.names)
+            verdict = f"No effect of {settings}: {spaced(name)} {value_text(lowest)} at all points"
+            return Statement([verdict], [Row("Sweep", points)], remarks=further, table=table)
         place = as_words(row_of(self.points, lowest))
         verdict = f"Lowest {spaced(name)} {value_text(lowest)}: {place}"
         rows = [Row("Sweep", points)]

@@ -91,9 +91,9 @@ def _verdict(curve: OptimalCurve) -> str:
 
 
 def _drop(curve: OptimalCurve) -> str:
-    """Return the preload and the amplitude of a drop beside the optimum, or "".
+    """Return the preload and the amplitude of a drop next to the optimum, or "".
 
-    Between neighbouring preloads a steep slope and a jump look alike.  Within the spread of
+    From one preload to the next, a steep slope and a jump look alike.  Within the spread of
     friction coefficients, which acts like one of the preload, both decide about the design.  An
     amplitude that a search has followed counts as a lower bound.
     """

@@ -1055,6 +1055,20 @@ class TestUncertainty:
             call(study)
 
 
+def constant(study, preload):
+    """An answer that no setting changes, but for rounding."""
+    return {"amplitude": 2e-3 * (1.0 + 1e-14 * study.problem.settings.damping_ratio)}
+
+
+def test_a_setting_without_effect_has_no_lowest_value():
+    study = bd.lumped(
+        1.0, 0.1, 1.0, contacts=[bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)], forces={0: 1.0}
+    )
+    found = bd.sweep(study, {"damping_ratio": [0.01, 0.02, 0.03]}, constant)
+    assert said(found).startswith("No effect of damping ratio: amplitude 2 mm at all points")
+    assert "owest" not in said(found)
+
+
 def test_models_without_a_loaded_body_say_so():
     study = plain_study(
         ground_model(), excitation=bd.Excitation("tip"), engine_order=2, contact_stiffness=1e6
