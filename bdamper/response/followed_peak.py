@@ -45,9 +45,9 @@ from bdamper.response.peak import Peak, PeakOptions, coarse_options, find_peak
 from bdamper.response.response_curve import frequency_response
 from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
 from bdamper.response.richer_peak import MOST_STEPS
-from bdamper.util.errors import FAILURES_AT_ONE_PRELOAD, INCOMPLETE
+from bdamper.util.errors import FAILURES_AT_ONE_PRELOAD, INCOMPLETE, INTERRUPTED
 from bdamper.util.formatting import amount, peak_text
-from bdamper.util.progress import CostMeter, one_thread, single_thread
+from bdamper.util.progress import CostMeter, LongWork, one_thread, single_thread
 
 DROP = 1.0 / 3.0
 """Relative decrease of the amplitude from one preload to the next one above which the lower
@@ -318,18 +318,24 @@ def with_verdict(
 
     Branches may cover the interval (Hz) although a higher response is known, or although no steady
     periodic response is expected.  The reason is then that of :attr:`AtPreload.ending`.  A curve
-    that is highest at an end of the interval remains complete, but its peak is incomplete.
+    that is highest at an end of the interval remains complete, but its peak is incomplete.  After
+    Ctrl-C the curve is interrupted.
     """
     if not len(curve) or curve.interrupted:
         return curve
-    with single_thread():
+    with LongWork() as work, single_thread():
         response = of_curve(problem, curve, frequency)
         response = with_lower_preloads(problem, response, frequency)
+    if work.interrupted:
+        reason = "by the user, before peaks of lower preloads were followed"
+        return replace(curve, status=INTERRUPTED, reason=reason)
+    if len(curve.folds):
+        curve = replace(curve, cost=curve.cost + response.cost)
     end = response.ending
     only_at_end = response.top is not None and response.top.kind == "end" and not response.rattles
     if end.ok or only_at_end:
         return curve
-    return replace(curve, status=INCOMPLETE, reason=end.reason, cost=curve.cost + response.cost)
+    return replace(curve, status=INCOMPLETE, reason=end.reason)
 
 
 def with_lower_preloads(

@@ -11,6 +11,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.analyses import crossings
+from bdamper.response import followed_peak
 from bdamper.response.highest_peak import FOLLOWED
 from bdamper.response.response_curve_result import NO_STEADY
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND
@@ -79,6 +80,18 @@ def test_a_branch_that_only_lower_preloads_show():
     assert study.peak(preload, interval).lower_bound == pytest.approx(0.084906, rel=1e-3)
     assert curve.status == "incomplete" and FOLLOWED in curve.reason
     assert "Lower bound" in str(curve) and "followed from" in str(curve)
+
+
+def test_an_interrupt_during_the_verdict_keeps_the_curve(monkeypatch):
+    study = bd.load_study(MODELS / "study_followed.h5")
+    interval = (0.06405198871972549, 0.8958762237234519)
+
+    def stops(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(followed_peak, "_coarse_at", stops)
+    curve = study.frequency_response(0.09145101144214342, interval)
+    assert curve.status == "interrupted" and curve.amplitude.max() > 0.0328
 
 
 SEED = 10099
