@@ -356,6 +356,7 @@ ONE_OF_EACH = {
         "fem.reduced_bodies", "fem.sector_inside",
         "fem.local_basis", "fem.contact_patches", "time_domain.integration",
         "mistuning.peak_search",
+        "response.richer_peak",
     },
     # the Newton method of the core, and the elimination of a wheel
     r"\bcore\.(correct|peak|solve)$": {"harmonic_balance.equations"},
@@ -366,6 +367,7 @@ ONE_OF_EACH = {
         "analyses.error_estimates", "analyses.flutter", "analyses.nonlinear_mode",
         "response.highest_peak", "response.peak",
         "analyses.engine_order_line", "mistuning.peak_search", "mistuning.disk_problem", "mistuning.bladed_disk",
+        "response.richer_peak",
     },
     # HDF5
     r"create_dataset$|create_group$": {"util.records"},
