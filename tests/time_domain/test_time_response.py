@@ -17,6 +17,7 @@ from bdamper.time_domain.integration import (
     TimeSpent,
     all_sectors,
     every_diameter,
+    extended,
     transfer,
 )
 from bdamper.time_domain.steady_amplitude import BalanceCurve, SteadySearch
@@ -140,6 +141,45 @@ def test_a_motion_carried_to_another_structure_has_the_same_displacements_at_the
         back = transfer(ring, found, rings[0])
         for part, expected in zip(back[:2], start[:2]):
             np.testing.assert_array_equal(part, np.where(kept[0], expected, 0.0))
+
+
+@pytest.mark.slow
+def test_modes_that_a_curve_lacks_start_in_equilibrium_with_its_contact_forces():
+    """Stiffness times displacement is load minus contact force; at rest, stiff contacts lose energy in the first period."""
+    own = disk(harmonics=3, blade_modes=4)
+    middle, _ = structure_in_time(own.problem, 330.0)
+    source, ring = (all_sectors(problem, 125.0) for problem in (own.problem, middle))
+    curve = own.frequency_response(125.0, (330.0, 332.0))
+    u, omega = curve.unknowns[0], 2.0 * np.pi * float(curve.frequency[0])
+    assert extended(source, u, source) is u
+    found = extended(source, u, ring)
+
+    _, force, _ = source.system.contact(u)
+    for l, basis in enumerate(ring.system.structure.bases):
+        old = {(c.body, c.index) for c in source.system.structure.bases[l].coordinates}
+        q = ring.system.layout.amplitudes(found, l)
+        load = ring.system.layout.amplitudes(np.asarray(ring.system.structure.force), l)
+        F = force[..., 0] if l == 0 else force[..., 2 * l - 1] - 1j * force[..., 2 * l]
+        pulled = np.conj(np.asarray(basis.G)).reshape(-1, len(q)).T @ F.ravel()
+        kept = source.system.layout.amplitudes(u, l)
+        names = [(c.body, c.index) for c in source.system.structure.bases[l].coordinates]
+        for j, c in enumerate(basis.coordinates):
+            name = (c.body, c.index)
+            if c.body != RESIDUAL and name in old:
+                assert q[j] == kept[names.index(name)]
+            else:
+                balance = basis.omega2[j] * q[j] - (load[j] - pulled[j])
+                assert abs(balance) <= 1e-9 * np.abs(load - pulled).max()
+
+    def loss(motion):
+        """Energy (J) that the time steps lose in the first period."""
+        work, damping, contacts, rise = ring.integrate(motion, omega, 256).energy[0]
+        return abs(work - damping - contacts - rise)
+
+    at_rest = transfer(source, source.start(u, omega, 256), ring)
+    moving = ring.start(found, omega, 256)
+    assert ring.contact_energy(moving) < ring.contact_energy(at_rest)
+    assert loss(moving) < 0.5 * loss(at_rest)
 
 
 @pytest.mark.slow
