@@ -598,6 +598,9 @@ class Problem:
         kn = self.point_stiffness[:, 2]
         cubic = self.point_laws == LAW_CUBIC
         no_force = np.zeros(basis.n_modes)
+        # number of the body of each mode; a residual mode counts as a body
+        owners = [c if c.body == RESIDUAL else c.body for c in basis.coordinates]
+        number = {owner: i for i, owner in enumerate(dict.fromkeys(owners))}
         return StaticSystem(
             stiffness=basis.omega2,
             G=basis.G.real,
@@ -611,6 +614,7 @@ class Problem:
             bonded=self.bonded_points,
             cubic=self.point_stiffness[:, :2] * cubic[:, None],
             own=self.own_laws,
+            body=np.array([number[owner] for owner in owners], int),
         )
 
     @made_once

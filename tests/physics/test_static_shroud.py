@@ -49,6 +49,36 @@ def test_a_small_load_next_to_a_large_one(preload):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("preload", "load", "mu"), [(0.016244, 235.279, 0.06009), (0.0079246, 49.4295, 0.28008)]
+)
+def test_every_body_is_in_equilibrium_under_its_own_load(preload, load, mu):
+    """Dampers of some mN beside the shroud.
+
+    With one unit of force for all bodies, a first step of 5e-8 N was accepted while the dampers
+    carried nothing, and no state followed.  The second case took 7,000 short steps.
+    """
+    study = shrouded(load, mu=mu, load_per_preload={"front": 1.0, "rear": 0.6}, harmonics=1)
+    state, system = study.static(preload), study.problem.static_system(preload)
+    assert state.ok, state.reason
+    assert state.steps < 300
+    applied = preload * system.force + system.constant_force
+    contact = np.einsum("pdm,pd->m", system.G, state.force)
+    imbalance = np.abs(contact + system.stiffness * state.q - applied)
+    bodies = np.array([mode.body for mode in study.problem.static_basis.coordinates])
+    for damper in ("front", "rear"):
+        own = bodies == damper
+        assert imbalance[own].max() < 1e-10 * np.abs(applied[own]).max(), damper
+    blade = bodies == "blade"
+    assert imbalance[blade].max() < 1e-10 * np.abs(contact[blade]).max()
+    motion = np.einsum("pdm,m->pd", system.G, state.q) + system.shift_at(preload)
+    normal = np.maximum(system.n0 + system.kn * motion[:, 2], 0.0)
+    np.testing.assert_allclose(state.force[:, 2], normal, atol=1e-9 * preload)
+    friction = np.abs(state.force[:, :2]).max(axis=1)
+    assert np.all(friction <= system.mu * normal + 1e-9 * preload)
+
+
+@pytest.mark.slow
 def test_the_default_interval_comes_from_the_asked_preload(monkeypatch):
     """The free response needs the state without a preload."""
     study = shrouded(500.0, harmonics=1)
