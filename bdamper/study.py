@@ -69,9 +69,11 @@ from bdamper.model.loads import Direction, Excitation, Response
 from bdamper.model.model_file import read_model, write_model
 from bdamper.model.structure import Model
 from bdamper.model.validation import check_model, check_model_once
+from bdamper.response import first_slip as slip
 from bdamper.response import followed_peak, linear_limits, sensitivity
 from bdamper.response import optimal_curve as optimal
 from bdamper.response.events import ContinuationOptions
+from bdamper.response.first_slip import FirstSlip
 from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak, PeakOptions
@@ -306,6 +308,48 @@ class Study(Comparable):
         preload : float, N
         """
         return self.problem.wedge_friction(preload)
+
+    @partial(validation.check_arguments, name="first_slip")
+    @needs_contacts
+    def first_slip(
+        self,
+        preload: float | None = None,
+        frequency: tuple[float, float] | None = None,
+        *,
+        mode: int = 1,
+    ) -> FirstSlip:
+        """Compute the excitation at which the closed contacts of a stuck resonance begin to slip.
+
+        Below it the structure can vibrate as if its contacts were bonded, with the residual forces
+        that allow most.  A linear programme finds them.
+
+        Parameters
+        ----------
+        preload : float, N, optional
+            Default: centrifugal load of the damper at the rotor speed of the study; 0 if only
+            constant loads or interference act.
+        frequency : (low, high), Hz, optional
+            Frequency interval; by default, it contains the free and the stuck resonance of
+            ``mode``.
+        mode : int
+            Mode of the constrained bodies, 1 for the lowest.
+
+        Returns
+        -------
+        FirstSlip
+            Excitation and amplitude at first slip, margin of the excitation of the study, and the
+            faces that limit them.
+
+        Raises
+        ------
+        SettingError, StaticError
+            If the study has compiled laws or no separation, or there is no static state.
+        """
+        if preload is None:
+            preload = 0.0
+            if self.problem.carries_load and self.problem.settings.speed is not None:
+                preload = rotor_speed.preload_at(self.problem, self.problem.settings.speed)
+        return slip.first_slip(self.problem.at(preload), frequency, mode)
 
     def __str__(self) -> str:
         rows = [(fact.name, fact.text) for fact in self._facts() if fact.known]

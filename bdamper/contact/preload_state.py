@@ -145,6 +145,14 @@ class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="con
         outcome = "pass" if self.ok else "FAIL"
         checks = [Row("Equilibrium", outcome, f"residual {self.residual:.2g}")]
         remarks = [f"Edge contact: {self.edges}"] if self.edges else []
+        if self.ok:
+            for name, slip in self.static_slip.items():
+                if slip > self.point_distance[name]:
+                    remarks.append(
+                        f"{name!r} slips by {amount(slip, 'm')} at rest, farther than neighbouring "
+                        f"points are apart ({amount(self.point_distance[name], 'm')}): the faces "
+                        "would leave each other; choose a smaller load or interference"
+                    )
         remarks.append("Not covered: other states that friction allows")
         subject = f"static state under {amount(self.load, 'N')}"
         return Statement([f"{verdict}: {subject}"], rows, checks, remarks)
@@ -185,6 +193,42 @@ class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="con
                     f"where the mean pressure is {pressure}"
                 )
         return "; ".join(texts)
+
+    @property
+    def static_slip(self) -> dict[str, float]:
+        """Largest slip (m) of a point on each friction face from assembly to this state.
+
+        It is empty if the faces are unknown.
+        """
+        if self.on_friction_face is None or self.points is None:
+            return {}
+        names = np.array(self.interface)
+        slip = np.linalg.norm(self.slider, axis=1)
+        closed = (self.status != OPEN).all(axis=1)
+        total = {}
+        for name in dict.fromkeys(names[np.asarray(self.on_friction_face, bool)]):
+            of_face = slip[(names == name) & closed]
+            total[str(name)] = float(of_face.max(initial=0.0))
+        return total
+
+    @property
+    def point_distance(self) -> dict[str, float]:
+        """Distance (m) of each point to its nearest neighbour, the largest one on each interface.
+
+        It is infinite for a face with one point.
+        """
+        if self.points is None:
+            return {}
+        names = np.array(self.interface)
+        distances = {}
+        for name in dict.fromkeys(names):
+            points = self.points[names == name]
+            apart = np.linalg.norm(points[:, None] - points, axis=2)
+            np.fill_diagonal(apart, np.inf)
+            nearest = apart.min(axis=1)
+            # lumped masses have all points at one place
+            distances[str(name)] = float(nearest.max()) if nearest.max() > 0.0 else np.inf
+        return distances
 
     @property
     def normal_force(self) -> dict[str, float]:

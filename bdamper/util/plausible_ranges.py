@@ -201,6 +201,7 @@ WITHOUT_RANGE = {
     "microslip.preload": UNEXCITED,
     "static.preload": UNEXCITED,
     "wedge_friction.preload": UNEXCITED,
+    "first_slip.preload": UNEXCITED,
     "BladedDisk.state.preload": UNEXCITED,
     "BladedDisk.system.preload": UNEXCITED,
     "BladedDisk.tuned_peak.preload": UNEXCITED,

@@ -161,6 +161,7 @@ NEEDS = {
     "static": lambda s, peak, curve: s.static(0.0),
     "stuck": lambda s, peak, curve: s.stuck((900.0, 1000.0)),
     "wedge_friction": lambda s, peak, curve: s.wedge_friction(),
+    "first_slip": lambda s, peak, curve: s.first_slip(),
     "optimal_curve": lambda s, peak, curve: s.optimal_curve((10.0, 100.0)),
     "resonance_crossings": lambda s, peak, curve: s.resonance_crossings((1000.0, 2000.0), [D]),
     "time_response": lambda s, peak, curve: s.time_response(peak),

@@ -1,5 +1,7 @@
 """Static states of dampers next to a shroud that has a load of its own."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -104,3 +106,17 @@ def test_a_loose_damper_takes_a_finite_number_of_steps():
     )  # fmt: skip
     check(study, 100.0, 200.0)
     assert study.static(100.0).steps < 1000
+
+
+def test_a_face_that_slips_beyond_its_neighbouring_points_is_named():
+    """The points of the shroud are 10 mm apart."""
+    state = shrouded(50.0, harmonics=1).static(0.0)
+    of_shroud = np.array(state.interface) == "shroud"
+    assert state.point_distance["shroud"] == pytest.approx(0.01, rel=1e-6)
+    for slip, named in ((0.009, False), (0.011, True)):
+        # along both directions, 3 : 4
+        slider = np.where(of_shroud[:, None], np.array([0.6, -0.8]) * slip, 0.0)
+        moved = replace(state, slider=slider)
+        assert moved.static_slip["shroud"] == pytest.approx(slip, rel=1e-12)
+        text = " ".join(str(moved).split())
+        assert ("the faces would leave each other" in text) == named

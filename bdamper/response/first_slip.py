@@ -1,0 +1,303 @@
+r"""Excitation at which closed contacts begin to slip.
+
+With all closed points stuck, the contact forces of harmonic 1 are
+:math:`\lambda (\hat T_d, \hat N)`, proportional to the factor :math:`\lambda` on the excitation.  No
+point slips or opens within the cycle if mean forces exist with
+
+.. math:: e\cdot\bar T + \lambda\, |e\cdot\hat T - \mu \hat N| \le \mu \bar N, \qquad \lambda |\hat N| \le \bar N
+
+for the directions :math:`e` of friction, each with its opposite, and mean modal coordinates in equilibrium with them.  All
+conditions are linear in :math:`\bar T`, the mean coordinates and :math:`\lambda`, so the largest
+:math:`\lambda` is the solution of a linear programme.
+
+This is the condition of Melan for shakedown.  It is necessary, but with coupled normal and
+tangential motion not sufficient: which mean forces remain depends on the start (Klarbring,
+Ciavarella and Barber, Int. J. Solids Struct. 44, 2007).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from bdamper.contact.laws import LAW_BONDED, LAW_COUPLED, LAW_COUPLED_CONSTANT, refuse
+from bdamper.harmonic_balance.problem import LoadCase
+from bdamper.response.linear_limits import linear_peak, peak_interval
+from bdamper.util import validation
+from bdamper.util.display import Summarised
+from bdamper.util.errors import SettingError
+from bdamper.util.formatting import amount, percent, short_repr
+from bdamper.util.statement import Row, Statement
+
+POLYGON = 16
+"""Directions of the polygon inside the friction circle of coupled friction.
+
+It is 2 % smaller than the circle across its sides, so that slip begins up to 2 % later than found.
+"""
+DROPPED = 1e-9
+"""Weight of a condition, relative to the largest one, below which it does not limit."""
+
+
+@short_repr
+@dataclass(frozen=True)
+class FirstSlip(Summarised):
+    """Excitation at which the closed contacts of a resonance begin to slip.
+
+    Parameters
+    ----------
+    preload : float, N
+    excitation : float
+        Amplitude of the excitation of the study, in ``unit``.
+    unit : str
+    factor : float
+        Excitation of first slip in units of ``excitation``; infinite if no contact force limits it.
+    frequency : float, Hz
+        Resonance with all closed points stuck.
+    amplitude : float, m
+        Amplitude of this resonance under ``excitation``, if nothing slips.
+    limiting : mapping of interface name to float
+        Contribution of each interface to the limit; the sum is 1.
+    opens : bool
+        Whether points that are open at rest touch below the excitation of first slip.
+    """
+
+    preload: float
+    excitation: float
+    unit: str
+    factor: float
+    frequency: float
+    amplitude: float
+    limiting: dict[str, float]
+    opens: bool
+
+    @property
+    def force(self) -> float:
+        """Excitation of first slip, in ``unit``."""
+        return self.factor * self.excitation
+
+    @property
+    def amplitude_at_first_slip(self) -> float:
+        """Amplitude (m) of the stuck resonance at first slip."""
+        return self.factor * self.amplitude
+
+    @property
+    def locked(self) -> bool:
+        """Whether nothing needs to slip under the excitation of the study."""
+        return self.factor >= 1.0
+
+    _states_all = True
+
+    def _statement(self) -> Statement:
+        own = amount(self.excitation, self.unit)
+        subject = f"preload {amount(self.preload, 'N')}, stuck resonance {self.frequency:.4g} Hz"
+        if np.isinf(self.factor):
+            verdict = f"Locked under any excitation: {subject}"
+        elif self.locked:
+            verdict = f"Locked below {amount(self.force, self.unit)}: {subject}"
+        else:
+            verdict = f"Slips above {amount(self.force, self.unit)}: {subject}"
+        rows = [
+            Row("Locked amplitude", amount(self.amplitude, "m"), f"under {own}, if nothing slips")
+        ]
+        if np.isfinite(self.factor):
+            rows.append(
+                Row("Amplitude", amount(self.amplitude_at_first_slip, "m"), "at first slip")
+            )
+            rows.append(Row("Margin", f"{self.factor:.3g}", f"first slip over excitation ({own})"))
+        by_part = sorted(self.limiting.items(), key=lambda item: -item[1])
+        for name, part in by_part:
+            if part >= 0.01:
+                rows.append(Row(f"Limit by {name}", percent(part)))
+        remarks = [
+            "Other residual forces give less: the limit is necessary, not sufficient, if normal and "
+            "tangential motion are coupled; check with study.time_response",
+        ]
+        if self.opens:
+            remarks.insert(0, "Points that are open at rest touch before first slip")
+        return Statement([verdict], rows, remarks=remarks)
+
+
+def first_slip(
+    case: LoadCase, frequency: tuple[float, float] | None = None, mode: int = 1
+) -> FirstSlip:
+    """See :meth:`bdamper.Study.first_slip`."""
+    problem = case.problem
+    refuse(problem.own_laws, "first slip")
+    if not (problem.settings.separation and problem.settings.variable_normal_load):
+        raise SettingError(
+            "first_slip: expected contacts with separation and variable normal load, found a "
+            "study without them"
+        )
+    interval = peak_interval(case, frequency, mode)
+    peak = linear_peak(case, interval, stuck=True)
+    validation.check(
+        np.isfinite(peak.amplitude),
+        "frequency",
+        "an interval with a damped resonance of the stuck structure",
+        f"{interval[0]:g} to {interval[1]:g} Hz without one",
+    )
+    springs = case.stuck_springs(touching=True)
+    q = case.sector.linear.response(2.0 * np.pi * peak.frequency, springs)
+    motion = np.einsum("pdm,m->pd", problem.bases[1].G, q)
+    programme = _Programme(case, motion, springs)
+    factor, weight = programme.largest_factor()
+
+    names = np.array(problem.coupling.interface_of)
+    total = max(float(weight.sum()), 1e-300)
+    limiting = {}
+    for name in dict.fromkeys(names.tolist()):
+        part = float(weight[names == name].sum()) / total
+        if part > 0.0:
+            limiting[name] = part
+    excitation = problem.settings.excitation
+    return FirstSlip(
+        preload=case.preload,
+        excitation=float(excitation.amplitude),
+        unit=problem.settings.unit_of(excitation),
+        factor=factor,
+        frequency=peak.frequency,
+        amplitude=peak.amplitude,
+        limiting=limiting,
+        opens=programme.touches(min(factor, 1e300)),
+    )
+
+
+class _Programme:
+    """Linear programme for mean forces without slip, as changes from the static state.
+
+    The unknowns are the change of the mean coordinates (n_modes,), that of the mean friction
+    (n_points, 2) and the factor on the excitation.
+
+    Parameters
+    ----------
+    case : LoadCase
+    motion : (n_points, 3) complex, m
+        Motion of harmonic 1 under the excitation, with all closed points stuck.
+    springs : (n_points, 3) float, N/m
+        Springs of the stuck points, 0 at open ones.
+    """
+
+    def __init__(self, case: LoadCase, motion: NDArray, springs: NDArray) -> None:
+        problem = case.problem
+        self.state = case.equilibrium
+        self.system = problem.static_system(case.preload)
+        self.motion = motion
+        law = problem.point_laws
+        self.bonded = law == LAW_BONDED
+        self.closed = (springs > 0.0).any(axis=1) & ~self.bonded
+        self.coupled = np.isin(law, (LAW_COUPLED, LAW_COUPLED_CONSTANT))
+        # unit of force: the largest normal force at rest
+        self.unit = max(float(self.state.force[:, 2].max(initial=0.0)), 1e-300)
+
+    def _directions(self) -> list[tuple[NDArray, NDArray, NDArray]]:
+        """Return points, direction (2,) and factor on the friction limit of each set of conditions.
+
+        Friction acts along both axes, or within a polygon for coupled friction.
+        """
+        rubs = self.closed & (self.system.kt > 0.0).any(axis=1)
+        along_axes = np.flatnonzero(rubs & ~self.coupled)
+        within_circle = np.flatnonzero(rubs & self.coupled)
+        sets = []
+        for d in range(2):
+            for sense in (1.0, -1.0):
+                direction = np.zeros(2)
+                direction[d] = sense
+                sets.append((along_axes, direction, np.ones(1)))
+        for angle in 2.0 * np.pi * np.arange(POLYGON) / POLYGON:
+            direction = np.array([np.cos(angle), np.sin(angle)])
+            sets.append((within_circle, direction, np.full(1, np.cos(np.pi / POLYGON))))
+        return sets
+
+    def largest_factor(self) -> tuple[float, NDArray]:
+        """Return the largest factor and the weight (n_points,) with which each point limits it."""
+        system = self.system
+        n_points, _, n_modes = system.G.shape
+        static = self.state.force
+        kn = np.where(self.closed, system.kn, 0.0)
+        kt = np.where(self.closed[:, None], system.kt, 0.0)
+        friction_amplitude = kt * self.motion[:, :2]
+        normal_amplitude = kn * self.motion[:, 2]
+
+        # coordinates with a stiffness of 1 if all points stick
+        springs = np.concatenate([system.kt, system.kn[:, None]], axis=1)
+        stuck = system.stiffness + np.einsum("pd,pdm->m", springs, system.G**2)
+        coordinate_unit = 1.0 / np.sqrt(np.where(stuck > 0.0, stuck, 1.0))
+        G = system.G * coordinate_unit
+        # normal force (n_points, n_modes) of the mean coordinates
+        normal = kn[:, None] * G[:, 2]
+
+        # equilibrium of the changes: closed points have normal springs, bonded points all springs
+        bonded = np.where(self.bonded[:, None], springs, 0.0)
+        stiffness = np.diag(system.stiffness * coordinate_unit**2)
+        stiffness = stiffness + G[:, 2].T @ normal
+        stiffness = stiffness + np.einsum("pdm,pd,pdk->mk", G, bonded, G)
+        free = self.closed[:, None] & (system.kt > 0.0)
+        friction = (G[:, :2] * free[..., None]).reshape(2 * n_points, n_modes)
+        equilibrium = np.hstack([stiffness, friction.T, np.zeros((n_modes, 1))])
+        row_size = np.abs(equilibrium).max(axis=1)
+        equilibrium = equilibrium / np.where(row_size > 0.0, row_size, 1.0)[:, None]
+
+        rows, limits, points = [], [], []
+        size = max(
+            np.abs(friction_amplitude).max(initial=0.0), np.abs(normal_amplitude).max(initial=0.0)
+        )
+        if size == 0.0:
+            return np.inf, np.zeros(n_points)
+        for chosen, direction, factor in self._directions():
+            mu = factor * system.mu[chosen]
+            swing = friction_amplitude[chosen] @ direction - mu * normal_amplitude[chosen]
+            row = np.zeros((len(chosen), n_modes + 2 * n_points + 1))
+            row[:, :n_modes] = -mu[:, None] * normal[chosen]
+            for d in range(2):
+                row[np.arange(len(chosen)), n_modes + 2 * chosen + d] = direction[d]
+            row[:, -1] = np.abs(swing) / size
+            rows.append(row)
+            room = mu * static[chosen, 2] - static[chosen, :2] @ direction
+            # a point at its limit exceeds it by rounding
+            limits.append(np.maximum(room, 0.0) / self.unit)
+            points.append(chosen)
+        pressed = np.flatnonzero(self.closed)
+        row = np.zeros((len(pressed), n_modes + 2 * n_points + 1))
+        row[:, :n_modes] = -normal[pressed]
+        row[:, -1] = np.abs(normal_amplitude[pressed]) / size
+        rows.append(row)
+        limits.append(static[pressed, 2] / self.unit)
+        points.append(pressed)
+
+        cost = np.zeros(n_modes + 2 * n_points + 1)
+        cost[-1] = -1.0
+        bounds = [(None, None)] * n_modes
+        bounds += [(None, None) if can_rub else (0.0, 0.0) for can_rub in free.ravel()]
+        bounds += [(0.0, None)]
+        solution = scipy.optimize.linprog(
+            cost,
+            A_ub=np.vstack(rows),
+            b_ub=np.concatenate(limits),
+            A_eq=equilibrium,
+            b_eq=np.zeros(n_modes),
+            bounds=bounds,
+            method="highs",
+        )
+        unbounded = 3
+        if solution.status == unbounded:
+            return np.inf, np.zeros(n_points)
+        validation.check(
+            solution.status == 0,
+            "first_slip",
+            "a solution of the linear programme",
+            solution.message,
+        )
+        weight = np.zeros(n_points)
+        np.add.at(weight, np.concatenate(points), -solution.ineqlin.marginals)
+        weight[weight < DROPPED * weight.max(initial=0.0)] = 0.0
+        return float(solution.x[-1]) * self.unit / size, weight
+
+    def touches(self, factor: float) -> bool:
+        """Return whether the vibration closes points that are open at rest."""
+        apart = ~self.closed & ~self.bonded
+        # a negative closing is a gap
+        swing = factor * np.abs(self.motion[apart, 2])
+        return bool(np.any(self.state.closing[apart] + swing > 0.0))
