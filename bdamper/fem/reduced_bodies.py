@@ -507,15 +507,15 @@ class Wanted:
     static_shapes: bool = False
 
     def shapes(
-        self, sector: CyclicSector, faster: CyclicSector | None = None
+        self, sector: CyclicSector, others: Iterable[CyclicSector] = ()
     ) -> tuple[NDArray, NDArray, int | None]:
         """Return squared frequencies (n,) and shapes (3 n_nodes, n) of a sector, and the number of
         static shapes.
 
         Static shapes are mass-normalised and orthogonal to the modes in the stiffness, so each is
         one more mode whose squared frequency is its stiffness.  They include the part of the modes
-        of ``faster``, the same sector at another rotor speed, that the modes of ``sector`` cannot
-        represent.  Without it frequencies at this speed would be too high, by 0.09 % on an imported
+        of ``others``, the same sector at other rotor speeds, that the modes of ``sector`` cannot
+        represent.  Without them frequencies at this speed would be too high, by 0.09 % on an imported
         sector, and further modes of ``sector`` hardly improve them.
         """
         omega2, modes = sector.modes(self.n_modes)
@@ -528,10 +528,10 @@ class Wanted:
             at_locations = location_loads(sector.body, self.locations.values())
             loads.append(at_locations.toarray())
             responses.append(sector.transformation @ sector.static_response(at_locations))
-        if faster is not None:
-            _, modes_of_faster = faster.modes(self.n_modes)
-            loads.append(sector.body.stiffness @ modes_of_faster)
-            responses.append(modes_of_faster)
+        for other in others:
+            _, modes_of_other = other.modes(self.n_modes)
+            loads.append(sector.body.stiffness @ modes_of_other)
+            responses.append(modes_of_other)
         if not loads:
             return omega2, modes, None
         # mass-normalised shapes: their stiffness is a squared frequency
@@ -632,14 +632,14 @@ def constrained_body(
     bases = {}
     for d in nodal_diameters:
         reduced = sector(d)
-        faster = None if rotation is None else rotation.at_second_speed(reduced)
-        omega2, shapes, n_static = wanted.shapes(reduced, faster)
+        others = [] if rotation is None else rotation.at_other_speeds(reduced)
+        omega2, shapes, n_static = wanted.shapes(reduced, others)
         if seen is not None:
             seen(reduced, omega2, shapes)
         flexibility = reduced.receptance(wanted.contact)
         bases[d] = wanted.basis(omega2, shapes, flexibility, n_static)
         if rotation is not None:
-            bases[d] = rotation.basis(bases[d], reduced, shapes, wanted.contact, faster)
+            bases[d] = rotation.basis(bases[d], reduced, shapes, wanted.contact, others)
     spin = None
     if rotation is not None:
         displacement = spin_displacement(sector(0))

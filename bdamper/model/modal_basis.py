@@ -60,11 +60,14 @@ NotNegative = Annotated[float, Data(limits=validation.Limits(least=0.0))]
 class SpeedBasis(Record):
     """Change of stiffness and residual flexibility of one modal basis with rotor speed.
 
+    The stiffness is a polynomial in the squared speed.  The residual flexibility is linear in it
+    between the speeds with matrices, because a weighted mean of two flexibilities is positive
+    semi-definite as they are, while a polynomial through three is not.
+
     Parameters
     ----------
     omega_ref : float, rad/s
-        Speed of the basis: ``stiffness0 + omega_ref^2 stiffness2`` is the diagonal matrix of its
-        ``omega2``.
+        Speed of the basis: its :meth:`stiffness` is the diagonal matrix of its ``omega2``.
     stiffness0 : (n_modes, n_modes) complex or float, rad2/s2
         Hermitian modal stiffness at standstill.
     stiffness2 : (n_modes, n_modes) complex or float
@@ -72,12 +75,21 @@ class SpeedBasis(Record):
     residual0, residual2 : (3 n_points, 3 n_points) complex or float, m/N and m s2/N, optional
         Hermitian; residual flexibility at standstill and its change per squared speed.  Without
         them the basis has no flexibility at other speeds.
+    stiffness4 : (n_modes, n_modes) complex or float, s2/rad2, optional
+        Hermitian; coefficient of the fourth power of the speed, if matrices of three speeds are
+        given.
+    middle : float, rad/s, optional
+        Middle one of three speeds.
+    residual_above : (3 n_points, 3 n_points) complex or float, m s2/N, optional
+        Hermitian; what is added to ``residual2`` above the speed ``middle``.
     coriolis : (n_modes, n_modes) complex or float, optional
         Skew-Hermitian ``Phi^H S Phi`` with the Coriolis matrix ``2 Omega S``, only for
         :meth:`coriolis_size`.
     checked_at, error : float, optional
-        Speed (rad/s) of a comparison with the frequencies of the full model, and the largest
-        relative difference.
+        Highest speed (rad/s) of a comparison with the frequencies of the full model, and the
+        largest relative difference at all compared speeds.
+    flexibility_error : float, optional
+        Largest relative difference from the flexibility of the full model at these speeds.
     source : str
     """
 
@@ -86,14 +98,24 @@ class SpeedBasis(Record):
     stiffness2: Annotated[NDArray, Data("1", *MODAL, matrix="Hermitian")]
     residual0: Annotated[NDArray, Data("m/N", *FLEXIBLE, matrix="Hermitian")] | None = None
     residual2: Annotated[NDArray, Data("m s2/N", *FLEXIBLE, matrix="Hermitian")] | None = None
+    stiffness4: Annotated[NDArray, Data("s2/rad2", *MODAL, matrix="Hermitian")] | None = None
+    middle: NotNegative | None = None
+    residual_above: Annotated[NDArray, Data("m s2/N", *FLEXIBLE, matrix="Hermitian")] | None = None
     coriolis: Annotated[NDArray, Data("1", *MODAL, matrix="skew-Hermitian")] | None = None
     checked_at: NotNegative | None = None
     error: NotNegative | None = None
+    flexibility_error: NotNegative | None = None
     source: str = ""
 
     def stiffness(self, omega: float) -> NDArray:
         """Return the modal stiffness (n_modes, n_modes) at a speed (rad/s)."""
-        matrix: NDArray = self.stiffness0 + omega**2 * self.stiffness2
+        return self.stiffness0 + self.stiffening(omega)
+
+    def stiffening(self, omega: float) -> NDArray:
+        """Return the change (n_modes, n_modes) of the modal stiffness from standstill to a speed."""
+        matrix: NDArray = omega**2 * self.stiffness2
+        if self.stiffness4 is not None:
+            matrix = matrix + omega**4 * self.stiffness4
         return matrix
 
     def residual(self, omega: float) -> NDArray | None:
@@ -101,9 +123,21 @@ class SpeedBasis(Record):
 
         The result is None if it is unknown.
         """
-        if self.residual0 is None or self.residual2 is None:
+        change = self.residual_change(omega)
+        if self.residual0 is None or change is None:
             return None
-        matrix: NDArray = self.residual0 + omega**2 * self.residual2
+        return self.residual0 + change
+
+    def residual_change(self, omega: float) -> NDArray | None:
+        """Return the change (3 n_points, 3 n_points) of the residual flexibility from standstill.
+
+        The result is None if it is unknown.
+        """
+        if self.residual2 is None:
+            return None
+        matrix: NDArray = omega**2 * self.residual2
+        if self.residual_above is not None and self.middle is not None:
+            matrix = matrix + max(omega**2 - self.middle**2, 0.0) * self.residual_above
         return matrix
 
     def modes(self, omega: float) -> tuple[NDArray, NDArray]:
@@ -153,6 +187,8 @@ class SpeedBasis(Record):
             stiffness2=_conjugate(self.stiffness2),
             residual0=_conjugate(self.residual0),
             residual2=_conjugate(self.residual2),
+            stiffness4=_conjugate(self.stiffness4),
+            residual_above=_conjugate(self.residual_above),
             coriolis=_conjugate(self.coriolis),
         )
 
@@ -168,11 +204,15 @@ class SpeedBasis(Record):
         coriolis = self.coriolis
         if coriolis is not None:
             coriolis = shapes.conj().T @ coriolis @ shapes
+        stiffness4 = self.stiffness4
+        if stiffness4 is not None:
+            stiffness4 = shapes.conj().T @ stiffness4 @ shapes
         return replace(
             self,
             omega_ref=omega,
             stiffness0=shapes.conj().T @ self.stiffness0 @ shapes,
             stiffness2=shapes.conj().T @ self.stiffness2 @ shapes,
+            stiffness4=stiffness4,
             coriolis=coriolis,
         )
 
@@ -320,13 +360,17 @@ class ModalBasis(Record):
         The basis is valid at the speed ``omega_ref``.  For the parameters see
         :class:`~bdamper.model.modal_basis.SpeedBasis`.
         """
+        unknown = np.zeros_like(stiffness2)
+        changes = SpeedBasis(omega_ref, unknown, stiffness2, None, residual2, **others)
         residual0 = None
-        if residual2 is not None and self.flexibility is not None:
+        residual_change = changes.residual_change(omega_ref)
+        if residual_change is not None and self.flexibility is not None:
             shapes = self.contact_modes.reshape(-1, self.n_modes)
             of_modes = (shapes / self.omega2) @ shapes.conj().T
-            residual0 = self.flexibility - of_modes - omega_ref**2 * residual2
-        stiffness0 = np.diag(self.omega2).astype(stiffness2.dtype) - omega_ref**2 * stiffness2
-        speed = SpeedBasis(omega_ref, stiffness0, stiffness2, residual0, residual2, **others)
+            residual0 = self.flexibility - of_modes - residual_change
+        diagonal = np.diag(self.omega2).astype(stiffness2.dtype)
+        stiffness0 = diagonal - changes.stiffening(omega_ref)
+        speed = replace(changes, stiffness0=stiffness0, residual0=residual0)
         return replace(self, speed=speed)
 
     def at_speed(self, omega: float) -> tuple[ModalBasis, NDArray]:

@@ -141,6 +141,19 @@ def _with_bases(model: Model, change: Callable[[str, ModalBasis], ModalBasis]) -
     return replace(model, bodies=bodies)
 
 
+def _derived_speed(basis: ModalBasis, speed: Any) -> Any:
+    """Return the speed dependence with the matrices at standstill that follow from the others."""
+    with_speed = basis.with_speed(
+        speed.stiffness2,
+        speed.residual2,
+        speed.omega_ref,
+        stiffness4=speed.stiffness4,
+        middle=speed.middle,
+        residual_above=speed.residual_above,
+    )
+    return with_speed.speed
+
+
 def _without_derived(basis: ModalBasis) -> ModalBasis:
     """Return the basis without matrices at standstill that :func:`_with_derived` can compute.
 
@@ -149,7 +162,7 @@ def _without_derived(basis: ModalBasis) -> ModalBasis:
     speed: Any = basis.speed
     if speed is None:
         return basis
-    derived: Any = basis.with_speed(speed.stiffness2, speed.residual2, speed.omega_ref).speed
+    derived = _derived_speed(basis, speed)
     if np.array_equal(speed.stiffness0, derived.stiffness0):
         speed = replace(speed, stiffness0=None)
     if np.array_equal(speed.residual0, derived.residual0):
@@ -181,7 +194,7 @@ def _with_derived(basis: ModalBasis, path: str) -> ModalBasis:
     # before products: the shapes of the stored matrices
     stored = replace(speed, stiffness0=speed.stiffness2, residual0=speed.residual2)
     check_record(stored, SpeedBasis, f"{path}/speed", {**sizes, "n_modes": basis.n_modes})
-    derived: Any = basis.with_speed(speed.stiffness2, speed.residual2, speed.omega_ref).speed
+    derived = _derived_speed(basis, speed)
     if speed.stiffness0 is None:
         speed = replace(speed, stiffness0=derived.stiffness0)
     if speed.residual0 is None:

@@ -353,6 +353,9 @@ def _check_speed(basis: ModalBasis, speed: SpeedBasis, item: str) -> None:
     if (speed.residual0 is None) != (speed.residual2 is None):
         missing = "residual0" if speed.residual0 is None else "residual2"
         raise mismatch(f"{item}/{missing}", "residual0 and residual2, or neither", "only one")
+    if speed.residual_above is not None and (speed.residual2 is None or speed.middle is None):
+        missing = "residual2" if speed.residual2 is None else "middle"
+        raise mismatch(f"{item}/{missing}", "it beside residual_above", "residual_above alone")
 
     residual = speed.residual(speed.omega_ref)
     if residual is None or basis.flexibility is None:
