@@ -260,5 +260,5 @@ def _line_minimum(
             return far
         far *= 4.0
         at_far = slope(far)
-    # with a tolerance of 1e-3 no limits or openings led to equilibrium under 16 mN beside 235 N
+    # with a tolerance of 1e-3 dampers under 16 mN, next to a shroud under 235 N, have no state
     return float(scipy.optimize.brentq(slope, 0.0, far, xtol=1e-12 * far, disp=False))

@@ -72,8 +72,8 @@ class StaticSystem:
     own : OwnLaws, optional
         Compiled laws.
     body : (n_modes,) int, optional
-        Number of the body of each mode, which has a unit of force of its own; residual modes have
-        one number each.  By default all modes belong to one body.
+        Number of the body of each mode; each body has its unit of force.  Residual modes have one
+        number each.  By default all modes belong to one body.
     """
 
     stiffness: NDArray
@@ -348,9 +348,11 @@ class _Units:
     """Units of force of the residuals of modal equilibrium, one for each mode.
 
     The unit of a body is the largest modal force of its loads.  A body without load, or a residual
-    mode, has the contact forces as its unit.  With one unit for all bodies, a small body beside a
-    large load is accepted in positions in which it is not in equilibrium; no longer load step leads
-    on from there, and 16 of 40 random loads of a stage with wedges and shrouds have no state.
+    mode, has the contact forces as its unit.
+
+    With one unit for all bodies, a body with a small load counts as in equilibrium although it is
+    not.  No longer load step leads on from there: 16 of 40 random loads of a stage with wedges and
+    shrouds have no state.
 
     Parameters
     ----------
@@ -371,7 +373,7 @@ class _Units:
         self.shift = np.broadcast_to(shift, (len(system.kn), 3))
 
     def at(self, contact_force: NDArray) -> NDArray:
-        """Return the units (n_modes,) beside contact forces (n_points, 3)."""
+        """Return the units (n_modes,) for contact forces (n_points, 3)."""
         modal_contact = self.size_of_G.T @ np.abs(contact_force).ravel()
         unit = np.where(self.load > 0.0, self.load, _largest_of_body(self.system, modal_contact))
         # a body without any force has the unit of the others

@@ -231,7 +231,7 @@ class Rotation:
     ) -> NDArray:
         """Return the derivative of the residual flexibility with respect to the squared speed.
 
-        It is that of the modes less that of all static shapes.
+        The static shapes contribute with a negative sign, and the modes with a positive one.
         """
         modal_stiffness = hermitian(shapes.conj().T @ (self.per_squared_speed @ shapes))
         static = sector.transformation @ sector.contact_response(contact)

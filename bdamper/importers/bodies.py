@@ -155,8 +155,8 @@ def rotation_of(body: PreparedBody) -> Rotation | None:
         f"{body.name}: stiffness at {first:g} and {last:g} rad/s, "
         f"spin softening {100 * softening:.4g} %"
     )
-    middle, bend = _bend(body, per_squared_speed)
-    return Rotation(per_squared_speed, first, last, middle, bend, body.raw.source)
+    third, bend = _bend(body, per_squared_speed)
+    return Rotation(per_squared_speed, first, last, third, bend, body.raw.source)
 
 
 def _bend(
@@ -453,8 +453,8 @@ def distance_from_chord(basis: ModalBasis, first: float, last: float) -> float:
     """Return the largest distance of the lowest squared frequency from its chord.
 
     It is relative to the chord between the speeds ``first`` and ``last`` (rad/s), over the squared
-    speed.  The lowest eigenvalue of a stiffness that is linear is concave, and its shape changes
-    where it is far from the chord.
+    speed.  The lowest eigenvalue of a linear stiffness is concave, and it leaves the chord if its
+    shape changes.
     """
     assert basis.speed is not None
     inside = np.linspace(0.0, 1.0, 9)
@@ -470,7 +470,7 @@ def distance_from_chord(basis: ModalBasis, first: float, last: float) -> float:
 def check_second_speed(
     body: PreparedBody, bases: Mapping[int, ModalBasis], ring: CyclicStructure
 ) -> None:
-    """Compare frequencies and flexibilities at the rotor speeds with those of the matrices.
+    """Compare frequencies and flexibilities of the model with the matrices at each rotor speed.
 
     The frequencies are compared with the modes in the file of the highest speed as well.  The
     report asks for a third speed if the lowest frequency of two speeds leaves its chord.

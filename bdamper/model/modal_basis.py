@@ -81,7 +81,7 @@ class SpeedBasis(Record):
     middle : float, rad/s, optional
         Middle one of three speeds.
     residual_above : (3 n_points, 3 n_points) complex or float, m s2/N, optional
-        Hermitian; what is added to ``residual2`` above the speed ``middle``.
+        Hermitian; addition to ``residual2`` above the speed ``middle``.
     coriolis : (n_modes, n_modes) complex or float, optional
         Skew-Hermitian ``Phi^H S Phi`` with the Coriolis matrix ``2 Omega S``, only for
         :meth:`coriolis_size`.
