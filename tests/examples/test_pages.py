@@ -247,9 +247,9 @@ def test_blocks_run_as_pasted(page, tmp_path, monkeypatch):
         check(seen, page, tmp_path)
 
 
-def test_the_readme_has_one_picture_and_one_short_example():
+def test_the_readme_has_two_pictures_and_one_short_example():
     readme = ROOT / "README.md"
-    assert readme.read_text().count("![") == 1
+    assert readme.read_text().count("![") == 2
     (code,) = blocks(readme)
     assert len([line for line in code.splitlines() if line]) <= 6
 
