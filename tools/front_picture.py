@@ -34,7 +34,7 @@ SHOWN = range(-4, 5)
 """Sectors in the picture."""
 LARGEST = 8e-3
 """Largest displacement in the picture (m)."""
-FRAMES = 24
+FRAMES = 12
 """Pictures of one period."""
 COLOURS = "magma_r"
 """Colours of the power, from light to dark, also in grey print."""
@@ -57,7 +57,12 @@ def draw_faces(ax: Axes, corners: NDArray, colour: str) -> None:
     shade = np.clip(np.outer(0.55 + 0.45 * toward, base), 0.0, 1.0)
     order = np.argsort(corners[..., 2].mean(axis=1))
     ax.add_collection(
-        PolyCollection(list(corners[order, :, :2]), facecolors=shade[order], edgecolors="none")
+        PolyCollection(
+            list(corners[order, :, :2]),
+            facecolors=shade[order],
+            edgecolors="none",
+            antialiaseds=False,
+        )
     )
 
 
@@ -146,7 +151,7 @@ def main() -> None:
         draw(0)
         figure.savefig(IMAGES / "front.png")
         loop = FuncAnimation(figure, draw, frames=FRAMES)
-        loop.save(IMAGES / "front.gif", writer=PillowWriter(fps=12), dpi=90)
+        loop.save(IMAGES / "front.gif", writer=PillowWriter(fps=8), dpi=75)
 
 
 if __name__ == "__main__":

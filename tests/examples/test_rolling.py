@@ -115,6 +115,7 @@ def run_without_analyses(path):
     return ran
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", examples(), ids=lambda path: path.name)
 def test_dampers_of_examples_do_not_roll(path, studies, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
