@@ -68,7 +68,7 @@ def check_optimum(
             margins = robust_optimum.best_margin(problem, curve, LeastMargin(material))
             curve = replace(curve, margins=(margins,))
     except KeyboardInterrupt:
-        # the checks that have ended are kept
+        # keep the checks that have ended
         if is_part_of_work():
             raise
         curve = replace(curve, checks_interrupted=True)

@@ -265,7 +265,7 @@ class FreeBody(Generic[S]):
         """Return nodal forces (3 n_nodes,) of rotation about Z with a resultant of 1 N along
         ``radial`` (3,).
 
-        Force and moment are those of mass, centre and inertia.  The nodal forces alone miss them by
+        Mass, centre and inertia determine its force and moment.  The nodal forces alone miss them by
         1e-4 if internal degrees of freedom have been condensed.
         """
         distance = self.centre * [1.0, 1.0, 0.0]
