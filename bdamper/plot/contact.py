@@ -590,6 +590,12 @@ def plot_dissipation(result: Hysteresis, ax: NDArray = NEW, *, over: str = "ampl
     over : {"amplitude", "frequency", "preload"}
     """
     validation.choice("over", over, ("amplitude", "frequency", "preload"))
+    validation.check(
+        np.ndim(result.damping_ratio) == 1,
+        "dissipation",
+        "a result of several solutions, study.dissipation(curve)",
+        "one solution",
+    )
     stiffness, damping, energy = ax
     draw_table(stiffness, result, over, "stiffness")
     stiffness.set_xlabel("")
