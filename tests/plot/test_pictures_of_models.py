@@ -1,4 +1,4 @@
-"""Pictures and reports of shipped models and of results of every kind that were not drawn before."""
+"""Reports of shipped models, and pictures that a result cannot have."""
 
 from types import SimpleNamespace
 
