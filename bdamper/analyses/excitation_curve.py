@@ -70,7 +70,7 @@ class ExcitationCurve(
     Parameters
     ----------
     excitation : (n,) float, N or m/s2
-        Amplitudes of the excitation, ascending: the requested ones and those of the search.
+        Requested amplitudes of the excitation and further ones of the search, ascending.
     amplitude, frequency : (n,) float, m and Hz
         Highest response and its frequency; NaN if it is not known.
     damping_ratio : (n,) float
@@ -84,7 +84,7 @@ class ExcitationCurve(
     unit : str
         Unit of the excitation.
     scaled : bool
-        Whether the values are those of an optimal curve, scaled.
+        Whether the values are scaled from an optimal curve.
     best : float
         Excitation with the lowest amplitude per excitation, in the range; NaN without values.
     statuses, reasons : tuple of str
@@ -316,7 +316,7 @@ class _Search:
     options: PeakOptions | None
 
     def run(self, progress: bool) -> list[_Level]:
-        """Return the values at the requested excitations and those of the search."""
+        """Return the values at all excitations, also of the search."""
         interval = curve_interval(self.problem, np.array([self.preload]), self.frequency, self.mode)
         # responses by ln(excitation)
         found: dict[float, AtPreload] = {}
