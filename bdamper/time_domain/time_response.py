@@ -529,7 +529,11 @@ def _with_steps(
         refined = search.settle_apart(sectors, point.frequency, motion, point.mean, step_factor)
         # a beat that the longer steps had damped needs more periods to show its full range; other
         # steps also move the mean of a periodic motion, which is then known
-        if refined.stays and refined.deviation > 0.5 * CRITERIA.drift:
+        varies = refined.deviation > 0.5 * CRITERIA.drift
+        # with other modes the motion itself changes, and may still approach its mean
+        moved = abs(refined.mean / point.mean - 1.0) > 0.5 * CRITERIA.drift
+        approaches = moved and sectors is not search.sectors
+        if refined.stays and (varies or approaches):
             latest = refined.transient.motion
             refined = search.settle_apart(
                 sectors, point.frequency, latest, refined.mean, step_factor, parting=True

@@ -649,6 +649,11 @@ def test_only_a_refinement_that_beats_takes_more_periods(search_of, monkeypatch,
     monkeypatch.setattr(steady_amplitude, "Transient", Beating)
     refined = _refine(search, [point(100.0, 2.0)], search.sectors, 2)
     assert refined.mean == pytest.approx(2.06) and search.periods == periods
+    # the mean in another structure may still change
+    search.periods = 0
+    whole = Branches(flank=lambda f: 2.06)
+    _refine(search, [point(100.0, 2.0)], whole, 1)
+    assert search.periods == 120
 
 
 @each(("points", "fell", "mean"), [
