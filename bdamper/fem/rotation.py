@@ -231,7 +231,7 @@ class Rotation:
     ) -> NDArray:
         """Return the derivative of the residual flexibility with respect to the squared speed.
 
-        The static shapes contribute with a negative sign, and the modes with a positive one.
+        The modes contribute with a positive sign, and the static shapes with a negative sign.
         """
         modal_stiffness = hermitian(shapes.conj().T @ (self.per_squared_speed @ shapes))
         static = sector.transformation @ sector.contact_response(contact)
