@@ -466,7 +466,7 @@ class OptimalCurve(
             scale=np.ones(len(y)),
             slope=np.nan,
             curvature=np.nan,
-            shares=self.shares[row],
+            shares=np.asarray(self.shares)[row],
             residual=float(self.residual[row]),
             iterations=0,
             trials=0,
