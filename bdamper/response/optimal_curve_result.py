@@ -457,6 +457,9 @@ class OptimalCurve(
             return None
         frequency = float(self.frequency[row])
         y = np.append(self.unknowns[row], 2.0 * np.pi * frequency)
+        half_range = np.nan
+        if self.half_range is not None:
+            half_range = float(self.half_range[row])
         return Peak(
             parameter=float(self.preload[row]),
             frequency=frequency,
@@ -466,7 +469,7 @@ class OptimalCurve(
             scale=np.ones(len(y)),
             slope=np.nan,
             curvature=np.nan,
-            shares=np.asarray(self.shares)[row],
+            shares=self.shares[row],
             residual=float(self.residual[row]),
             iterations=0,
             trials=0,
@@ -475,7 +478,7 @@ class OptimalCurve(
             search_status=COMPLETE,
             settings=self.settings,
             model_hash=self.model_hash,
-            half_range=float(self.half_range[row]),
+            half_range=half_range,
         )
 
     @property
