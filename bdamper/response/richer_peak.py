@@ -487,7 +487,10 @@ def reach(
     own_system = problem.system(preload)
     system = richer.system(preload)
     sign = sign_of_jacobian(own_system, peak.y)
-    peak = with_tangent(own_system, peak)
+    refined = with_tangent(own_system, peak)
+    # a point of a search without a maximum is no start
+    if refined.ok:
+        peak = refined
     start = starting_point(problem, richer, preload, peak.y)
     _, scale = phase_row(system, start)
     plane = _plane(problem, richer, preload, peak, scale)
