@@ -41,7 +41,7 @@ def test_the_readme_defines_the_package_in_its_first_sentence():
 
 def test_the_readme_fits_a_screen_of_100_columns():
     assert max(len(line) for line in README.splitlines()) <= 100
-    assert len(README.split()) <= 750
+    assert len(README.split()) <= 800
 
 
 def test_readme_and_manual_name_the_two_commands():
@@ -61,10 +61,12 @@ def test_readme_and_manual_name_the_two_commands():
 
 
 def test_the_manual_begins_where_the_readme_ends():
-    """No eight words in a row are the same."""
+    """No eight words in a row are the same, except for parts of one printed result."""
     runs = [
         {tuple(words[k : k + 8]) for k in range(len(words) - 7)}
-        for words in (README.split(), INDEX.split())
+        for words in (
+            re.sub(r"^```.*?^```", "", page, flags=re.S | re.M).split() for page in (README, INDEX)
+        )
     ]
     assert not runs[0] & runs[1]
 
