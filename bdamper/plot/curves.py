@@ -44,6 +44,7 @@ from bdamper.plot.speed_and_fatigue import SPEED
 from bdamper.plot.studies import draw_table
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.optimum_checks import NEAR_BEST
+from bdamper.response.peak_error import NEGLIGIBLE
 from bdamper.response.response_curve_result import NO_STEADY, ResponseCurve, unstable_points
 from bdamper.response.sensitivity import CurveSensitivity, band
 from bdamper.response.verification import TimeResponse
@@ -398,9 +399,10 @@ def _draw_optimal(ax: Axes, result: OptimalCurve, quantity: str) -> None:
 
 
 def _draw_errors(ax: Axes, result: OptimalCurve) -> None:
-    """Draw the known errors of the amplitudes as bars upward and downward."""
+    """Draw the known errors of the amplitudes as bars upward and downward, unless negligible."""
     error = result.error
-    known = np.isfinite(error)
+    # smaller ones are not visible; NaN is unknown
+    known = error > NEGLIGIBLE
     if not known.any():
         return
     amplitude = result.amplitude[known]
