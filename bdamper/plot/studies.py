@@ -629,8 +629,8 @@ def plot_excitation_curve(
     Parameters
     ----------
     curve : ExcitationCurve
-    measured : (excitation, amplitude), optional
-        Measured amplitudes (n,) in m at amplitudes (n,) of the excitation, drawn as points.
+    measured : pair of (n,) float, optional
+        Amplitudes of the excitation and measured amplitudes (m) there, drawn as points.
     style
         Line options of matplotlib's ``plot``.
     """

@@ -12,7 +12,7 @@ contact faces (:func:`with_motion_of_faces`).
 
 Newton's method then continues in the plane normal to the known response curve.  The amplitude is
 stationary along the curve at its peak, so that a point of the richer curve near the peak is almost
-as high as the richer peak, which :func:`bdamper.response.peak.find_peak` locates afterwards.
+as high as the richer peak, which ``find_peak`` locates afterwards.
 :data:`ATTEMPTS` lists the three attempts.  The sign of det J has to be that of the known peak,
 because it changes at every fold.
 
