@@ -185,12 +185,14 @@ def _in_time(curve: OptimalCurve) -> Check:
     """Compare harmonic balance and time integration nearest to the recommended preload."""
     rule = (
         f"green below {percent(GOOD)} of difference, amber below {percent(FAIR)}, red above, "
-        "white if not run"
+        "amber if interrupted with a motion, white if not run"
     )
     name = "Time integration"
     nearest = curve.recommended_response
     if nearest is None:
         return Check("white", name, "study.with_time_response(curve)", rule)
+    if nearest.status == INTERRUPTED:
+        return _interrupted_in_time(nearest, name, rule)
     if not known_in_time(nearest) or not nearest.ok:
         failure = f"time integration at {amount(nearest.preload, 'N')} is {nearest.status_text}"
         remedy = "integrate at other preloads, study.with_time_response(curve, preloads)"
@@ -200,6 +202,18 @@ def _in_time(curve: OptimalCurve) -> Check:
     change = nearest.mean / nearest.balance - 1.0
     failure = f"harmonic balance and time integration differ by {abs(100.0 * change):.0f} %"
     return Check(graded(abs(change), GOOD, FAIR), name, found, rule, failure, remedy)
+
+
+def _interrupted_in_time(response: TimeResponse, name: str, rule: str) -> Check:
+    """Report the motions before an interruption, which neither confirm nor refute a peak."""
+    if np.isnan(response.mean):
+        found = "interrupted before a motion was known, study.with_time_response(curve)"
+        return Check("white", name, found, rule)
+    found = (
+        f"interrupted; so far {amount(response.mean, 'm')}, "
+        f"by harmonic balance {amount(response.balance, 'm')}"
+    )
+    return Check("amber", name, found, rule)
 
 
 def _more_harmonics(curve: OptimalCurve) -> Check:
@@ -212,6 +226,8 @@ def _more_harmonics(curve: OptimalCurve) -> Check:
     if convergence is None:
         return _two_more_harmonics(curve)
     first, *others = convergence.peaks
+    if convergence.status == INTERRUPTED and not others:
+        return Check("white", "More harmonics", f"interrupted, {WITH_CHECKS}", rule)
     if convergence.ok:
         colour = "green"
     else:

@@ -83,7 +83,8 @@ def _verdict(curve: OptimalCurve) -> str:
     if coefficients.size:
         subject.append(f"friction coefficient {_listed(coefficients)}")
     answer = f"Lowest amplitude at {amount(curve.recommended_preload, 'N')}"
-    if curve.recommended_response is None:
+    in_time = curve.recommended_response
+    if in_time is None or not known_in_time(in_time):
         answer += ", by harmonic balance alone"
     answer += _uncertain(curve)
     answer += _drop(curve)

@@ -54,6 +54,8 @@ the amplitude relative to the largest wave below which waves are not listed.
 """
 BEATS = 0.1
 """Excess of the highest period over the mean amplitude from which the headline names it."""
+TO_ITS_END = "run the time integration to its end"
+"""Remedy for a time integration that was interrupted, which has refuted nothing."""
 
 
 def energy_shares(energy: tuple[float, ...]) -> tuple[float, NDArray]:
@@ -306,6 +308,8 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
             reason = self.reason or self.status
             verdict = f"No amplitude by time integration, {reason}{subject}"
             remedy = "Remedy: choose another preload; time integration does not confirm this peak"
+            if self.status == INTERRUPTED:
+                remedy = f"Remedy: {TO_ITS_END}"
             return Statement([verdict], [balance], remarks=[remedy])
         if self.ok:
             largest = amount(self.largest, "m")
@@ -318,6 +322,8 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         if not self.ok:
             frequency = f"{self.frequency:.6g}"
             remedy = f"examine study.motion_in_time(curve, frequency={frequency}, periods=400)"
+            if self.status == INTERRUPTED:
+                remedy = TO_ITS_END
             remarks.insert(0, f"Remedy: {remedy}")
         return Statement([verdict], rows, self._check_rows(), remarks)
 

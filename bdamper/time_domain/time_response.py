@@ -84,6 +84,7 @@ from bdamper.util.progress import (
     Cost,
     CostMeter,
     LongWork,
+    is_part_of_work,
     one_thread,
     progress_stages,
     shows_progress,
@@ -320,7 +321,24 @@ def time_response(
         doubt_about_curve = f"there may be a higher peak, as the curve is {result.status}"
         if result.reason:
             doubt_about_curve += f" ({result.reason})"
-    return _stated(without_amplitude, integrations, doubt_about_curve)
+    response = _stated(without_amplitude, integrations, doubt_about_curve)
+    if integrations.interrupted and is_part_of_work():
+        raise InterruptedResponse(response)
+    return response
+
+
+class InterruptedResponse(KeyboardInterrupt):
+    """Interruption by Ctrl-C of a time response within another analysis.
+
+    Parameters
+    ----------
+    response : TimeResponse
+        Result of the motions so far.
+    """
+
+    def __init__(self, response: TimeResponse) -> None:
+        super().__init__(response)
+        self.response = response
 
 
 @dataclass(frozen=True)
@@ -376,6 +394,7 @@ def _integrate(
     richer: _RicherRing | None = None
     error = ""
     time_spent = ""
+    interrupted = False
     what = f"time integration at {amount(preload, 'N')}, {counted(search.sectors.n, 'blade')}"
     with LongWork() as work, progress_stages(progress, what, "step") as report:
         # the search, shorter steps, the more detailed structure, and one run for each other start
@@ -400,6 +419,9 @@ def _integrate(
             # motions from before the failure still count
             if isinstance(failed, EnergyGained) or search.best is None:
                 error = str(failed)
+        except KeyboardInterrupt:
+            # longer work receives it with the result, see time_response
+            interrupted = True
     # the order in which they ended depends on the threads: first those with steps as names
     names = [_steps_name(search, factor) for factor in (1, 4)]
     names += [name for name in runs if name not in names]
@@ -410,7 +432,7 @@ def _integrate(
         starts=others,
         step_error=error,
         time_spent=time_spent,
-        interrupted=work.interrupted,
+        interrupted=interrupted or work.interrupted,
         cost=Cost() if richer is None else richer.sectors.cost,
     )
 
@@ -770,13 +792,21 @@ def with_time_response(
             costs[load] = tracked.cost
             responses[load] = time_response(problem, tracked, progress=progress)
             costs[load] += responses[load].cost
+        except InterruptedResponse as interruption:
+            costs[load] += interruption.response.cost
+            # an earlier result at this preload has more than its interrupted repetition
+            if responses[load].status == INTERRUPTED:
+                responses[load] = interruption.response
+            raise
         except BdamperError as error:
-            responses[load] = replace(_not_integrated(load), status=NOT_FOUND, reason=str(error))
+            responses[load] = replace(
+                _not_integrated(curve, load), status=NOT_FOUND, reason=str(error)
+            )
 
     def integrate_all(loads: Sequence[float]) -> None:
         """Integrate at several preloads (N), each of which counts as interrupted until it ends."""
         for load in loads:
-            responses.setdefault(load, _not_integrated(load))
+            responses.setdefault(load, _not_integrated(curve, load))
         on_threads([partial(integrate, load) for load in loads])
 
     start = time.perf_counter()
@@ -808,15 +838,20 @@ def _confirms(response: TimeResponse) -> bool:
     return response.ok and change <= FAIR
 
 
-def _not_integrated(preload: float) -> TimeResponse:
-    """Return the result at a preload (N) whose integration has not ended."""
+def _not_integrated(curve: OptimalCurve, preload: float) -> TimeResponse:
+    """Return the result at a preload (N) whose integration has not ended.
+
+    It has the amplitude by harmonic balance if the optimal curve has this preload.
+    """
+    rows = np.flatnonzero(curve.preload == preload)
+    balance = float(curve.amplitude[rows[0]]) if len(rows) else np.nan
     return TimeResponse(
         mean=np.nan,
         lowest=np.nan,
         highest=np.nan,
         frequency=np.nan,
         preload=preload,
-        balance=np.nan,
+        balance=balance,
         status=INTERRUPTED,
     )
 

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from bdamper.analyses import optimum, robust_optimum
+from bdamper.response.optimum_checks import checks
 from bdamper.response.verification import FrictionPeak
 from bdamper.time_domain import time_response
+from tests.integrations import interrupted_at
 from tests.util.test_disk import BAND, pressed
 
 RANGE, COUNT, SEED = (0.05, 2.0), 5, 160
@@ -41,6 +43,38 @@ def test_an_interrupt_after_the_last_integration(study, searched, monkeypatch):
     curve = study.with_time_response(searched, [searched.optimum.preload])
     assert curve.time_response[0].status == "complete"
     assert curve.interrupted and not searched.interrupted
+
+
+def test_an_interrupted_integration_keeps_its_motions_and_refutes_nothing(
+    study, searched, monkeypatch
+):
+    whole = study.with_time_response(searched, [searched.optimum.preload]).time_response[0]
+    for call, colour in ((2, "white"), (8, "amber")):
+        interrupted_at(monkeypatch, call)
+        curve = optimum.check_optimum(study.problem, searched)
+        monkeypatch.undo()
+        [response] = curve.time_response
+        assert curve.interrupted and response.status == "interrupted"
+        assert response.balance == pytest.approx(searched.optimum.amplitude, rel=1e-6)
+        assert 0 < response.periods < whole.periods
+        if colour == "amber":
+            assert response.mean == pytest.approx(whole.mean, rel=0.05)
+        else:
+            assert np.isnan(response.mean)
+        [check] = [check for check in checks(curve) if check.name == "Time integration"]
+        assert check.colour == colour and check.found.startswith("interrupted")
+        assert "by harmonic balance alone" in curve._headline() and not curve.failures
+        for text in (str(curve), str(response)):
+            assert "nan" not in text and "confirm" not in text
+        assert "Remedy: run the time integration to its end" in str(response)
+
+
+def test_an_interrupted_repetition_keeps_the_result(study, searched, monkeypatch):
+    preload = [searched.optimum.preload]
+    whole = study.with_time_response(searched, preload)
+    interrupted_at(monkeypatch, 8)
+    curve = study.with_time_response(whole, preload)
+    assert curve.interrupted and curve.time_response == whole.time_response
 
 
 def test_an_interrupt_while_a_preload_is_searched_that_tolerates_other_friction(
