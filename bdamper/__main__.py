@@ -39,7 +39,7 @@ def import_decks(given: argparse.Namespace) -> None:
         return importers.read_job(deck or text, instance or None)
 
     gaps = dict(given.gap)
-    points_of = dict(item for item in given.points if isinstance(item, tuple))
+    points_of: dict[str, Any] = dict(item for item in given.points if isinstance(item, tuple))
     shared = [item for item in given.points if not isinstance(item, tuple)]
     # one number is a maximum, two are the numbers along t1 and t2
     points: Any = shared[0] if len(shared) == 1 else tuple(shared) or DEFAULT_POINTS

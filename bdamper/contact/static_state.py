@@ -105,7 +105,7 @@ class StaticSystem:
 
 EQUILIBRIUM = 1e-10
 """Largest residual of modal equilibrium relative to the forces on the same body."""
-ROUNDING = 16.0 * float(np.finfo(float).eps)
+ROUNDING_OF_FORCES = 16.0 * float(np.finfo(float).eps)
 """Relative rounding error of a residual whose terms cancel."""
 VISIBLE = 1e-6
 """Largest rounding error of a residual relative to the forces on the same body.
@@ -392,7 +392,9 @@ class _Units:
         terms = np.abs(contact_force)
         terms[:, :2] += system.kt * distance[:, :2]
         terms[:, 2] += np.abs(system.n0) + system.kn * distance[:, 2]
-        rounding = ROUNDING * (system.stiffness * np.abs(q) + self.size_of_G.T @ terms.ravel())
+        rounding = ROUNDING_OF_FORCES * (
+            system.stiffness * np.abs(q) + self.size_of_G.T @ terms.ravel()
+        )
         return np.maximum(unit, np.minimum(rounding, VISIBLE * unit) / EQUILIBRIUM)
 
 

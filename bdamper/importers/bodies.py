@@ -291,7 +291,7 @@ def check_fall(
         body.require(
             largest <= 1.0 + BOUNDS.fall,
             f"nodal diameter {d} at {last:g} rad/s",
-            f"squared frequencies that fall from {first:g} rad/s by at most the spin softening",
+            f"squared frequencies that decrease from {first:g} rad/s by at most the spin softening",
             f"{largest:.3g} times as much; possibly the bodies of both speeds are exchanged",
         )
 

@@ -23,7 +23,7 @@ from bdamper.util.errors import check, check_sentence, warn
 from bdamper.util.formatting import short_repr
 from bdamper.util.records import check_all
 
-STRAIGHT = 0.05
+STRAIGHT_DECAY = 0.05
 """Relative deviation of the amplitude of a decay from a line, from which noise determines it."""
 FLANK = 0.2
 """Width over which the filter of a band falls, relative to its width or its lower end."""
@@ -367,7 +367,7 @@ def _lines(
         square, *_ = squares
         damped_frequency, _ = np.polyfit(from_middle, phase[start:end], 1)
         # the mean square of the deviation from the line
-        is_straight = square < STRAIGHT**2 * (end - start)
+        is_straight = square < STRAIGHT_DECAY**2 * (end - start)
         if not (slope < 0.0 and is_straight):
             return lines, True, periods
         natural_frequency = float(np.hypot(damped_frequency, slope))

@@ -355,7 +355,7 @@ def _check_speed(basis: ModalBasis, speed: SpeedBasis, item: str) -> None:
         raise mismatch(f"{item}/{missing}", "residual0 and residual2, or neither", "only one")
     if speed.residual_above is not None and (speed.residual2 is None or speed.middle is None):
         missing = "residual2" if speed.residual2 is None else "middle"
-        raise mismatch(f"{item}/{missing}", "it beside residual_above", "residual_above alone")
+        raise mismatch(f"{item}/{missing}", "it, because residual_above is given", "none")
 
     residual = speed.residual(speed.omega_ref)
     if residual is None or basis.flexibility is None:

@@ -269,7 +269,7 @@ class _Programme:
 
         cost = np.zeros(n_modes + 2 * n_points + 1)
         cost[-1] = -1.0
-        bounds = [(None, None)] * n_modes
+        bounds: list[tuple[float | None, float | None]] = [(None, None)] * n_modes
         bounds += [(None, None) if can_rub else (0.0, 0.0) for can_rub in free.ravel()]
         bounds += [(0.0, None)]
         solution = scipy.optimize.linprog(

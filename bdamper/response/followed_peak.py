@@ -29,6 +29,7 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import (
     FOLLOWED,
+    HIGHER_AT_END,
     NEAR,
     REACH,
     AtPreload,
@@ -332,10 +333,20 @@ def with_verdict(
     if len(curve.folds):
         curve = replace(curve, cost=curve.cost + response.cost)
     end = response.ending
-    only_at_end = response.top is not None and response.top.kind == "end" and not response.rattles
-    if end.ok or only_at_end:
+    if end.ok or _highest_at_end(curve, response):
         return curve
     return replace(curve, status=INCOMPLETE, reason=end.reason)
+
+
+def _highest_at_end(curve: ResponseCurve, response: AtPreload) -> bool:
+    """Return whether an end of the interval is the only doubt about a complete curve."""
+    if response.top is None or response.rattles or not curve.complete:
+        return False
+    if response.top.kind == "end":
+        return True
+    # a lower maximum inside the interval changes nothing, unless another branch is higher as well
+    at_end = response.top.note.startswith(HIGHER_AT_END)
+    return at_end and not curve.higher(response.top.peak.amplitude)
 
 
 def with_lower_preloads(

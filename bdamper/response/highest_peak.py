@@ -61,6 +61,8 @@ of a curve.  Also the largest distance of a peak from the interpolation between 
 """
 
 
+HIGHER_AT_END = "higher at an end of the interval"
+"""Beginning of the note on an end of the interval that is higher than the highest maximum."""
 FOLLOWED = "higher on the peak followed from"
 """Beginning of the note on a peak that exists at the next lower preload and still at this one."""
 
@@ -161,7 +163,7 @@ def highest_of_curve(
     top = counted[0]
     if best.kind != "end" and refined.at_end(top) and amplitude[top] > best.peak.amplitude:
         end = peak_text(amplitude[top], curve.frequency[top], 4)
-        notes.append(f"higher at an end of the interval: {end}")
+        notes.append(f"{HIGHER_AT_END}: {end}")
     higher = curve.higher(best.peak.amplitude)
     if higher:
         notes.append(higher)

@@ -94,7 +94,7 @@ def _verdict(curve: OptimalCurve) -> str:
 def _drop(curve: OptimalCurve) -> str:
     """Return the preload and the amplitude of a drop next to the optimum, or "".
 
-    From one preload to the next, a steep slope and a jump look alike.  Within the spread of
+    Two neighbouring preloads do not distinguish a steep slope from a jump.  Within the spread of
     friction coefficients, which acts like one of the preload, both decide about the design.  An
     amplitude that a search has followed counts as a lower bound.
     """

@@ -7,6 +7,7 @@ import pytest
 import bdamper as bd
 from bdamper.harmonic_balance.problem import made_once
 from bdamper.harmonic_balance.sector import SectorData
+from bdamper.response.response_curve import frequency_response
 from tests.plain import plain_study
 
 BAND = (250.0, 400.0)
@@ -55,7 +56,7 @@ def test_a_track_and_a_peak_make_one_core(study, monkeypatch):
     )
     study.frequency_response(8000.0, BAND)
     assert len(made) == 1
-    study.replace(damping_ratio=0.002).peak(8000.0, BAND)
+    study.replace(damping_ratio=0.002).peak(8000.0, BAND, errors=False)
     assert len(made) == 2
     for preload in range(1, 40):
         _ = study.problem.at(float(preload)).sector
@@ -89,5 +90,6 @@ def test_tracks_on_threads_count_for_themselves(study):
 def test_the_evaluations_of_all_parts_of_a_search_are_counted(study):
     core = study.problem.system(200.0).core
     before = core.cost.evaluations
-    curve = study.frequency_response(200.0, BAND)
+    # without the verdict, which follows curves at lower preloads with cores of their own
+    curve = frequency_response(study.problem, 200.0, BAND)
     assert curve.cost.evaluations == core.cost.evaluations - before

@@ -265,7 +265,7 @@ def test_modes_of_exchanged_speeds_are_named(fe, bodies, rotation):
     blade, damper = bodies
     low_speeds = (0.0, 115.0, 133.0)
     first, middle, last = (modal_body(fe, rotation, blade, omega) for omega in low_speeds)
-    falls = "squared frequencies that fall from 0 rad/s by at most the spin softening"
+    falls = "squared frequencies that decrease from 0 rad/s by at most the spin softening"
     with pytest.warns(BdamperWarning, match=falls):
         build(over_speed({0.0: last, 133.0: first}), damper, **SETTINGS)
     # (115^2 - 100^2)/133^2

@@ -162,7 +162,7 @@ REFUSED = {
     "a word of no relation": (
         lambda s: s.peak(9.0, F, wheel=1),
         "Study.peak: there is no argument 'wheel'; the arguments are preload, frequency, "
-        "mode, options, progress",
+        "mode, options, errors, progress",
     ),
     "misspelt model": (
         lambda s: bd.reference_model("blade_disk"),
