@@ -30,7 +30,8 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.study_boundary import StudyLike, in_type_of, problem_of
 from bdamper.mistuning.disk_equations import DiskMatrices, DiskScene, DiskSystem
 from bdamper.mistuning.mistuning import DamperVariation, Mistuning
-from bdamper.response.followed_peak import highest_peak
+from bdamper.response.highest_peak import as_peak, found_at
+from bdamper.response.linear_limits import peak_interval
 from bdamper.response.peak import Peak
 from bdamper.util import validation
 from bdamper.util.display import Summarised
@@ -377,6 +378,16 @@ MORE_HARMONICS = 2
 """Number of further harmonics that estimate the error of a peak: an even and an odd one."""
 
 
+def _peak_of_curve(problem: Problem, preload: float) -> Peak:
+    """Return the highest peak of the response curve of the tuned disk at a preload.
+
+    Peaks that are followed from lower preloads are left out: the search for the highest blade
+    begins on this curve, and may not begin on a branch that disturbed blades leave.
+    """
+    interval = peak_interval(problem.at(preload), None)
+    return as_peak(problem, found_at(problem, preload, interval), interval)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class DiskProblem(Summarised):
     """Bladed disk and its equations; for the parameters see
@@ -487,7 +498,7 @@ class DiskProblem(Summarised):
         """Return the highest peak of the tuned disk at a preload; its amplitude is NaN if none was
         found."""
         if preload not in self._tuned_peaks:
-            peak = highest_peak(self.structure.tuned, preload)
+            peak = _peak_of_curve(self.structure.tuned, preload)
             if not peak.ok:
                 peak = replace(peak, amplitude=np.nan)
             self._tuned_peaks[preload] = peak
@@ -512,7 +523,7 @@ class DiskProblem(Summarised):
         if n_harmonics > MAX_HARMONIC:
             return np.nan
         try:
-            richer = highest_peak(tuned.replace(harmonics=n_harmonics), preload)
+            richer = _peak_of_curve(tuned.replace(harmonics=n_harmonics), preload)
         # sampled contact forces may be too coarse for more harmonics
         except SettingError:
             return np.nan
