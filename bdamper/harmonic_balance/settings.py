@@ -660,8 +660,10 @@ class Settings(validation.Answering):
         SettingError
             If the model has no friction faces.
         """
+        # a stored study without friction faces has a mapping without entries
+        names_nothing = isinstance(given, Mapping) and not given
         validation.check_sentence(
-            self.friction_faces,
+            self.friction_faces or names_nothing,
             "friction_coefficient",
             "has no effect on a model without friction faces; omit it",
         )
