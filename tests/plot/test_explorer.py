@@ -19,6 +19,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import bdamper as bd
 from bdamper.harmonic_balance.parameters import vary
+from bdamper.plot import explorer_worker
 from bdamper.plot.axes import ticks_within
 from bdamper.plot.contact import STATUS_COLOURS, tiles
 from bdamper.plot.explorer_page import DAMPER, Page
@@ -198,8 +199,9 @@ def test_a_newer_question_ends_the_work_and_takes_the_place_of_what_waits(
     queue, begun, go = SimpleQueue(), Event(), Event()
     answers, calls = answering(small(), queue.put), []
     frequency_response = bd.Study.frequency_response
+    curve_alone = explorer_worker.frequency_response
 
-    def slow(study, *given, **keywords):
+    def wait_for(study):
         calls.append(study.settings.harmonic_numbers[-1])
         if (
             study.settings.harmonic_numbers[-1] == harmonics
@@ -207,9 +209,18 @@ def test_a_newer_question_ends_the_work_and_takes_the_place_of_what_waits(
         ):
             begun.set()
             go.wait(SHORT)
+
+    def slow(study, *given, **keywords):
+        wait_for(study)
         return frequency_response(study, *given, **keywords)
 
+    def slow_curve(problem, *given, **keywords):
+        wait_for(problem)
+        return curve_alone(problem, *given, **keywords)
+
     monkeypatch.setattr(bd.Study, "frequency_response", slow)
+    # the first step asks for the curve alone
+    monkeypatch.setattr(explorer_worker, "frequency_response", slow_curve)
     answers.ask(asked(damping_ratio=0.05))
     assert begun.wait(SHORT)
     for ratio in (0.1, 0.2, 0.3):
@@ -268,6 +279,9 @@ def test_the_end_of_the_thread_ends_all_its_work(monkeypatch, harmonics, answeri
             raise_if_stopped()
             time.sleep(0.01)
 
+    if harmonics == 1:
+        # the first step asks for the curve alone
+        monkeypatch.setattr(explorer_worker, "frequency_response", endless)
     monkeypatch.setattr(bd.Study, "frequency_response", endless)
     before = set(threading.enumerate())
     answers = answering(small(), lambda _: None)
