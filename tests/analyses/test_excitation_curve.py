@@ -129,6 +129,11 @@ def test_picture_with_measured_points():
     computed, measured = upper.lines
     np.testing.assert_array_equal(computed.get_ydata(), curve.amplitude)
     np.testing.assert_array_equal(measured.get_xdata(), [0.6, 1.8])
-    assert lower.get_xlabel() == "Excitation amplitude (N)"
+    # label and ticks are in one unit
+    lower.figure.canvas.draw()
+    ticks = {
+        round(x, 6): text.get_text() for x, text in zip(lower.get_xticks(), lower.get_xticklabels())
+    }
+    assert lower.get_xlabel() == "Excitation amplitude (mN)" and ticks[1.0] == "1000"
     with pytest.raises(SettingError, match="measured: expected two lists of one length"):
         curve.plot(measured=([0.6], [1.7, 30.0]))
