@@ -73,7 +73,7 @@ def test_an_interruption_keeps_the_curve_and_says_so(found, monkeypatch):
         (90.0, "interrupted"),
     ]
     assert np.isnan(out.time_response[0].mean)
-    assert out._headline().endswith("time integration at 60 N is interrupted")
+    assert "interrupted before a motion was known" in " ".join(str(out).split())
     monkeypatch.undo()
     known = study.with_time_response(curve, [60.0])
     monkeypatch.setattr(in_time, "time_response", stopped)
