@@ -117,7 +117,9 @@ def test_ctrl_c_in_a_report(name, monkeypatch):
     made, _ = bars(monkeypatch, at=2)
     if name in KEPT:
         found = done(name, progress=True)
-        assert found.status.startswith(KEPT[name]) and not made[0].ended
+        assert found.status.startswith(KEPT[name])
+        # a search in time keeps its motion and closes its own bar
+        assert name == "time_response" or not made[0].ended
         return
     with pytest.raises(KeyboardInterrupt):
         done(name, progress=True)
