@@ -10,10 +10,12 @@ import pytest
 import bdamper as bd
 from bdamper.fatigue import AISI_1050, MarginCurve, Margins
 from bdamper.fatigue.criteria import amplitude_and_mean
-from bdamper.fatigue.stress_cycle import _contact_axes
+from bdamper.fatigue.stress_cycle import _contact_axes, coefficients_of
+from bdamper.harmonic_balance.checks import Solutions
 from bdamper.model.structure import StressSet
 from bdamper.response.verification import TimeResponse
 from bdamper.util.errors import BdamperError, SettingError
+from tests.models import wedge_model
 from tests.printed import said
 
 
@@ -170,6 +172,38 @@ def test_a_free_curve_has_the_stress_of_all_modes_under_the_excitation_alone(stu
     ]  # the centrifugal stress is that without dampers
     gauge = study.gauge_stress(free, "root point 1", (1.0, 0.0, 0.0))
     np.testing.assert_allclose(gauge[i], cycle.coefficients[0, 0], rtol=1e-12)
+
+
+def test_contact_forces_on_both_ports_of_a_blade_add_their_stress():
+    """Springs on the relative motion, turned back from the sector of each port, times unit stresses."""
+    order, n_blades, springs = 2, 12, 1e8
+    model = with_stress(wedge_model(n_points=1, n_blade_modes=2, harmonics=1, n_damper_modes=1))
+    bonded = bd.Study(
+        model,
+        bd.Excitation("tip"),
+        order,
+        harmonics=1,
+        friction_law="bonded",
+        constraint_planes=False,
+        contact_stiffness=springs,
+    ).problem
+    u = 1e-6 * np.random.default_rng(3).standard_normal(bonded.n_unknowns)
+    solution = Solutions(u[None], np.array([300.0]), np.array([100.0]), np.array(["response"]))
+    found = coefficients_of(bonded, solution, tuple(model.stress.values()))[0, ..., 1]
+
+    # unknowns: mean, cosine and sine of two blade modes and six rigid motions of the damper
+    q = u[8:16] - 1j * u[16:]
+    left, right = springs * (bonded.bases[1].G @ q)
+    # the blade is body b: forces along t1 and t2 pull it back, and N is compression
+    on_b = np.array([-1.0, -1.0, 1.0])
+    # the right face is on the blade of the next sector, whose motion has this phase lead
+    lead = np.exp(2j * np.pi * order / n_blades)
+    on_ports = np.concatenate([on_b * left, on_b * right / lead])
+    root = model.stress["root"]
+    of_contacts = root.contact[order] @ on_ports
+    expected = root.modes[order] @ q[:2] + of_contacts
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+    assert np.abs(of_contacts).max() > 0.1 * np.abs(expected).max()
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """The free damper: exact rigid modes, inertia relief, elastic modes, centrifugal load."""
 
 import shutil
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -64,6 +65,30 @@ def test_mass_centre_and_inertia(free):
     centre = turn(0.5 * G.pitch) @ [0.0, G.ridge_radius - c + mean, 0.0]
     np.testing.assert_allclose(free.centre, centre, atol=1e-9)
     assert free.inertia[2, 2] == pytest.approx(mass * i_zz, rel=1e-6)
+
+
+def test_mass_centre_and_inertia_of_point_masses():
+    """Sums of m, of m r over m, and of m (r.r - r r) about the centre, on a tetrahedron of bars."""
+    nodes = np.array([[0.1, 0.3, 0.2], [0.4, 0.5, -0.1], [-0.2, 0.6, 0.3], [0.2, 0.9, 0.7]])
+    m = np.array([1.0, 2.0, 4.0, 0.5])
+    stiffness = np.zeros((12, 12))
+    for a, b in combinations(range(4), 2):
+        bar = np.zeros(12)
+        bar[3 * a : 3 * a + 3] = (nodes[b] - nodes[a]) / np.linalg.norm(nodes[b] - nodes[a])
+        bar[3 * b : 3 * b + 3] = -bar[3 * a : 3 * a + 3]
+        stiffness += np.outer(bar, bar)
+    mass = sp.diags(np.repeat(m, 3), format="csr")
+    found = FreeBody(Structure(nodes, sp.csr_matrix(stiffness), mass), np.eye(3))
+    assert found.total_mass == pytest.approx(7.5, rel=1e-12)
+    centre = m @ nodes / 7.5
+    np.testing.assert_allclose(found.centre, centre, rtol=1e-12)
+    r = nodes - centre
+    inertia = (m * (r**2).sum(axis=1)).sum() * np.eye(3) - (m * r.T) @ r
+    np.testing.assert_allclose(found.inertia, inertia, atol=1e-12)
+    # rotation about Z with a unit resultant along the second axis: m (x, y, 0) over its sum
+    force = found.centrifugal_load(np.array([0.0, 1.0, 0.0])).reshape(-1, 3)
+    expected = m[:, None] * nodes * [1.0, 1.0, 0.0] / (7.5 * centre[1])
+    np.testing.assert_allclose(force, expected, atol=1e-12)
 
 
 def test_receptance_does_not_depend_on_the_constraints(free):

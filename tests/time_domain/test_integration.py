@@ -32,6 +32,7 @@ from bdamper.time_domain.integration import (
 )
 from bdamper.time_domain.transient import Transient
 from tests.each import each
+from tests.oscillators import oscillator
 from tests.time_domain import plain_transient
 
 LAWS = (
@@ -820,6 +821,49 @@ def test_random_starts_end_finite_or_fail_by_name(name, number):
             < most + 4.0 * work
         )
     assert failed.count(256) <= 0.02 * number and "steps_per_period" in said
+
+
+def test_energy_of_one_mass_is_its_closed_form():
+    """Of a mass with a stretched spring, tangential and normal: m v^2, k x^2, kt u^2, N^2/kn, halved."""
+    k = np.array([[1.0, 0.3], [0.3, 2.0]])
+    system = oscillator(
+        2.0, 0.05, k, [[1, 0], [0, 0], [0, 1]], [0.1, 0.0], [1, 0], 1, kt=0.6, kn=6.0, mu=0.4, n0=3.0
+    )  # fmt: skip
+    one = AllSectors(system, 1, 0)
+    position, velocity = np.array([0.5, 0.2]), np.array([0.7, -0.4])
+    acceleration, slider = np.array([0.3, 0.9]), 0.1
+    # modes of unit mass; the imaginary parts of the coordinates of one sector are 0
+    _, shapes = np.linalg.eigh(k / 2.0)
+
+    def of_modes(x):
+        return np.append(np.sqrt(2.0) * shapes.T @ x, np.zeros(2))
+
+    w = np.array([[[slider, 0.0]]])
+    motion = Motion(of_modes(position), of_modes(velocity), w, of_modes(acceleration))
+    normal_force = 3.0 + 6.0 * position[1]
+    springs = 0.6 * (position[0] - slider) ** 2 + normal_force**2 / 6.0
+    stored = 2.0 * velocity @ velocity + position @ k @ position + springs
+    assert one.energy(motion) == pytest.approx(0.5 * stored, rel=1e-12)
+    # with velocity v and acceleration a at omega: m (v^2 + (a/omega)^2)/2
+    moving = velocity @ velocity + acceleration @ acceleration / 1.3**2
+    assert one.vibration_energy(motion, 1.3) == pytest.approx(0.5 * 2.0 * moving, rel=1e-12)
+
+
+def test_energy_of_a_period_of_a_sticking_mass_is_its_closed_form():
+    """Steady motion a: work pi f |a| sin(phase), damping pi c omega |a|^2; springs keep nothing."""
+    mass, damping, stiffness, kt, force, omega = 2.0, 0.3, 1.0, 0.6, 0.1, 1.1
+    system = oscillator(
+        mass, damping, stiffness, [1.0, 0.0, 0.0], force, [1.0], 1, kt=kt, kn=6.0, mu=0.4, n0=9.0
+    )
+    amplitude = force / (stiffness + kt - mass * omega**2 + 1j * damping * omega)
+    q = np.sqrt(mass) * np.array([amplitude.real, 0.0])
+    v = np.sqrt(mass) * np.array([-omega * amplitude.imag, 0.0])
+    start = Motion(q, v, np.zeros((1, 1, 2)))
+    path = AllSectors(system, 1, 0).integrate(start, omega, 1024, tolerance=1e-12)
+    lost = np.pi * damping * omega * abs(amplitude) ** 2
+    work = -np.pi * force * amplitude.imag
+    np.testing.assert_allclose(work, lost, rtol=1e-12)
+    np.testing.assert_allclose(path.energy, [[work, lost, 0.0, 0.0]], rtol=0.0, atol=1e-4 * work)
 
 
 def test_open_points_store_no_energy():
