@@ -7,6 +7,7 @@ import pytest
 
 from bdamper.fatigue import AISI_1050, Material
 from bdamper.fatigue.criteria import (
+    _parabola,
     amplitude_and_mean,
     angles,
     findley,
@@ -96,6 +97,15 @@ def test_von_mises_amplitude_is_no_less_than_of_any_two_instants():
     amplitude = amplitude_and_mean(c).amplitude
     assert (amplitude >= pairs).all() and (amplitude < 1.001 * pairs).all()
     assert len(angles(3)) == 128 and len(angles(8)) == 256
+
+
+def test_a_maximum_between_samples_is_that_of_their_parabola():
+    """Exact for 5 - (t - top)^2 at the three samples around the maximum, also over the end of the period."""
+    t = np.arange(-3.0, 4.0)
+    samples = [5.0 - (t - top) ** 2 for top in (0.3, -0.4)]
+    values = np.array([*samples, np.roll(samples[0], 3), np.roll(samples[1], -3), np.full(7, 2.0)])
+    assert values[2:4].argmax(axis=1).tolist() == [6, 0]
+    np.testing.assert_allclose(_parabola(values), [5.0, 5.0, 5.0, 5.0, 2.0], rtol=1e-12)
 
 
 def test_smallest_circle_of_an_obtuse_and_an_acute_triangle_and_an_ellipse():

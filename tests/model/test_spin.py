@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.model.kinematics import centrifugal_load
 from bdamper.model.modal_basis import SpeedBasis
 from bdamper.model.model_file import read_model, write_model
 from bdamper.model.structure import ModalBasis, feed_digest
 from bdamper.model.validation import check_model
 from bdamper.util.errors import ModelError, SettingError
+from tests.models import wedge_model
 
 SPEED = 400.0
 
@@ -209,3 +211,11 @@ def test_the_shipped_disk_over_rotor_speed():
         1e-4 < shift[:10].max() < 1e-3 and mixing[:10].max() < 0.06
     )  # small enough to be left out
     assert 50e-6 < np.abs(blade.spin.contact[:, 2]).max() * 600.0**2 < 100e-6
+
+
+def test_centrifugal_load_of_a_free_body_is_mass_times_radius():
+    """The distance from the axis counts, not the position along it."""
+    model = wedge_model(n_points=1, n_blade_modes=1, n_damper_modes=0)
+    damper = replace(model.bodies["damper"], mass=2.0, centre=np.array([0.03, -0.04, 9.0]))
+    heavy = replace(model, bodies={**model.bodies, "damper": damper})
+    assert centrifugal_load(heavy) == pytest.approx(2.0 * 0.05, rel=1e-12)

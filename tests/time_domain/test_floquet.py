@@ -20,9 +20,7 @@ def test_multipliers_of_a_sticking_point_with_two_modes():
     found = multipliers(system, np.zeros(system.layout.n_unknowns), 1.3)
 
     held = stiffness + np.diag([kt, kn])
-    rates = np.block(
-        [[np.zeros((2, 2)), np.eye(2)], [-held / mass, -damping / mass * np.eye(2)]]
-    )
+    rates = np.block([[np.zeros((2, 2)), np.eye(2)], [-held / mass, -damping / mass * np.eye(2)]])
     expected = np.exp(np.linalg.eigvals(rates) * 2.0 * np.pi / 1.3)
     order = np.lexsort((expected.imag, expected.real))
     np.testing.assert_allclose(found[np.lexsort((found.imag, found.real))], expected[order])
