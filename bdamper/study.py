@@ -896,7 +896,7 @@ class Study(Comparable):
         validation.check_value(is_known, "check", f"one of {checks}", check)
         check_executor(executor)
         progress = shows_progress(progress)
-        values = optimal.preload_values(preload, n)
+        values = optimal.preload_values(preload, n, call="optimal_curve")
         if problem.carries_load:
             frequency = optimal.curve_interval(problem, values, frequency, mode)
         check_unloaded(problem)

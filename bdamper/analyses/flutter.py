@@ -23,7 +23,7 @@ from bdamper.response.optimal_curve import preload_values
 from bdamper.util import validation
 from bdamper.util.display import Plottable, Result
 from bdamper.util.errors import COMPLETE, INCOMPLETE, Ending, separated
-from bdamper.util.formatting import amount, short_repr
+from bdamper.util.formatting import amount, listed, short_repr
 from bdamper.util.progress import one_thread, progress_stages, shows_progress
 from bdamper.util.records import Data
 from bdamper.util.statement import Row, Statement
@@ -101,8 +101,6 @@ class Flutter(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-flut
     def _statement(self) -> Statement:
         safe = self.safe
         least = int(np.argmin(safe))
-        preload = amount(self.preload[least], "N")
-        where = f"preload {preload}, nodal diameter {self.nodal_diameter[least]}"
         highest = amount(self.highest, "m")
         stable = self.amplitude[self.stable & (self.amplitude > 0.0)]
         leaves_rest = bool(np.any(~self.stable & (self.amplitude == 0.0)))
@@ -110,7 +108,7 @@ class Flutter(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-flut
         if leaves_rest and stable.size:
             from_rest = f"limit cycles of up to {amount(stable.max(), 'm')} from rest"
         if safe[least] == 0.0:
-            verdict = f"Flutter from rest: {where}"
+            verdict = f"Flutter from rest: {self._where(safe == 0.0)}"
         elif np.isinf(safe[least]) and from_rest:
             verdict = (
                 f"Bounded flutter: {from_rest}; no vibration below {highest} grows without bound"
@@ -118,7 +116,9 @@ class Flutter(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-flut
         elif np.isinf(safe[least]):
             verdict = f"No flutter: vibration below {highest} stays bounded"
         else:
-            verdict = f"Flutter above {amount(safe[least], 'm')}: {where}"
+            verdict = (
+                f"Flutter above {amount(safe[least], 'm')}: {self._where(safe == safe[least])}"
+            )
             if from_rest:
                 verdict += f"; {from_rest}"
         n_cycles = int(np.count_nonzero(self.amplitude))
@@ -127,8 +127,28 @@ class Flutter(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-flut
             Row("Limit cycles", str(n_cycles), largest),
             Row("Amplitudes", f"up to {highest}", "searched"),
         ]
+        elsewhere = np.isfinite(safe) & (safe > safe[least])
+        if elsewhere.any():
+            lowest = amount(safe[elsewhere].min(), "m")
+            rows.insert(0, Row("Flutter above", lowest, f"or more: {self._where(elsewhere)}"))
         table, further = self._few_rows()
         return Statement([verdict], rows, remarks=further, table=table)
+
+    def _where(self, rows: NDArray) -> str:
+        """Return the preloads and nodal diameters of some rows (n,) bool."""
+        all_preloads = np.unique(self.preload)
+        preloads = np.unique(self.preload[rows])
+        loads = listed(amount(preload, "N") for preload in preloads)
+        if len(all_preloads) == 1:
+            text = f"preload {loads}"
+        elif len(preloads) == len(all_preloads):
+            ends = f"{amount(preloads[0], 'N')} to {amount(preloads[-1], 'N')}"
+            text = f"all {len(preloads)} preloads, {ends}"
+        else:
+            text = f"{len(preloads)} of {len(all_preloads)} preloads, {loads}"
+        diameters = np.unique(self.nodal_diameter[rows])
+        numbers = listed(map(str, diameters))
+        return f"{text}; nodal diameter{'s' if len(diameters) > 1 else ''} {numbers}"
 
 
 class _Motion(NamedTuple):

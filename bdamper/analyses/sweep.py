@@ -436,7 +436,25 @@ class SweepResult(WithRowStatus, Plottable, Tabular, Recorded, Storable, kind="b
         parts += [f"{n} {what}" for what, n in counts.items() if n > 0]
         return ", ".join(parts)
 
+    def _loading_statement(self) -> Statement:
+        """Return the statement of a force that increases until the damper slides."""
+        table, further = self._few_rows()
+        known = np.flatnonzero(np.isfinite(self.array("displacement")))
+        last = known[-1]
+        force = amount(self.points["force"][last], "N")
+        moved = amount(float(self.array("displacement")[last]), "m")
+        if FAILED in self.status:
+            first = amount(self.points["force"][self.status.index(FAILED)], "N")
+            verdict = f"The damper slides at {first}: displacement {moved} at {force}"
+        else:
+            verdict = f"No sliding up to {force}: displacement {moved}"
+        slipping = percent(float(self.array("slipping")[last]))
+        rows = [Row("Slipping points", slipping, f"of the closed points, at {force}")]
+        return Statement([verdict], rows, remarks=further, table=table)
+
     def _statement(self) -> Statement:
+        if self.names == ("force",) and {"displacement", "slipping"} <= set(self.quantities):
+            return self._loading_statement()
         name = self._main_quantity()
         values = self.array(name).ravel() if name else np.empty(0)
         points = self._counts(values)

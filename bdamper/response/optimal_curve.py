@@ -200,7 +200,7 @@ def optimal_curve(
         If the search was interrupted before it found anything.
     """
     start = time.perf_counter()
-    values = preload_values(preload, n)
+    values = preload_values(preload, n, call="optimal_curve")
     validation.flag("progress", progress)
     check_options(options)
     validation.check(
@@ -755,10 +755,13 @@ def _columns(
     }
 
 
-def preload_values(preload: Any, n: int, name: str = "preload", unit: str = "N") -> NDArray:
+def preload_values(
+    preload: Any, n: int, name: str = "preload", unit: str = "N", call: str = ""
+) -> NDArray:
     """Return the preloads of a curve, or the values of another parameter with a name and a unit.
 
     They are ``n`` in geometric progression between two values, or the given sequence if longer.
+    ``call`` is the name of the method that an error message shows with a valid range.
 
     Raises
     ------
@@ -771,11 +774,15 @@ def preload_values(preload: Any, n: int, name: str = "preload", unit: str = "N")
         "a whole number, and an interval by its name as frequency=(low, high)",
         n,
     )
+    expected = "(low, high) or a longer sequence of increasing values"
+    if np.ndim(preload) == 0 and isinstance(preload, int | float):
+        # the second of two numbers without parentheses arrives as n
+        high = n if n > preload else 10.0 * preload
+        example = f"{call}(({preload:g}, {high:g}))" if call else f"({preload:g}, {high:g})"
+        raise validation.invalid(name, f"{expected}, for example {example}", preload)
     values = validation.numbers(name, preload, above=0.0, unit=unit)
     if len(values) < 2 or np.any(np.diff(values) <= 0.0):
-        raise validation.invalid(
-            name, "(low, high) or a longer sequence of increasing values", preload
-        )
+        raise validation.invalid(name, expected, preload)
     n = validation.integer("n", n, least=2)
     if len(values) > 2:
         return values

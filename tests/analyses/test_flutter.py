@@ -5,8 +5,10 @@ import pytest
 from scipy.optimize import brentq
 
 import bdamper as bd
+from bdamper.analyses.flutter import Flutter
 from tests.analyses import jenkins, wedge
 from tests.analyses.test_mode import oscillator
+from tests.printed import row
 
 TWO_PI = 2.0 * np.pi
 EXCITES = -0.1
@@ -119,3 +121,39 @@ def test_flutter_over_preload_and_nodal_diameter():
     assert shifted.frequency[0] / plain.frequency[0] - 1.0 == pytest.approx(0.01, rel=0.1)
     with pytest.raises(bd.SettingError, match="aerodynamic_damping at nodal diameter 0"):
         study.flutter(120.0, float("nan"))
+
+
+def states(preload, amplitude, stable):
+    """Equilibria and limit cycles of nodal diameter 5, one row for each."""
+    n = len(preload)
+    return Flutter(
+        preload=np.array(preload),
+        nodal_diameter=np.full(n, 5),
+        amplitude=np.array(amplitude),
+        frequency=np.ones(n),
+        stable=np.array(stable),
+        highest=1e-2,
+        aerodynamic_damping={"5": [0.0, -0.01]},
+        statuses=("complete",) * n,
+        settings={},
+        model_hash="",
+    )
+
+
+def test_every_preload_that_flutters_is_named():
+    at_all = states([200.0, 500.0, 1e3], [0.0] * 3, [False] * 3)
+    assert at_all._headline() == (
+        "Flutter from rest: all 3 preloads, 200 N to 1 kN; nodal diameter 5"
+    )
+    at_two = states([200.0, 500.0, 1e3], [0.0] * 3, [False, False, True])
+    assert at_two._headline() == (
+        "Flutter from rest: 2 of 3 preloads, 200 N and 500 N; nodal diameter 5"
+    )
+    alone = states([200.0], [0.0], [False])
+    assert alone._headline() == "Flutter from rest: preload 200 N; nodal diameter 5"
+    # at 500 N only vibration above 2 mm grows
+    one_above = states([200.0, 500.0, 500.0], [0.0, 0.0, 2e-3], [False, True, False])
+    assert one_above._headline() == ("Flutter from rest: 1 of 2 preloads, 200 N; nodal diameter 5")
+    assert row(one_above, "Flutter above") == (
+        "Flutter above", "2 mm", "or more: 1 of 2 preloads, 500 N; nodal diameter 5"
+    )  # fmt: skip

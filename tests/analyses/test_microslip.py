@@ -5,6 +5,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.analyses.hysteresis import microslip
+from bdamper.util.formatting import amount
 from tests.plain import plain_study
 
 LOAD, MU = 1000.0, 0.3
@@ -85,3 +86,10 @@ def test_it_slides_when_all_friction_is_used():
     last = max(p["force"] for p, status in zip(curve.points, curve.status) if status == "complete")
     assert not curve.complete and 0.96 * limit < last < 1.05 * limit
     assert curve.status_text[-1] == "failed: the damper slides"
+    moved = amount(np.nanmax(curve.array("displacement")), "m")
+    first = amount(min(p["force"] for p in curve.points if p["force"] > last), "N")
+    expected = f"The damper slides at {first}: displacement {moved} at {amount(last, 'N')}"
+    assert curve._headline() == expected
+    below = microslip(s, LOAD, (1.0, 2.0))
+    moved = amount(below.array("displacement")[-1], "m")
+    assert below._headline() == f"No sliding up to 2 N: displacement {moved}"

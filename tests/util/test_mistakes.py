@@ -193,6 +193,11 @@ REFUSED = {
         "preload: expected (low, high) or a longer sequence of increasing values, found "
         "(20000.0, 20.0)",
     ),
+    "two numbers instead of a pair": (
+        lambda s: s.optimal_curve(30, 1000),
+        "preload: expected (low, high) or a longer sequence of increasing values, for example "
+        "optimal_curve((30, 1000)), found 30",
+    ),
     "margin without material": (
         lambda s: s.optimal_curve((20.0, 2e4), 3, quantity="margin"),
         "material: expected a Material, since quantity is the margin, found None",
