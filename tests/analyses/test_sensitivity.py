@@ -115,6 +115,28 @@ def compare(study, preload, parameters):
     return wrong, compared
 
 
+def test_derivatives_of_a_sticking_mass_are_its_closed_forms():
+    """Peak at omega^2 = k/m - c^2/(2 m^2), with the amplitude F/(c sqrt(k/m - c^2/(4 m^2)))."""
+    mass, damping, own, kt, force = 2.0, 0.1, 1.0, 0.6, 0.1
+    contact = bd.Contact(tangential=0, kt=kt, mu=0.5, preload=100.0)
+    study = bd.lumped([mass], [damping], [own], contacts=[contact], forces={0: force}, harmonics=1)
+    peak = study.peak(0.0, (0.01, 0.5))
+    found = study.peak_sensitivities(peak, ("damping_factor", "excitation.amplitude"))
+    omega = np.sqrt((own + kt) / mass - damping**2 / (2.0 * mass**2))
+    damped = np.sqrt((own + kt) / mass - damping**2 / (4.0 * mass**2))
+    amplitude = force / (damping * damped)
+    assert peak.amplitude == pytest.approx(amplitude, rel=1e-9)
+    # with the factor on damping omega^2 falls by twice its last term, and 1/damped rises
+    losses = damping**2 / (2.0 * mass**2)
+    by_damping = found["damping_factor"]
+    change = -1.0 + 0.5 * losses / damped**2
+    assert by_damping.amplitude == pytest.approx(change * amplitude, rel=1e-6)
+    assert by_damping.frequency == pytest.approx(-losses / omega / (2.0 * np.pi), rel=1e-6)
+    by_force = found["excitation.amplitude"]
+    assert by_force.amplitude == pytest.approx(amplitude / force, rel=1e-6)
+    assert by_force.frequency == pytest.approx(0.0, abs=1e-12)
+
+
 @pytest.mark.slow
 def test_mass_of_the_damper_on_a_flat_peak():
     """The axial place of the damper is far beyond the motion of its contacts: a change of its modes must not move it."""

@@ -9,6 +9,8 @@ import pytest
 
 import bdamper as bd
 import bdamper.harmonic_balance.problem as problem_module
+from bdamper.contact.preload_state import SLIP_MINUS, SLIP_PLUS, STICK
+from bdamper.contact.static_state import StaticSystem, _LoadStep
 from bdamper.response.linear_limits import linear_peak
 from bdamper.util.errors import StaticError
 from tests.plain import plain_study
@@ -91,3 +93,27 @@ def test_an_optimal_curve_has_no_peak_there(study):
         bd.BdamperError, match=r"no peak found at any of 3 preloads .* no equilibrium beyond 500 N"
     ):
         study.optimal_curve(np.array([600.0, 800.0, 1000.0]), frequency=INTERVAL, check=False)
+
+
+def test_fixed_limits_tell_slip_from_stick_at_one_point():
+    """Three independent modes: T = kt f/(k + kt) in stick, and slip where mu N is less."""
+    stiffness, kt, kn, friction, normal_force = 1.0, 3.0, 5.0, 0.5, 2.0
+    limit = friction * normal_force
+    # tangential forces in stick of 1.2 and -1.2 times the limit, and of 0.8 times in the other axis
+    in_stick = limit * np.array([[1.2, 0.8], [0.8, -1.2]])
+    for sticking, expected in zip(in_stick, [[SLIP_PLUS, STICK], [STICK, SLIP_MINUS]]):
+        system = StaticSystem(
+            stiffness=np.full(3, stiffness),
+            G=np.eye(3)[None],
+            kt=np.full((1, 2), kt),
+            kn=np.array([kn]),
+            mu=np.array([friction]),
+            n0=np.array([normal_force]),
+            # N at rest balances the preload of the point
+            force=np.append(sticking * (stiffness + kt) / kt, normal_force),
+            shift=np.zeros((1, 3)),
+            constant_force=np.zeros(3),
+        )
+        step = _LoadStep(system, 1.0, np.zeros((1, 2)), 0.0)
+        found = step.at_fixed_limits(np.full((1, 2), STICK))
+        np.testing.assert_array_equal(found, [expected])
