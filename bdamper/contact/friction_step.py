@@ -17,19 +17,51 @@ and the Newton iteration of a load step starts from each motion that it yields.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from bdamper.contact.static_state import StaticSystem
-
 MOST_OUTER = 25
 """Largest number of values of the limits or openings."""
 MOST_INNER = 30
 """Largest number of Newton iterations for one of them; 1 to 10 are usual."""
+
+
+class Springs(Protocol):
+    """What the problems take of a :class:`bdamper.contact.static_state.StaticSystem`.
+
+    That module imports this one, so that this one names no class of it.
+    """
+
+    @property
+    def stiffness(self) -> NDArray:
+        """Modal stiffness (n_modes,)."""
+
+    @property
+    def G(self) -> NDArray:
+        """Motion (n_points, 3, n_modes) of the points."""
+
+    @property
+    def kt(self) -> NDArray:
+        """Tangential stiffness (n_points, 2), N/m."""
+
+    @property
+    def kn(self) -> NDArray:
+        """Normal stiffness (n_points,), N/m."""
+
+    @property
+    def mu(self) -> NDArray:
+        """Friction coefficient (n_points,)."""
+
+    @property
+    def n0(self) -> NDArray:
+        """Normal force at zero motion (n_points,), N."""
+
+    @property
+    def bonded(self) -> NDArray | bool:
+        """Whether a point is bonded, (n_points,)."""
 
 
 class _ConvexLaw(Protocol):
@@ -47,11 +79,11 @@ class _FixedLimits:
 
     Parameters
     ----------
-    system : StaticSystem
+    system : Springs
     slider : (n_points, 2) float, m
     """
 
-    def __init__(self, system: StaticSystem, slider: NDArray) -> None:
+    def __init__(self, system: Springs, slider: NDArray) -> None:
         self.system = system
         self.slider = slider
         self.bonded = np.broadcast_to(system.bonded, len(system.kn))
@@ -83,11 +115,11 @@ class _FixedOpening:
 
     Parameters
     ----------
-    system : StaticSystem
+    system : Springs
     slider : (n_points, 2) float, m
     """
 
-    def __init__(self, system: StaticSystem, slider: NDArray) -> None:
+    def __init__(self, system: Springs, slider: NDArray) -> None:
         self.system = system
         self.slider = slider
         self.bonded = np.broadcast_to(system.bonded, len(system.kn))
@@ -156,13 +188,13 @@ class _FixedOpening:
 
 
 def approximations(
-    system: StaticSystem, force: NDArray, shift: NDArray, slider: NDArray, start: NDArray
+    system: Springs, force: NDArray, shift: NDArray, slider: NDArray, start: NDArray
 ) -> Iterator[NDArray]:
     """Yield modal coordinates (n_modes,) that approach equilibrium.
 
     Parameters
     ----------
-    system : StaticSystem
+    system : Springs
         Without compiled laws and cubic springs.
     force : (n_modes,) float
         Modal load.
@@ -195,7 +227,7 @@ def approximations(
 
 
 def _minimum(
-    system: StaticSystem,
+    system: Springs,
     law: _ConvexLaw,
     held: NDArray,
     force: NDArray,
@@ -231,7 +263,7 @@ def _minimum(
 
 
 def _line_minimum(
-    system: StaticSystem,
+    system: Springs,
     law: _ConvexLaw,
     held: NDArray,
     force: NDArray,
