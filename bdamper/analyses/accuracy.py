@@ -86,7 +86,7 @@ from bdamper.response.peak import Peak, PeakOptions, check_peak, peak_of_sign, s
 from bdamper.response.peak_error import HarmonicPeak
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.richer_peak import embed, missing_harmonics, nodal_diameter, with_stand_ins
-from bdamper.response.verification import Convergence, Meeting
+from bdamper.response.verification import CONVERGED_SHARE, Convergence, Meeting
 from bdamper.time_domain.time_response import structure_in_time
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable, Result
@@ -311,7 +311,7 @@ def _converged(peaks: Sequence[HarmonicPeak], tolerance: float) -> bool:
     if len(peaks) < 3:
         return False
     before, middle, last = (peak.amplitude for peak in peaks[-3:])
-    limit = 0.2 * tolerance
+    limit = CONVERGED_SHARE * tolerance
     return abs(middle - before) / last < limit and abs(last - middle) / last < limit
 
 

@@ -14,7 +14,8 @@ The refinement ends without success if
 * the sum of the errors that no study of this model can reduce exceeds the tolerance;
 * a more detailed study has no peak;
 * peaks with more harmonics do not approach each other, not even after a refinement of the
-  harmonics: only time integration can then give the amplitude;
+  harmonics: only time integration can then give the amplitude (changes below a fifth of the
+  tolerance do not count);
 * the next step would exceed the time limit, or a step does exceed it. The expected time grows with
   the square of the number of unknowns, because Jacobians take most of it.
 
@@ -40,7 +41,7 @@ from bdamper.harmonic_balance.subject import preload_text
 from bdamper.response.motion_range import half_range
 from bdamper.response.peak import Peak, check_peak
 from bdamper.response.peak_error import SourceError
-from bdamper.response.verification import ErrorEstimates
+from bdamper.response.verification import CONVERGED_SHARE, ErrorEstimates
 from bdamper.util import validation
 from bdamper.util.display import Plottable, Result
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, BdamperError, Ending
@@ -311,15 +312,25 @@ class _Search:
         largest = max(sizes, key=lambda source: sizes[source], default="")
         self._add_step(error, largest, estimates.cost)
         missing = self._missing_peak(enriched)
-        if estimates.undecided and (missing or "harmonics" in self.refined):
+        undecided = self._undecided(estimates)
+        if undecided and (missing or "harmonics" in self.refined):
             self._end(f"{_amplitudes(estimates)}: harmonic balance cannot determine the amplitude")
             self.needed = Need("time integration, study.time_response(peak)")
         elif missing:
             self._end(missing)
-        elif error <= self.tolerance and not estimates.undecided:
+        elif error <= self.tolerance and not undecided:
             self.ending = Ending()
         else:
             self._continue(estimates, enriched, sizes)
+
+    def _undecided(self, estimates: ErrorEstimates) -> bool:
+        """Return whether peaks with more harmonics leave the amplitude open at this tolerance.
+
+        Changes far below the tolerance do not matter, even if the last one is the largest.
+        Each change counts, because two large ones may cancel.
+        """
+        limit = CONVERGED_SHARE * self.tolerance
+        return estimates.undecided and not estimates.largest_harmonic_change < limit
 
     def _add_step(self, error: float, largest: str, cost: Cost) -> None:
         peak = self.peak
@@ -378,7 +389,7 @@ class _Search:
         reducible = {source: size for source, size in sizes.items() if source in enriched}
         worst = max(reducible, key=lambda source: reducible[source], default="")
         # without a limit of the harmonics their error is not known
-        if estimates.undecided and "harmonics" in enriched:
+        if self._undecided(estimates) and "harmonics" in enriched:
             worst = "harmonics"
         richer = enriched[worst]
         seconds = sum(step.seconds for step in self.steps)

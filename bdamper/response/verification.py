@@ -524,6 +524,8 @@ MUCH = 2.0
 """Amplitude with another friction coefficient over that of the study that counts as too high."""
 
 
+CONVERGED_SHARE = 0.2
+"""Share of a tolerance below which changes by more harmonics have converged to it."""
 NEGLIGIBLE_CHANGE = 1e-3
 """Relative change by two more harmonics below which the order of changes means nothing.
 
@@ -1045,6 +1047,18 @@ class ErrorEstimates(Result):
         if len(changes) < 2 or changes[-1] < NEGLIGIBLE_CHANGE * amplitudes[-1]:
             return False
         return bool(changes[-1] >= changes[-2])
+
+    @property
+    def largest_harmonic_change(self) -> float:
+        """Largest relative change of the amplitude from one number of harmonics to the next.
+
+        Infinite if a peak is missing, or if there are no peaks with more harmonics.
+        """
+        amplitudes = np.array([peak.amplitude for peak in self.harmonic_peaks])
+        if len(amplitudes) < 2 or np.isnan(amplitudes).any():
+            return float("inf")
+        changes = np.abs(np.diff(amplitudes))
+        return float(changes.max() / amplitudes[-1])
 
     @property
     def line(self) -> str:
