@@ -1929,9 +1929,9 @@ Examples
 Resonance peak of a bladed disk with friction dampers under the platforms:
 
 >>> import bdamper as bd
->>> study = bd.Study(bd.reference_model("bladed_disk"), bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
+>>> study = bd.Study(bd.reference_model("bladed_disk"), bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
 >>> peak = study.peak(2000.0)
->>> print(f"{peak.amplitude:.3g} m at {peak.frequency:.5g} Hz")
-0.000359 m at 360.51 Hz
+>>> print(f"{1e6 * peak.amplitude:.3g} µm at {peak.frequency:.5g} Hz")
+300 µm at 359.84 Hz
 """
 Study.__doc__ = f"{getdoc(Study)}\n{_settings_explained()}\n{EXAMPLE}"
