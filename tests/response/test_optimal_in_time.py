@@ -11,6 +11,7 @@ from bdamper.response.optimum_checks import checks
 from bdamper.response.verification import Convergence, FrictionPeak, HarmonicPeak, TimeResponse
 from bdamper.time_domain import time_response as in_time
 from bdamper.util.formatting import amount, percent, span
+from tests.analyses.test_friction_range import jenkins_peak
 from tests.plain import plain_study
 from tests.printed import row, said, value
 
@@ -80,6 +81,40 @@ def test_the_headline_names_a_drop_beside_the_optimum(curve):
     )
     for other in (calm, away):
         assert "times as high" not in said(other)
+
+
+@pytest.mark.slow
+def test_the_headline_names_a_cliff_of_the_closed_form():
+    """Friction below pi/4 of the force does not limit one mass: far from it only damping does.
+
+    The load closes a gap against a spring of 8 N before it presses on the contact, 0.25 N for each
+    newton of the load: 0.70 times the best load has 0.32 times the best friction.
+    """
+    contact = bd.Contact(0, 1, kt=1.0, kn=1.0, mu=0.5, gap=8.0)
+    loads = {"forces": {0: 1.0}, "load_per_preload": {1: 1.0}}
+    study = bd.lumped(
+        [1.0, 1.0], [0.02, 0.02], [1.0, 1.0], contacts=[contact], harmonics=1, **loads
+    )
+
+    def preload_of(limit):
+        """Load (N) at which the friction force is at most ``limit``: kn / (k + kn) of it above k times the gap."""
+        return 8.0 + 4.0 * limit
+
+    limits = np.array([0.25, 0.5, 1.2, 1.57, 2.0, 3.0])
+    found = study.optimal_curve(preload_of(limits), frequency=(0.12, 0.3), check=False)
+    best = found.optimum
+    right = {limit: jenkins_peak(limit) for limit in limits}
+    for limit, amplitude in right.items():
+        (row,) = np.flatnonzero(found.preload == preload_of(limit))
+        assert found.amplitude[row] == pytest.approx(amplitude, rel=1e-8)
+    lowest = jenkins_peak(0.25 * (best.preload - 8.0))
+    assert best.amplitude == pytest.approx(lowest, rel=1e-8) and lowest < min(right.values())
+    # 9 N lies outside of the spread of friction coefficients
+    cliff = right[0.5]
+    assert (
+        f"; at 10 N {amount(cliff, 'm')}, {cliff / lowest:.2g} times as high: engine order"
+        in said(found)
+    )
 
 
 @pytest.mark.slow
