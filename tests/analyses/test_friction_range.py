@@ -16,6 +16,7 @@ from bdamper.response.verification import FrictionPeak, FrictionRange
 from bdamper.util.formatting import amount
 from tests.each import each
 from tests.printed import said
+from tests.response.test_verdict import drawn_masses
 from tests.util.test_disk import BAND, pressed
 
 STUDY = pressed()
@@ -177,6 +178,30 @@ def test_the_factors_belong_to_twice_the_amplitude_of_a_damper():
             return FrictionPeak(factor, preload, peak.amplitude, peak.status, peak.reason)
 
         sides_of_twice_the_amplitude(STUDY, preload, BAND, find_range(peak_with))
+
+
+@pytest.mark.slow
+def test_the_factors_lie_where_dense_peaks_double():
+    """A mass pressed on another one, drawn by a seed: peaks at factors of one per cent on either side."""
+    study, _ = drawn_masses(6)
+    # near its best preload
+    preload = 0.154
+    band = tuple(study.peak(preload, progress=False).settings["frequency"])
+
+    def amplitude(factor):
+        peak = study.replace(friction_factor=factor).peak(preload, band, progress=False)
+        assert peak.ok
+        return peak.amplitude
+
+    found = find_range(lambda factor: FrictionPeak(factor, preload, amplitude(factor)))
+    twice = 2.0 * amplitude(1.0)
+    # steps of one per cent, outward
+    factors = np.geomspace(1.2, 1.5, 23)
+    for printed, outward in zip(found.doubles, (1.0 / factors, factors)):
+        assert amplitude(outward[0]) < twice
+        outer = next(factor for factor in outward[1:] if amplitude(factor) > twice)
+        # the amplitude is not quite straight within the bracket of the search
+        assert printed == pytest.approx(outer, rel=0.02)
 
 
 def sides_of_twice_the_amplitude(study, preload, band, found):
