@@ -12,6 +12,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.model.structure import turn
+from bdamper.response.optimum_checks import checks
 from bdamper.time_domain.integration import all_sectors
 from tests.each import each
 from tests.models import wedge_model
@@ -203,6 +204,61 @@ def test_a_mass_whose_damping_alone_limits_it(phase):
     response = study.time_response(curve)
     assert response.status == "complete"
     assert response.mean == pytest.approx(curve.peak.amplitude, rel=2e-3)
+
+
+@pytest.mark.slow
+def test_the_default_optimum_of_a_wedge():
+    """All checks, of which time integration limits its amplitude, give the same."""
+    # half of a symmetric wedge, with a face of 45 degrees
+    c = np.sqrt(0.5)
+    face = bd.Contact({0: -c, 1: c}, {0: c, 1: c}, kt=2.0, kn=2.0, mu=0.3)
+    found = []
+    for phase in (0.0, np.pi / 2):
+        study = bd.lumped(
+            [1.0, 0.01],
+            [0.01, 0.0],
+            [1.0, 0.0],
+            contacts=[face],
+            forces={0: 0.1 * np.exp(1j * phase)},
+            load_per_preload={1: 1.0},
+        )
+        found.append(study.optimal_curve((0.1, 1.0), 5, frequency=(0.1, 0.4)))
+    at_rest, turned = found
+    assert_same([*turned.status, turned.optimum.kind], [*at_rest.status, at_rest.optimum.kind], 0.0)
+    assert_same(
+        [*turned.amplitude, turned.optimum.preload],
+        [*at_rest.amplitude, at_rest.optimum.preload],
+        EXACT,
+    )
+    in_time = [[kept.status, kept.mean] for kept in turned.time_response]
+    right = [[kept.status, kept.mean] for kept in at_rest.time_response]
+    assert len(in_time) == len(right) > 0
+    for own, expected in zip(in_time, right):
+        assert expected[0] == "complete"
+        assert_same(own, expected, IN_TIME)
+    words = [[(check.name, check.colour) for check in checks(curve)] for curve in found]
+    assert words[0] == words[1]
+
+
+@pytest.mark.slow
+def test_the_test_rig():
+    """Blades and dampers that are no part of a ring."""
+    model = bd.reference_model("test_rig")
+    found = []
+    for phase in (0.0, np.pi / 2):
+        excitation = bd.Excitation("tip", phase=phase)
+        study = plain_study(model, excitation, friction_coefficient=0.3, blade_modes=5)
+        curve = study.frequency_response(100.0, (300.0, 350.0))
+        response = study.time_response(curve)
+        found.append((curve, response))
+    (right, kept), (turned, kept_turned) = found
+    assert right.complete and kept.ok
+    assert_same(
+        [turned.status, turned.peak.amplitude, turned.peak.frequency],
+        [right.status, right.peak.amplitude, right.peak.frequency],
+        EXACT,
+    )
+    assert_same([kept_turned.status, kept_turned.mean], [kept.status, kept.mean], IN_TIME)
 
 
 # ---- a wheel ----
