@@ -7,13 +7,15 @@ raises all frequencies by the root of 1.1.
 """
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.importers import over_speed, read_calculix, read_job
+from bdamper.importers import ContactFaces, over_speed, read_calculix, read_job
 from bdamper.importers.example_decks import example_decks
+from bdamper.plot.explorer_worker import Answers, Question
 from bdamper.response.linear_limits import peak_interval
 from tests.each import each
 from tests.importers import test_rings
@@ -173,3 +175,113 @@ def test_shares_of_several_dampers(tmp_path):
     once.save(tmp_path / "study.h5")
     again = bd.load_study(tmp_path / "study.h5")
     assert again.settings.load_per_preload == once.settings.load_per_preload
+
+
+def assert_shown(study, preload, band, folder):
+    """The explorer draws the study with its optimal curve, and the review page of this curve has its pictures."""
+    answers = Answers(study, print, preloads=3)
+    try:
+        question = Question((), preload, (0.5 * preload, 2.0 * preload))
+        for ask in (partial(answers.curve, harmonics=1), answers.curve, answers.optimal):
+            shown = ask(question)
+            assert len(shown.curve or shown.optimal) > 2
+        assert len(answers.curve(question).limits) == 2
+    finally:
+        answers.ask(None)
+    curve = study.optimal_curve((0.5 * preload, 2.0 * preload), 3, frequency=band, check=False)
+    page = curve.report(folder / "review.html", study)
+    assert page.read_text().count("<img") >= 3
+
+
+FEW = {"engine_order": 4, "n_modes": 8, "damping_ratio": 0.001}
+"""Options of a small import."""
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:blade .* Young's modulus")
+def test_a_shroud_at_two_speeds(tmp_path):
+    """At the second speed the blade is one of a stiffness that is 10 % higher, whose shrouds still touch."""
+    example_decks("shroud", tmp_path)
+    blade = read_job(tmp_path / "blade.inp")
+    shroud = ContactFaces("shroud", "SHROUD_HIGH", "SHROUD_LOW", "blade", "blade", points=(1, 4))
+    options = {
+        "contacts": [shroud],
+        "n_blades": 36,
+        "faces": ("LOW", "HIGH"),
+        "fixed": "BORE",
+        "units": "m-kg-s",
+        "locations": {"tip": (0.0, 0.345, 0.0)},
+        **FEW,
+    }
+    load = 20e3
+    loaded = {
+        "engine_order": 4,
+        "constant_loads": {"shroud": load},
+        "friction_coefficient": 0.2,
+    }
+    models = [
+        build(body, **options).model
+        for body in (at_two_speeds(blade), replace(blade, stiffness=STIFFER * blade.stiffness))
+    ]
+    study, stiffer = (
+        plain_study(model, bd.Excitation("tip", "axial"), **loaded) for model in models
+    )
+    running = study.at_speed(TOP)
+    # the disk grows with the speed, which takes a part of the load that was there at assembly; the
+    # rest sticks under 1 N
+    left = [study.at_speed(speed).static(0.0).normal_force["shroud"] for speed in (0.5 * TOP, TOP)]
+    assert load > left[0] > left[1] > 0.0
+    stuck = stiffer.stuck((1500.0, 2500.0)).peak.frequency
+    band = 0.97 * stuck, 1.03 * stuck
+    peak = assert_usable(running, 0.0, band, tmp_path, {"friction_coefficient": [0.2, 0.3]})
+    right = stiffer.peak(0.0, band)
+    assert peak.frequency == pytest.approx(right.frequency, rel=1e-6)
+    assert peak.amplitude == pytest.approx(right.amplitude, rel=1e-4)
+
+
+@pytest.mark.slow
+def test_gauges_beside_a_ring(tmp_path):
+    """Without contact a ring leaves the stress of the sector alone."""
+    example_decks("ring", tmp_path)
+    sector, ring = read_job(tmp_path / "sector.inp"), read_job(tmp_path / "ring.inp")
+    inner = np.setdiff1d(
+        sector.node_sets["ALL"], [*sector.node_sets["LOW"], *sector.node_sets["HIGH"]]
+    )
+    seat = ContactFaces("seat", "SEAT", "SEAT", body_a="ring", points=(2, 2))
+    options = {
+        "n_blades": test_rings.N,
+        "faces": test_rings.FACES,
+        "fixed": "BORE",
+        "units": "mm-t-s",
+        "locations": {"tip": (0.0, 230.0, 4.0)},
+        "stress": {"web": inner},
+        "elasticity": ELASTICITY,
+        **FEW,
+    }
+    alone = build(sector, contacts=[], **options)
+    built = build(
+        sector,
+        {"ring": ring},
+        contacts=[seat],
+        rings={"ring": test_rings.FACES},
+        n_damper_modes=8,
+        **options,
+    )
+    excitation = bd.Excitation("tip", "axial", 1.0)
+    free = bd.Study(alone.model, excitation, engine_order=4, harmonics=1)
+    study = bd.Study(
+        built.model, excitation, 4, harmonics=1, damper_modes=2, friction_coefficient=0.2
+    )
+    band = 0.97 * alone.frequencies[4][0], 1.03 * alone.frequencies[4][0]
+    stress = {}
+    for name, one in (("alone", free), ("ring", study)):
+        stress[name] = one.stress(one.free(band))
+    largest = {name: np.abs(cycle.coefficients[..., 1]).max() for name, cycle in stress.items()}
+    assert largest["ring"] == pytest.approx(largest["alone"], rel=1e-4)
+    pressing = study.stress(study.peak(20.0))
+    pressing.save(tmp_path / "stress.h5")
+    np.testing.assert_array_equal(
+        bd.load(tmp_path / "stress.h5").coefficients, pressing.coefficients
+    )
+    wide = peak_interval(study.problem.at(20.0), None)
+    assert_shown(study, 20.0, wide, tmp_path)
