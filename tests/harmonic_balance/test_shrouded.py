@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.response.response_curve_result import NO_STEADY
 from tests.printed import said
 
 EXCITATION = bd.Excitation("tip", amplitude=1.0)
@@ -20,7 +21,8 @@ def test_a_drift_that_ends_in_a_turn_is_no_fold_within_a_step(model):
     study = bd.Study(
         model, bd.Excitation("tip"), engine_order=4, harmonics=1, load_per_preload={"shroud": 1.0}
     )
-    assert study.peak(1.0).amplitude > 0.0
+    # the verdict counts the folds of the curve that this search interrupted
+    assert study.peak(1.0).reason.startswith(NO_STEADY)
 
 
 def study_of(model, **settings):
