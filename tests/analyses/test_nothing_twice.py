@@ -54,9 +54,10 @@ def check_once(computed, optimal):
 
     The curve at the optimum alone is followed with two lengths of the steps.  The search takes long
     ones at all preloads; only its end shows which of them is the optimum.  Time integration starts
-    at points of the curve, so that its answers change in the eighth digit if it takes those of the
-    long steps.  The peak from the long steps is no start for the short ones: a curve is complete if
-    it comes from an end of the interval, and from a start within it other points would follow.
+    at points of the curve, so that its answers change if it takes those of the long steps: in the
+    seventh digit on the turbine blade, where the short steps take 908 evaluations and the
+    integration 90,000.  The peak from the long steps is no start for the short ones: a curve comes
+    from an end of the interval, and from a start within it other points would follow.
     """
     for counts in computed:
         repeated = {key[1:]: n for key, n in counts.items() if n > 1}

@@ -8,7 +8,7 @@ import pytest
 import bdamper as bd
 from bdamper.harmonic_balance.equations import NOT_CONVERGED, OK, Correction, InFrequency, Plane
 from bdamper.response.continuation import Follower, follow
-from bdamper.response.events import ContinuationOptions
+from bdamper.response.events import ContinuationOptions, Events
 from bdamper.response.response_curve import frequency_response
 from tests.plain import plain_study
 
@@ -184,6 +184,27 @@ def test_a_solution_half_a_step_from_its_prediction_is_refused(off, refused):
     )
     why = follower.try_step(Correction(OK, y, tangent, scale, 0, 0.0, 0), step)[1]
     assert (why == "solution far from its prediction") == refused
+
+
+@pytest.mark.parametrize(("off", "refused"), [(0.2, False), (0.3, True)])
+def test_a_solution_beyond_a_corner_is_within_half_the_way_from_it(off, refused):
+    """Half of the way is 0.25 for the longest one; the corner itself is known to 1/128 of the step."""
+    step, corner = 1.0, 10.6
+    system = FarAtTheEnd(0.0)
+    before, beyond = np.array([0.0, 1.0]), np.array([np.sin(0.9), np.cos(0.9)])
+    scale = np.ones(2)
+
+    def solve(guess, condition, *_, tolerance=None, **__):
+        """The null vector at any point, or a solution beside the guess."""
+        tangent = beyond if guess[1] > corner else before
+        beside = 0.0 if tolerance else off
+        y = guess + beside * np.array([beyond[1], -beyond[0]])
+        return Correction(OK, y, tangent, scale, 1, 0.0, 0, orientation=1)
+
+    system.solve = solve
+    here = Correction(OK, np.array([1.0, 10.0]), before, scale, 0, 0.0, 0, orientation=1)
+    found = Events(system, ContinuationOptions()).around_corner(here, step, sign=1)
+    assert (found is None) == refused
 
 
 @pytest.mark.parametrize(("beside", "closes"), [(0.04, True), (0.06, False)])

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.response.verification import energy_shares
 from bdamper.time_domain import time_response as in_time
 from bdamper.util.formatting import peak_text
 
@@ -21,6 +22,17 @@ def wedge(harmonics=1, mass=0.1):
     ]
     return bd.lumped([1.0, mass, mass], [2e-3 * np.sqrt(k), 0.0, 0.0], [k, 0.0, 0.0], contacts=faces, forces={0: 1.0},
                      load_per_preload={2: 1.0}, harmonics=harmonics)  # fmt: skip
+
+
+def test_energies_of_a_period_are_shares_of_what_is_supplied():
+    """Work less all losses is the error of the steps; losses below zero supply energy."""
+    supplied, shares = energy_shares((10.0, 6.0, 3.0, 0.5))
+    assert supplied == 10.0
+    np.testing.assert_allclose(shares, [0.6, 0.3, 0.05, 0.05], rtol=1e-12)
+    # contacts alone supply energy, the excitation takes some
+    supplied, shares = energy_shares((-2.0, 3.0, -8.0, 1.0))
+    assert supplied == 8.0
+    np.testing.assert_allclose(shares, np.array([3.0, -8.0, 1.0, 2.0]) / 8.0, rtol=1e-12)
 
 
 @pytest.fixture(scope="module")
