@@ -493,11 +493,6 @@ static void expect_state(bd_time *t, const bd_time_patterns *patterns, size_t se
     set_tangent(t, patterns, sector, point, D);
 }
 
-/* Tolerance of GMRES in the first iterations. */
-BD_INLINE double first_tolerance(const bd_time *t) {
-    return t->mostly_open ? BD_TIME_HARD_LINEAR_TOLERANCE : BD_TIME_LINEAR_TOLERANCE;
-}
-
 /* free_motion = the motion at the end of the step with the pattern forces of the last step. */
 static void add_motion_of_last_forces(bd_time *t, const bd_time_patterns *patterns) {
     const size_t n_sector = (size_t)t->n_sector;
@@ -513,7 +508,7 @@ static void predict_correction(bd_time *t, const bd_time_patterns *patterns) {
     predict_forces(t);
     multiply((size_t)t->n_sector, (size_t)patterns->rank, t->rows, t->predicted_force,
              patterns->pattern_transposed, t->residual);
-    find_correction(t, patterns, first_tolerance(t));
+    find_correction(t, patterns, BD_TIME_LINEAR_TOLERANCE);
 }
 
 /* First correction of a step in the states of the last period: the residual is V' F - p, where F
@@ -529,7 +524,7 @@ static void predict_correction_by_period(bd_time *t, const bd_time_patterns *pat
     multiply((size_t)t->n_sector, (size_t)patterns->rank, t->rows, t->predicted_force,
              patterns->pattern_transposed, t->residual);
     add(n_pattern_forces(t, patterns), -1.0, t->pattern_force, t->residual);
-    find_correction(t, patterns, first_tolerance(t));
+    find_correction(t, patterns, BD_TIME_HARD_LINEAR_TOLERANCE);
 }
 
 /* Compare the found states with the states of the last step and of the last period, at the end of a
@@ -537,21 +532,18 @@ static void predict_correction_by_period(bd_time *t, const bd_time_patterns *pat
  * While a transient decays the last period is a bad guess. */
 static void judge_expectations(bd_time *t) {
     const size_t n_point = (size_t)t->n_point;
-    long wrong_of_step = 0, wrong_of_period = 0, n_open = 0;
+    long wrong_of_step = 0, wrong_of_period = 0;
     for (size_t sector = 0; sector < (size_t)t->n_sector; ++sector) {
         const double *found = t->contact_state + sector * t->stride;
         const double *last = t->last_state + sector * t->stride;
-        for (size_t point = 0; point < n_point; ++point) {
+        for (size_t point = 0; point < n_point; ++point)
             wrong_of_step += last[point] != found[point];
-            n_open += is_open_state((int)found[point]);
-        }
         if (!t->period_state) continue;
         const signed char *of_period = t->period_state + sector * n_point;
         for (size_t point = 0; point < n_point; ++point)
             wrong_of_period += (double)of_period[point] != found[point];
     }
     t->period_is_better = t->period_state && wrong_of_period <= wrong_of_step;
-    t->mostly_open = 2 * n_open > (long)n_point * t->n_sector;
 }
 
 /* Find the contact forces at the end of a step, from the motion x* without them in free_motion.
@@ -592,7 +584,7 @@ static int solve_contact(bd_time *t, const bd_time_patterns *patterns, double to
         /* few corrections suffice in most steps; in others the direction decides */
         const int is_hard = i >= BD_TIME_EASY_ITERATIONS;
         const double linear_tolerance =
-            is_hard ? BD_TIME_HARD_LINEAR_TOLERANCE : first_tolerance(t);
+            is_hard ? BD_TIME_HARD_LINEAR_TOLERANCE : BD_TIME_LINEAR_TOLERANCE;
         find_correction(t, patterns, linear_tolerance);
         norm = search_length(t, patterns, norm);
     }

@@ -690,7 +690,6 @@ static void reset(bd_time *t) {
     t->largest_force = 0.0;
     t->period_state = NULL;
     t->period_is_better = 0;
-    t->mostly_open = 0;
 }
 
 /* Integrate the state of the caller in place: coordinates q, velocities v, accelerations a

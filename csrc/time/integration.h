@@ -122,7 +122,6 @@ typedef struct bd_time {
      * NULL if there are none. The path owns them. */
     const signed char *period_state;
     int period_is_better; /* 1: the last period was a better guess in the last step */
-    int mostly_open;      /* 1: most points were open at the end of the last step */
     bd_time_patterns of_instant;
     bd_time_patterns of_step[BD_TIME_LENGTHS_OF_STEP]; /* step halved 0, 1, ... times */
     /* energies of the steps since the last reset, see bd_time_path.energy */
@@ -164,8 +163,8 @@ enum { BD_TIME_MAX_ITERATIONS = 40, BD_TIME_VECTORS = 8, BD_TIME_REFACTOR = 64 }
 enum { BD_TIME_CLOCK_STEPS = 16 };
 
 /* Tolerance of GMRES in the first iterations of a step, their number, and tolerance in later ones.
- * The later one also applies to all iterations if most contacts are open: an error of a tenth then
- * opens and closes further contacts. */
+ * The later one also applies to the first correction in the states of the last period, which ends the
+ * step if they return. With it in all iterations, steps with little numerical damping stall. */
 enum { BD_TIME_EASY_ITERATIONS = 2 };
 #define BD_TIME_LINEAR_TOLERANCE 0.1
 #define BD_TIME_HARD_LINEAR_TOLERANCE 0.01
