@@ -376,7 +376,7 @@ def test_what_cannot_be_asked_is_said(study, peak, curve):
     ):
         study.at_speed(300.0).margin(curve, AISI_1050)
     one = study.replace(harmonics=1)
-    turning = one.at_speed(300.0).peak(200.0)
+    turning = one.at_speed(300.0).peak(2690.0)  # the load of the damper at this speed
     assert one.at_speed(300.0).margin(turning, AISI_1050).speed == 300.0
     with pytest.raises(
         SettingError, match="at the rotor speed of this study, 310 rad/s, found 300 rad/s"

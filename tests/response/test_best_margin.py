@@ -78,7 +78,9 @@ def test_what_a_blade_keeps_has_a_margin_of_its_own(study, curve, tmp_path):
         curve, time_response=(known, replace(known, preload=1.35 * p, highest_period=1.3 * top))
     )
     ax = two.plot().axes[0]
-    middle, _, (bars,) = ax.containers[0].lines
+    # error bars of harmonic balance have no marker of their own
+    (in_time,) = [bars for bars in ax.containers if bars.lines[0] is not None]
+    middle, _, (bars,) = in_time.lines
     assert bars.get_segments()[0][1, 1] / middle.get_ydata()[0] == pytest.approx(1.2 / 1.1), (
         "up to the highest period"
     )
@@ -165,7 +167,9 @@ def test_ctrl_c_in_a_peak_with_other_friction_is_an_interruption(study, curve, m
     monkeypatch.setattr(robust_optimum.SteadyPeak, "__call__", peaks)
     found = study.optimal_curve((40.0, 400.0), 6, quantity="margin", material=AISI_1050)
     assert asked and found.interrupted and found.margins == ()
-    assert {peak.status for peak in found.other_friction} == {"interrupted"}
+    # the peak with the friction of the study is that of the curve
+    asked_for = [peak for peak in found.other_friction if peak.factor != 1.0]
+    assert len(asked_for) == 2 and {peak.status for peak in asked_for} == {"interrupted"}
 
 
 @pytest.mark.slow

@@ -29,7 +29,8 @@ def test_a_highest_point_is_reached_by_a_slow_sweep_within_the_interval():
     for one, highest in zip(drawn, swept):
         study = one.study(harmonics=7)
         curve, peak = study.frequency_response(0.0, one.band), study.peak(0.0, one.band)
-        assert curve.complete
+        # the rubbing blade has its separate branch above a maximum, study 476 above an end
+        assert curve.complete == (one is not drawn[-1])
         assert peak.ok == (not curve.peak_at_end and "widen the interval" not in said(curve))
         assert curve.peak.amplitude == pytest.approx(highest, rel=0.05)
         known = peak.amplitude if peak.ok else peak.lower_bound

@@ -719,9 +719,13 @@ def test_energy_is_kept_by_a_radius_of_one_and_lost_by_less():
         assert 0.97 * before < energy(ring.integrate(state(ring), 1.3, 256, 20).motion) < before
 
 
-@pytest.mark.parametrize(("friction", "left"), [(0.0, 0.7), (0.02, 0.002)])
-def test_what_bounces_gains_no_energy(friction, left):
-    """Unilateral contacts, residual coordinates, neither damping nor excitation: the steps take a few percent."""
+@pytest.mark.parametrize("seed", [1, 2, 3, 4, 5])
+@pytest.mark.parametrize(("friction", "left"), [(0.0, 0.62), (0.02, 0.002)])
+def test_what_bounces_gains_no_energy(friction, left, seed):
+    """Unilateral contacts, residual coordinates, neither damping nor excitation: the steps take a few percent.
+
+    What is left after ten periods differs from start to start, since the motion is chaotic.
+    """
     system = structure(laws=[LAW_SEPARABLE], size=0.0, damping=0.0, light=2)
     own = system.structure.points
     points = replace(
@@ -741,7 +745,7 @@ def test_what_bounces_gains_no_energy(friction, left):
         )
         return kept + (np.sum(points.kn * pushed**2) + np.sum(points.kt * pulled**2)) / ring.n
 
-    motion = ring.integrate(state(ring), 1.3, 256, steps=1).motion
+    motion = ring.integrate(state(ring, seed), 1.3, 256, steps=1).motion
     levels = [energy(motion)]
     for _ in range(10):
         motion = ring.integrate(motion, 1.3, 256).motion
