@@ -228,6 +228,8 @@ class Margins(
             Row("Stress amplitude", amount(self.amplitude[i], "Pa"), str(self.rule)),
             Row("Mean stress", amount(self.mean[i], "Pa"), self.material.name),
         ]
+        if load_check:
+            rows.insert(0, Row("Margin", f"{self.least:.3g}", f"at {self.names[i]}"))
         checks = [_fatigue_check(self.least), self._yield_check(), *load_check]
         checks.append(_time_check(in_time))
         subject = about(self.settings, self.preload, amount(self.frequency, "Hz"))
@@ -419,6 +421,8 @@ class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-
         if load_check:
             verdict = over_cycle.OTHER_SPEED
             place = f"at {amount(value, self.unit)}"
+            if not is_chosen:
+                place += f", {point}"
             rows.insert(0, Row(f"{sentence(name)} margin", f"{margin:.3g}", place))
         rows += [Row("Criterion", "", str(self.rule)), Row("Material", "", self.material.name)]
         remarks = over_cycle.doubts(self.notes)

@@ -322,7 +322,9 @@ def test_the_headline_says_what_makes_the_least_margin_doubtful(study):
     doubt = f" Elements at {name} differ by 59.7 %: its stress may not have converged with the mesh"
     for margins in printed(near_contact=None, **numbered):
         text = said(margins)
-        assert doubt in text and any(at in text for at in (f"at {name}: ", f", {name}: "))
+        # the preload belongs to another speed, so that the headline has no margin: a row has it
+        assert doubt in text
+        assert any(at in text.replace(doubt, "") for at in (f"at {name}", f", {name}"))
     largest = np.arange(3) == factor.argmax()
     for margins in printed(
         near_contact=largest, spread=0.9 * largest

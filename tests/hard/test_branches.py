@@ -40,7 +40,7 @@ from bdamper.response.continuation import follow
 from bdamper.response.events import ContinuationOptions, Path
 from bdamper.util.progress import CostMeter, _stop
 from tests.following import find_start
-from tests.hard.random_studies import oracle_residuals, random_study
+from tests.hard.random_studies import oracle_residuals, random_study, tracked_curve
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.models import acyclic_model, wedge_model
 from tests.plain import plain_study
@@ -387,7 +387,7 @@ def test_support_is_drag_on_the_vibration_and_spring_on_the_mean_of_free_bodies(
 def test_a_support_that_fades_where_nothing_else_starts(seed, wide, monkeypatch):
     """Shrouds that just touch, and a damper thrown about by 16 times its preload."""
     s, preload, interval = random_study(seed, wide)
-    curve = s.frequency_response(preload, interval)
+    curve = tracked_curve(s, preload, interval)
     assert curve.complete
     assert any("fading supports: removed" in line for line in curve.start_log)
     error, rounding = oracle_residuals(s, preload, curve)
@@ -398,7 +398,7 @@ def test_a_support_that_fades_where_nothing_else_starts(seed, wide, monkeypatch)
         "_homotopy",
         lambda system, *args: cut_off if system.supported else homotopy(system, *args),
     )
-    assert not s.frequency_response(preload, interval).complete
+    assert not tracked_curve(s, preload, interval).complete
 
 
 def reference_study(**settings):

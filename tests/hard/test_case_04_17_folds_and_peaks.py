@@ -10,7 +10,7 @@ import bdamper as bd
 from bdamper.harmonic_balance.equations import OK
 from bdamper.response.continuation import follow
 from bdamper.response.events import ContinuationOptions, turns_twice
-from tests.hard.random_studies import random_study
+from tests.hard.random_studies import random_study, tracked_curve
 from tests.oscillators import oscillator
 from tests.plain import plain_study
 
@@ -143,9 +143,9 @@ def test_a_pair_of_folds_in_one_step_is_not_stepped_over(case, folds, step):
         preload, interval = 500.0, (335.0, 355.0)
     else:
         study, preload, interval = random_study(28)
-    usual = study.frequency_response(preload, interval)
-    fine = study.frequency_response(
-        preload, interval, options=ContinuationOptions(step=step, max_step=step)
+    usual = tracked_curve(study, preload, interval)
+    fine = tracked_curve(
+        study, preload, interval, options=ContinuationOptions(step=step, max_step=step)
     )
     assert usual.complete
     assert len(fine.folds) == folds

@@ -18,7 +18,13 @@ from bdamper.response.events import ContinuationOptions
 from bdamper.time_domain.integration import AllSectors
 from bdamper.util.progress import CostMeter
 from tests.following import find_start
-from tests.hard.random_studies import FULL, number_of_cases, oracle_residuals, random_study
+from tests.hard.random_studies import (
+    FULL,
+    number_of_cases,
+    oracle_residuals,
+    random_study,
+    tracked_curve,
+)
 
 BATCH = 10
 QUICK = 10
@@ -29,8 +35,8 @@ STATUSES = {"complete", "incomplete", "not found"}
 def check(seed, wide=False):
     """Status and reason of one case, after its points were rechecked."""
     study, preload, interval = random_study(seed, wide)
-    curve = study.frequency_response(
-        preload, interval, options=ContinuationOptions(max_points=3000, patience=300)
+    curve = tracked_curve(
+        study, preload, interval, options=ContinuationOptions(max_points=3000, patience=300)
     )
     assert curve.status in STATUSES, (seed, curve.status)
     assert curve.reason, seed
