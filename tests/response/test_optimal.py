@@ -413,9 +413,7 @@ class TestNoFriction:
         peak, sensitivity = found
         # the damper opens for two thirds of the cycle, so that the verdict gives no peak as an answer
         rubbing = [smooth.replace(friction_coefficient=mu) for mu in (1e-4, 2e-4)]
-        one, two = (
-            found_at(s.problem, 300.0, (250.0, 320.0)).top.peak for s in rubbing
-        )
+        one, two = (found_at(s.problem, 300.0, (250.0, 320.0)).top.peak for s in rubbing)
         assert one.ok and two.ok
         for name in ("amplitude", "frequency"):
             a, b, c = (getattr(p, name) for p in (peak, one, two))
