@@ -26,6 +26,38 @@ def test_multipliers_of_a_sticking_point_with_two_modes():
     np.testing.assert_allclose(found[np.lexsort((found.imag, found.real))], expected[order])
 
 
+def test_multipliers_of_a_mass_that_sticks_and_slips_twice_a_period():
+    """Free vibrations with and without the spring of the slider, which is set where stick begins.
+
+    The motion a cos(theta - 0.7) turns, sticks for arccos(1 - 2 mu N/(kt a)), and slips to its
+    other end.
+    """
+    mass, own, kt, limit, a, omega = 2.0, 1.0, 0.6, 0.4 * 0.5, 1.0, 1.1
+    system = oscillator(
+        mass, 0.0, own, [1.0, 0.0, 0.0], 0.1, [1.0], 1, kt=kt, kn=6.0, mu=0.4, n0=0.5
+    )
+    motion = np.sqrt(mass) * a * np.array([0.0, np.cos(0.7), np.sin(0.7)])
+    found = multipliers(system, motion, omega)
+
+    stick = np.arccos(1.0 - 2.0 * limit / (kt * a))
+    free = np.sqrt(own / mass)
+    held = np.sqrt((own + kt) / mass)
+    # displacement and velocity after stick; the slider has moved as the mass at its beginning
+    angle = held * stick / omega
+    kept = kt / (own + kt)
+    turn = np.array([[np.cos(angle), np.sin(angle) / held], [-held * np.sin(angle), np.cos(angle)]])
+    after_stick = np.array([[kept, 0.0], [0.0, 0.0]]) + turn @ np.diag([1.0 - kept, 1.0])
+    angle = free * (np.pi - stick) / omega
+    after_slip = np.array(
+        [[np.cos(angle), np.sin(angle) / free], [-free * np.sin(angle), np.cos(angle)]]
+    )
+    expected = np.linalg.eigvals(after_slip @ after_stick) ** 2
+    assert abs(expected[0].imag) > 0.1, "a pair"
+    moving = found[:2][np.argsort(found[:2].imag)]
+    np.testing.assert_allclose(moving, expected[np.argsort(expected.imag)], rtol=1e-9)
+    np.testing.assert_allclose(found[2:], 0.0, atol=1e-9)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("slips", [1, 2])
 def test_multipliers_of_a_point_that_sticks_for_a_part_of_the_period(slips):
