@@ -30,7 +30,7 @@ MOST_INNER = 30
 
 
 class Springs(Protocol):
-    """What the problems take of a :class:`bdamper.contact.static_state.StaticSystem`.
+    """Properties of a :class:`bdamper.contact.static_state.StaticSystem` that the problems use.
 
     That module imports this one, so that this one names no class of it.
     """
