@@ -30,7 +30,7 @@ def test_a_constant_normal_force():
     largest = 2.0 / (DAMPING[0] * damped)
     assert found.amplitude == pytest.approx(largest, rel=1e-9)
     assert found.factor == pytest.approx(MU * NORMAL / (KT * largest), rel=1e-8)
-    assert found.force == pytest.approx(2.0 * found.factor) and not found.opens
+    assert found.force == pytest.approx(2.0 * found.factor) and found.touching == np.inf
     assert found.limiting == {"contact 1": pytest.approx(1.0)}
     assert found.amplitude_at_first_slip == pytest.approx(MU * NORMAL / KT, rel=1e-8)
 
@@ -65,12 +65,67 @@ def test_harmonic_balance_is_linear_below_first_slip(across):
             assert peak.amplitude < 0.999 * linear
 
 
+GAP = 1e-4
+
+
+def beside_a_stop(force):
+    """The rubbing mass, whose tangential motion closes a gap (m) to a stop."""
+    return bd.lumped(
+        [1.0, 1.0], DAMPING, SPRINGS, forces={0: force}, load_per_preload={1: 1.0}, response=0,
+        contacts=[bd.Contact(0, 1, kt=KT, kn=KN, mu=MU), bd.Contact(normal=0, kn=KN, gap=GAP)],
+        harmonics=1,
+    )  # fmt: skip
+
+
+def test_a_point_that_is_open_at_rest_stays_open():
+    """Mean friction T moves the mass away from the stop, by T over its spring, and leaves mu N - T."""
+    found = beside_a_stop(2.0).first_slip(PRELOAD, BAND)
+    damped = np.sqrt(SPRINGS[0] + KT - (0.5 * DAMPING[0]) ** 2)
+    assert found.amplitude == pytest.approx(2.0 / (DAMPING[0] * damped), rel=1e-9)
+    assert found.touching * found.amplitude == pytest.approx(GAP, rel=1e-8)
+    friction = (MU * NORMAL - KT * GAP) / (1.0 + KT / SPRINGS[0])
+    both = GAP + friction / SPRINGS[0]
+    assert found.amplitude_at_first_slip == pytest.approx(both, rel=1e-8)
+    (row,) = (line for line in str(found).splitlines() if line.startswith("Touching"))
+    assert f"{2e3 * found.touching:.3g} mN" in row
+
+
+@pytest.mark.parametrize(("share", "linear"), [(0.98, True), (1.05, False)])
+def test_harmonic_balance_is_linear_until_an_open_point_touches(share, linear):
+    """It begins at the static state, without mean friction."""
+    force = 2.0 * share * beside_a_stop(2.0).first_slip(PRELOAD, BAND).touching
+    study = beside_a_stop(force)
+    expected = study.first_slip(PRELOAD, BAND).amplitude
+    peak = study.peak(PRELOAD, BAND)
+    assert peak.ok and (abs(peak.amplitude / expected - 1.0) < 1e-8) == linear
+
+
+def test_a_face_that_is_twisted_open_keeps_its_closed_points():
+    """A moment opens one of two points; harmonic balance follows the resonance of the other one."""
+    lever, spring = 0.1, 4.0e4
+    ends = [{1: 1.0, 2: lever}, {1: 1.0, 2: -lever}]
+    study = bd.lumped(
+        [1.0, 1.0, 0.01], [4.0, 6.0, 1.0], [1.0e4, 5.0e3, 20.0], forces={0: 0.2}, response=0,
+        contacts=[bd.Contact(0, end, kt=KT, kn=spring, mu=MU) for end in ends],
+        load_per_preload={1: 1.0, 2: 1.5 * lever}, harmonics=1,
+    )  # fmt: skip
+    band = (20.0, 60.0)
+    assert study.static(PRELOAD).friction_state == ("stick", "open")
+    found = study.first_slip(PRELOAD, band)
+    one = np.sqrt(SPRINGS[0] + KT) / (2.0 * np.pi)
+    assert found.frequency == pytest.approx(one, rel=1e-3) and found.locked
+    peak = study.peak(PRELOAD, band)
+    assert peak.amplitude == pytest.approx(found.amplitude, rel=1e-7)
+
+
 def test_the_print_names_margin_and_face():
     text = str(rubbing({0: 0.1}).first_slip(PRELOAD, BAND))
     assert text.startswith("Locked below") and "contact 1" in text and "not sufficient" in text
     assert str(rubbing({0: 50.0}).first_slip(PRELOAD, BAND)).startswith("Slips above")
     unlimited = replace(rubbing({0: 0.1}).first_slip(PRELOAD, BAND), factor=np.inf)
     assert "under any excitation" in str(unlimited)
+    one_point = replace(unlimited, closed={"shroud": (1, 9)})
+    assert "1 of 9" in str(one_point) and "points of shroud at rest" in str(one_point)
 
 
 def test_a_study_without_separation_is_refused():
