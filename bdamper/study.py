@@ -1584,6 +1584,7 @@ class Study(Comparable):
         resume: str | Path | None = None,
         progress: bool | None = None,
         margin: LeastMargin | None = None,
+        errors: bool = True,
         friction: rotor_speed.Table | None = None,
         temperature: rotor_speed.Table | None = None,
         excitation: rotor_speed.Excitations | None = None,
@@ -1605,6 +1606,8 @@ class Study(Comparable):
         margin : LeastMargin, optional
             If given, the margin against fatigue of each crossing is computed; the model needs
             stress sets.
+        errors : bool
+            Estimate the error of each crossing by harmonics and residual modes.
         friction, temperature, excitation
             Conditions that depend on speed, see :meth:`at_speed`.
 
@@ -1628,6 +1631,7 @@ class Study(Comparable):
             resume=resume,
             progress=progress,
             margin=margin,
+            errors=errors,
             conditions=Conditions(friction, temperature, excitation),
         )
 

@@ -382,6 +382,7 @@ def resonance_crossings(
     resume: str | Path | None = None,
     progress: bool | None = None,
     margin: LeastMargin | None = None,
+    errors: bool = True,
     conditions: Conditions,
 ) -> Crossings:
     """See :meth:`bdamper.Study.resonance_crossings`."""
@@ -403,7 +404,9 @@ def resonance_crossings(
     if margin is not None:
         validation.instance("margin", margin, LeastMargin)
         chosen_sets(problem)
-    task = CrossingTask((float(values[0]), float(values[-1])), mode, conditions, margin, named)
+    errors = validation.flag("errors", errors)
+    speed_range = (float(values[0]), float(values[-1]))
+    task = CrossingTask(speed_range, mode, conditions, margin, named, errors)
     # the points of the sweep have no speed yet; at each speed of a line the load follows from the
     # mass
     over = {INERTIA: factors.tolist(), "engine_order": list(orders)}

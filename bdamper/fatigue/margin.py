@@ -25,7 +25,7 @@ from bdamper.harmonic_balance.subject import about
 from bdamper.util import validation
 from bdamper.util.display import Plottable, Result, draw
 from bdamper.util.errors import COMPLETE, BdamperError
-from bdamper.util.formatting import UNITS, amount, counted, sentence, short_repr
+from bdamper.util.formatting import UNITS, amount, counted, percent, sentence, short_repr
 from bdamper.util.records import Reason
 from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import FilePath, Recorded, Storable
@@ -164,6 +164,9 @@ class Margins(
         the first cycle if it is below 1.
     material : Material
     rule : Rule
+    error : float
+        Relative error of the response amplitude by harmonics and residual modes, which the stress
+        amplitudes share; NaN if unknown.
     settings : mapping
     model_hash : str
     """
@@ -174,6 +177,7 @@ class Margins(
     yield_factor: Numbers
     material: Material
     rule: Rule
+    error: float = float("nan")
     _summary_fields = ("least", "frequency", "preload", "speed", "rule", "material.name")
 
     @property
@@ -227,6 +231,7 @@ class Margins(
         rows = [
             Row("Stress amplitude", amount(self.amplitude[i], "Pa"), str(self.rule)),
             Row("Mean stress", amount(self.mean[i], "Pa"), self.material.name),
+            *_error_rows(self.error),
         ]
         if load_check:
             rows.insert(0, Row("Margin", f"{self.least:.3g}", f"at {self.names[i]}"))
@@ -246,6 +251,15 @@ class Margins(
         factor = float(np.where(self.counted, self.yield_factor, np.inf).min())
         outcome = "FAIL" if self.yields else "pass"
         return Row("Yield", outcome, f"factor {factor:.3g} in the first cycle, at least 1 required")
+
+
+def _error_rows(error: float) -> list[Row]:
+    """Return the row with the relative error of the response amplitude; none if it is unknown."""
+    if not np.isfinite(error):
+        return []
+    return [
+        Row("Amplitude error", percent(error), "of the response, by harmonics and residual modes")
+    ]
 
 
 def _fatigue_check(margin: float) -> Row:
@@ -302,6 +316,9 @@ class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-
     notes : tuple of str
     centrifugal_load : (n,) float, N, or None
         Centrifugal load of the damper at each speed; None in files of earlier versions.
+    error : (n,) float, or None
+        Relative error of each response amplitude by harmonics and residual modes, which the stress
+        amplitudes share; NaN if unknown.  None without estimates.
     settings : mapping
     model_hash : str
     """
@@ -328,6 +345,7 @@ class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-
     in_time: tuple[Margins, ...] = ()
     notes: tuple[str, ...] = ()
     centrifugal_load: PerRow | None = None
+    error: PerRow | None = None
     _summary_fields = (
         "over",
         "best_value",
@@ -414,6 +432,7 @@ class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-
         else:
             other = Row("Largest margin", f"{best_margin:.3g}", amount(best_value, self.unit))
         rows = [other, *self._rows_in_time()]
+        rows += _error_rows(self._error_at(value))
         lowest = min([self.margin[least], *(margins.least for margins in self.in_time)])
         load_check = over_cycle.load_check(self.notes)
         checks = [_fatigue_check(lowest), *load_check, _time_check(bool(self.in_time))]
@@ -431,6 +450,14 @@ class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-
         elif lowest < 1.0:
             remarks = [*remarks, self._remedy(failed)]
         return Statement([f"{verdict}{about(self.settings)}"], rows, checks, remarks)
+
+    def _error_at(self, value: float) -> float:
+        """Return the error of the amplitude at the computed value nearest to a value of the
+        abscissa; NaN if unknown.
+        """
+        if self.error is None:
+            return float("nan")
+        return float(self.error[np.abs(self.values - value).argmin()])
 
     def _remedy(self, failed: bool) -> str:
         """Return the remedy if a margin is below 1; some values may be sufficient."""
@@ -468,12 +495,24 @@ def margin(
     time_response: SteadyAmplitude | None = None,
 ) -> Margins | MarginCurve:
     """See :meth:`bdamper.Study.margin`."""
+    error = float("nan")
     if not isinstance(result, StressCycle):
         one_solution = hasattr(result, "y") or index is not None or time_response is not None
         if not one_solution:
             return judge.along(problem, result)
+        error = _error_of(result, index, time_response)
         result = over_cycle.stress(problem, result, index, sets=judge.sets, speed=judge.speed)
-    return judge.of_cycle(_scaled_to_time(result, time_response))
+    margins = judge.of_cycle(_scaled_to_time(result, time_response))
+    return replace(margins, error=error)
+
+
+def _error_of(result: Any, index: int | None, time_response: SteadyAmplitude | None) -> float:
+    """Return the relative error of the amplitude of one solution; NaN if unknown."""
+    # the amplitude by time integration has no error by harmonics
+    if time_response is not None:
+        return float("nan")
+    error = np.asarray(getattr(result, "error", np.nan), float)
+    return float(error if error.ndim == 0 else error[index])
 
 
 def _scaled_to_time(cycle: StressCycle, time_response: SteadyAmplitude | None) -> StressCycle:
@@ -696,9 +735,18 @@ class LeastMargin(Rule):
             rule=self.rule,
             notes=(*first.notes, *load_notes, *_degrees(temperature), *caveats),
             centrifugal_load=problem.sizes.centrifugal_load(rotor_speed),
+            error=_errors_of(curve),
             settings=first.settings,
             model_hash=first.model_hash,
         )
+
+
+def _errors_of(curve: Any) -> NDArray | None:
+    """Return the relative error (n,) of each amplitude of a curve; None without estimates."""
+    error = getattr(curve, "error", None)
+    if error is None or not np.isfinite(error).any():
+        return None
+    return np.asarray(error, float)
 
 
 def _degrees(temperature: NDArray | None) -> tuple[str, ...]:

@@ -337,17 +337,23 @@ class OptimalCurve(
         return sizes
 
     def errors_at(self, preload: float) -> tuple[SourceError, ...]:
-        """Return the errors of the amplitude at a computed preload (N); empty without estimates."""
+        """Return the errors of the amplitude at a computed preload (N); empty without estimates.
+
+        Their frequencies are zero, because a curve has no changes of the frequency.
+        """
         row = int(np.abs(self.preload - preload).argmin())
         errors = []
-        for source, change in (
-            (HARMONICS, self.harmonic_change),
-            (VECTORS, self.vector_change),
+        for source, change, setting in (
+            (HARMONICS, self.harmonic_change, "two more harmonics"),
+            (VECTORS, self.vector_change, "six more residual modes"),
         ):
-            if change is not None:
-                known = bool(np.isfinite(change[row]))
-                uncertainty = 0.0 if known else np.inf
-                errors.append(SourceError(source, float(change[row]), 0.0, uncertainty, ""))
+            if change is None:
+                continue
+            if np.isfinite(change[row]):
+                errors.append(SourceError(source, float(change[row]), 0.0, 0.0, setting))
+            else:
+                against = f"with {setting}: study.estimate_errors(peak)"
+                errors.append(SourceError(source, np.nan, np.nan, np.inf, against))
         return tuple(errors)
 
     @property
@@ -446,8 +452,8 @@ class OptimalCurve(
     def peak_at(self, preload: float) -> Peak | None:
         """Return the highest peak at a preload (N) of the curve, without further computation.
 
-        It has its unknowns, but no tangent.  The result is None if the preload has no value, or if
-        the curve is stored without unknowns.
+        It has its unknowns and the errors of its amplitude, but no tangent.  The result is None if
+        the preload has no value, or if the curve is stored without unknowns.
         """
         rows = np.flatnonzero(self.preload == preload)
         if not len(rows):
@@ -479,6 +485,7 @@ class OptimalCurve(
             settings=self.settings,
             model_hash=self.model_hash,
             half_range=half_range,
+            errors=self.errors_at(preload),
         )
 
     @property

@@ -62,6 +62,20 @@ def test_an_order_that_the_model_has_no_modes_for_fails_alone(study, found):
     assert both.warnings == ("", "")
 
 
+@pytest.mark.slow
+def test_the_errors_of_crossings_can_be_left_out(study, found, monkeypatch):
+    """The crossing itself stays the same, and no richer peak is computed."""
+
+    def not_asked(*_):
+        raise AssertionError("errors are computed")
+
+    monkeypatch.setattr(crossings, "peak_errors", not_asked)
+    without = study.resonance_crossings(SPEEDS, [5], errors=False)
+    assert without.values[0]["amplitude"] == found.values[1]["amplitude"]
+    assert np.isfinite(found.values[1]["error"]) and np.isnan(without.values[0]["error"])
+    assert "error about" in str(found) and "error about" not in str(without)
+
+
 def test_crossings_that_all_failed_are_named_with_the_remedy(study, monkeypatch):
     """No crossing has a speed then, and the list of quantities is empty."""
 

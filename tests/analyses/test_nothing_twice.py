@@ -11,6 +11,7 @@ import pytest
 import bdamper as bd
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response import highest_peak, response_curve
+from bdamper.util.formatting import amount
 from tests.util.test_disk import BAND, pressed
 
 
@@ -99,3 +100,20 @@ def test_the_peak_of_an_optimal_curve_is_that_of_the_search():
     assert np.allclose(known.y, searched.y, rtol=1e-12, atol=0.0)
     assert known.corner == searched.corner and known.half_range == searched.half_range
     assert curve.peak_at(1.01 * preload) is None
+
+
+def test_the_peak_of_an_optimal_curve_has_the_error_of_its_amplitude():
+    """The true change is that of a complete search with two more harmonics."""
+    study = pressed()
+    curve = study.optimal_curve((0.5, 5.0), 4, frequency=BAND, check=False)
+    preload = float(curve.preload[1])
+    peak = curve.peak_at(preload)
+    n_harmonics = study.problem.harmonic_numbers[-1] + 2
+    richer = study.replace(harmonics=n_harmonics).peak(preload, BAND)
+    change = richer.amplitude / peak.amplitude - 1.0
+    (error,) = peak.errors
+    assert error.source == "harmonics" and error.amplitude == pytest.approx(change, abs=1e-6)
+    assert peak.error == pytest.approx(abs(change), abs=1e-6)
+    assert f"{amount(richer.amplitude, 'm')} with two more harmonics" in str(peak)
+    without = study.optimal_curve((0.5, 5.0), 4, frequency=BAND, check=False, errors=False)
+    assert without.peak_at(preload).errors == ()

@@ -15,6 +15,8 @@ from bdamper.harmonic_balance.checks import Solutions
 from bdamper.model.structure import StressSet
 from bdamper.response.verification import TimeResponse
 from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.formatting import percent
+from tests.every_result import result as example
 from tests.models import wedge_model
 from tests.printed import said
 
@@ -73,6 +75,29 @@ def test_margins_of_a_peak(study, peak):
     assert any("contact faces" in warning for warning in margins.warnings)
     again = study.margin(cycle, AISI_1050)
     np.testing.assert_array_equal(again.factor, margins.factor)
+
+
+@pytest.mark.slow
+def test_a_margin_has_the_error_of_its_amplitude(study, peak):
+    """The true changes are those of complete searches with two more harmonics and six more vectors."""
+    n_harmonics = study.problem.harmonic_numbers[-1] + 2
+    richer = study.replace(harmonics=n_harmonics).peak(200.0)
+    by_harmonics = abs(richer.amplitude / peak.amplitude - 1.0)
+    margins = study.margin(peak, AISI_1050)
+    by_source = {item.source: abs(item.amplitude) for item in peak.errors}
+    assert by_source["harmonics"] == pytest.approx(by_harmonics, abs=1e-5)
+    assert margins.error == pytest.approx(sum(by_source.values()))
+    assert f"Amplitude error {percent(margins.error)}" in said(margins)
+    plain = study.margin(study.peak(200.0, errors=False), AISI_1050)
+    assert np.isnan(plain.error) and "Amplitude error" not in said(plain)
+
+
+def test_a_margin_curve_has_the_errors_of_its_amplitudes():
+    """Of the computed value that is nearest to the refined one; none where they are unknown."""
+    curve = replace(example("margin_curve"), error=np.array([0.02, np.nan]))
+    assert "Amplitude error 2 %" in said(replace(curve, best_value=1.1e3, best_margin=2.0))
+    assert "Amplitude error" not in said(replace(curve, best_value=1.9e3, best_margin=2.0))
+    assert "Amplitude error" not in said(replace(curve, error=None))
 
 
 @pytest.mark.slow
