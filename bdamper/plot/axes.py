@@ -196,6 +196,7 @@ def finish(figure: Figure) -> None:
     _lay_out(figure)
     # line breaks move the axes, so that every title is broken before the next layout
     broken_in = [_break_texts(ax) for ax in figure.axes]
+    broken_in.append(_break_title(figure))
     if any(broken_in):
         _lay_out(figure)
     for ax in figure.axes:
@@ -221,21 +222,46 @@ def _break_texts(ax: Axes) -> bool:
     middle = 0.5 * (ax.bbox.x0 + ax.bbox.x1)
     # a centred text reaches equally far to both sides; a fiftieth of the figure stays free
     room = 2.0 * min(middle, width - middle) - 0.02 * width
-    label_x = ax.xaxis.label
-    label_y = ax.yaxis.label
-    length_in_room = [
-        (ax.title, ax.title.get_window_extent().width / room),
-        (label_x, label_x.get_window_extent().width / room),
-        (label_y, label_y.get_window_extent().height / ax.bbox.height),
+    broken_in = [
+        _break_text(ax.title, "width", room),
+        _break_text(ax.xaxis.label, "width", room),
+        _break_text(ax.yaxis.label, "height", ax.bbox.height),
     ]
-    is_broken = False
-    for text, length in length_in_room:
-        content = text.get_text()
-        if length > 1.0 and "\n" not in content:
-            n_lines = int(np.ceil(length))
-            text.set_text(wrapped(content, len(content) // n_lines + 4))
-            is_broken = True
-    return is_broken
+    return any(broken_in)
+
+
+def _break_title(figure: Any) -> bool:
+    """Break the title of a figure if it does not fit; return whether this is so."""
+    title = figure._suptitle
+    if title is None:
+        return False
+    return _break_text(title, "width", 0.98 * figure.bbox.width)
+
+
+def _break_text(text: Text, direction: str, room: float) -> bool:
+    """Break a text of one line into as many as its room (pixels) requires; return whether it does.
+
+    ``direction`` is that of the lines: "width", or "height" for an upright text.
+    """
+    content = text.get_text()
+    length = getattr(text.get_window_extent(), direction) / room
+    if length <= 1.0 or "\n" in content:
+        return False
+    n_words = len(content.split())
+    for n_lines in range(int(np.ceil(length)), n_words + 1):
+        text.set_text(_in_lines(content, n_lines))
+        # letters differ in width, and a line may be longer than the mean
+        if getattr(text.get_window_extent(), direction) <= room:
+            break
+    return True
+
+
+def _in_lines(text: str, n_lines: int) -> str:
+    """Break a text into at most ``n_lines`` lines of similar length."""
+    columns = max(len(text) // n_lines, 10)
+    while wrapped(text, columns).count("\n") >= n_lines:
+        columns += 1
+    return wrapped(text, columns)
 
 
 def picture(
@@ -307,16 +333,21 @@ def legend_beside(
     if not handles:
         return
     labels = labels or [str(h.get_label()) for h in handles]
-    longest = max(len(line) for label in labels for line in str(label).split("\n"))
-    # a character is about 0.55 of the font size wide; a line and its distances, as eight characters
-    column_width = 0.55 * size * (longest + 8) * ax.figure.dpi / 72.0
-    n_fitting = int(ax.figure.bbox.width / column_width)
-    n_columns = max(1, min(len(labels), n_fitting))
+    n_columns = legend_columns(ax.figure, size, labels)
     legend = ax.legend(
         handles, labels, fontsize=size, ncols=n_columns, loc="upper center", columnspacing=1.2
     )
     legend.set_gid("below")
     _move_legend(ax, 0.36)  # about the height of numbers and label
+
+
+def legend_columns(figure: Any, size: float, labels: Sequence[str]) -> int:
+    """Return the number of columns of a legend with this font size that fit into a figure."""
+    longest = max(len(line) for label in labels for line in str(label).split("\n"))
+    # a character is about 0.55 of the font size wide; a line and its distances, as eight characters
+    column_width = 0.55 * size * (longest + 8) * figure.dpi / 72.0
+    n_fitting = int(figure.bbox.width / column_width)
+    return max(1, min(len(labels), n_fitting))
 
 
 def _move_legend(ax: Axes, margin: float | None = None) -> None:

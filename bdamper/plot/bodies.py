@@ -22,7 +22,7 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.study_boundary import accepts_study
 from bdamper.importers.build import BuiltModel
 from bdamper.model.structure import Model
-from bdamper.plot.axes import SMALL, STYLE, finish, looks, new_axes
+from bdamper.plot.axes import SMALL, STYLE, finish, legend_columns, looks, new_axes
 from bdamper.plot.motion import VIEW, sectors_shown, surface_motion
 from bdamper.util import validation
 from bdamper.util.display import register_plot
@@ -302,10 +302,12 @@ def plot_model(model: Model) -> Axes:
             of_contacts.set_title("contacts, enlarged")
         figure = axes[0].figure
         contact_handles, _ = of_contacts.get_legend_handles_labels()
+        entries = [*handles.values(), *contact_handles]
+        labels = [str(entry.get_label()) for entry in entries]
         figure.legend(
-            handles=[*handles.values(), *contact_handles],
+            handles=entries,
             loc="outside lower center",
-            ncols=3,
+            ncols=min(3, legend_columns(figure, SMALL, labels)),
             fontsize=SMALL,
         )
         finish(figure)

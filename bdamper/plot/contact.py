@@ -121,14 +121,22 @@ def face_coordinates(points: NDArray, frame: NDArray) -> tuple[NDArray, NDArray,
     along_axis = -1.0 if t2[2] < 0.0 else 1.0
     x = 1e3 * outward * centred @ t1
     y = 1e3 * along_axis * centred @ t2
-    return x, y, _spacing(x), _spacing(y)
+    dx = _spacing(x)
+    dy = _spacing(y)
+    # the points of a single row are squares
+    known = dx or dy or 1.0
+    return x, y, dx or known, dy or known
+
+
+THINNEST = 6.0
+"""Largest ratio of the sides of a face that is drawn to scale."""
 
 
 def _spacing(values: NDArray) -> float:
-    """Return the mean spacing of rows of points; the rows may be uneven."""
+    """Return the mean spacing of rows of points, which may be uneven; 0 for a single row."""
     steps = np.diff(np.unique(np.round(values, 6)))
     if not len(steps):
-        return 1.0
+        return 0.0
     n_steps_between_rows = (steps > 0.5 * steps.max()).sum()
     return float(np.ptp(values) / n_steps_between_rows)
 
@@ -139,8 +147,13 @@ def _face_axes(ax: Axes, x: NDArray, y: NDArray, dx: float, dy: float) -> None:
         xlim=(y.min() - 0.6 * dy, y.max() + 0.6 * dy),
         ylim=(x.min() - 0.6 * dx, x.max() + 0.6 * dx),
     )
-    ax.set(aspect="equal", xlabel="Along the axis (mm)", ylabel="Outward (mm)")
-    is_wide = np.ptp(ax.get_xlim()) > 1.5 * np.ptp(ax.get_ylim())
+    ax.set(xlabel="Along the axis (mm)", ylabel="Outward (mm)")
+    width = np.ptp(ax.get_xlim())
+    height = np.ptp(ax.get_ylim())
+    # a strip true to scale would be too thin for its points and numbers
+    is_strip = max(width, height) > THINNEST * min(width, height)
+    ax.set_aspect("auto" if is_strip else "equal")
+    is_wide = width > 1.5 * height
     ax.xaxis.set_major_locator(MaxNLocator(3 if is_wide else 1))
     # in a low map the numbers would overlap
     ax.yaxis.set_major_locator(MaxNLocator(2 if is_wide else 4))
