@@ -166,10 +166,13 @@ class BuiltModel(Plottable):
         Failed comparisons with another program.
     bases : tuple of str
         Origin of masses and frequencies, and the node of the largest stress.
+    node_sets : mapping of str to (n, 3) float, m
+        Positions of the nodes of the clamp and of the sector faces, in the axes of the model.
 
     Notes
     -----
-    ``plot`` draws the bodies with faces and points (:func:`bdamper.plot.plot_import_report`).
+    ``plot`` draws the bodies with these sets, contact points and points of the stress
+    (:func:`bdamper.plot.plot_import_report`).
     """
 
     model: Model
@@ -179,6 +182,7 @@ class BuiltModel(Plottable):
     missing: tuple[str, ...] = ()
     failed: tuple[str, ...] = ()
     bases: tuple[str, ...] = ()
+    node_sets: Mapping[str, NDArray] = field(default_factory=dict)
 
     @property
     def frequencies(self) -> dict[int, NDArray]:
@@ -384,7 +388,8 @@ def build_model(
         check_surface(bodies["blade"], stress.name, stress.largest(first_excited))
     bases = list(_origins(bodies, ring))
     bases += [_largest_stress(bodies["blade"], stress, ring) for stress in stresses]
-    return _assembled(bodies, laid, places, reduced, shapes, stresses, ring, report, bases)
+    built = _assembled(bodies, laid, places, reduced, shapes, stresses, ring, report, bases)
+    return replace(built, node_sets=_node_sets(bodies["blade"], sector, faces))
 
 
 # --------------------------------------------------------------------------------------------------
@@ -410,6 +415,16 @@ def _prepared(
         body = validation.instance(name, raw, FEBody, "an FEBody, as read_arrays returns it")
         prepared[name] = PreparedBody(name, body, placement, report)
     return prepared
+
+
+def _node_sets(blade: PreparedBody, sector: Sector, faces: SectorFaces) -> dict[str, NDArray]:
+    """Return the positions (n, 3) of the nodes of clamp and sector faces, without empty sets."""
+    held = None if sector.fixed is None else blade.node_set(sector.fixed, "fixed")
+    sets = {
+        "clamp": np.flatnonzero(blade.fixed(held).all(axis=1)),
+        "sector faces": faces.nodes,
+    }
+    return {name: blade.nodes[nodes] for name, nodes in sets.items() if len(nodes)}
 
 
 def _counts(free: Sequence[str], reduction: Reduction) -> dict[str, int]:

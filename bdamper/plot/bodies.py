@@ -5,7 +5,7 @@ The export uses meshio (extra ``bdamper[viz]``).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any, cast
@@ -17,12 +17,22 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgba
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.study_boundary import accepts_study
 from bdamper.importers.build import BuiltModel
-from bdamper.model.structure import Model
-from bdamper.plot.axes import SMALL, STYLE, finish, legend_columns, looks, new_axes
+from bdamper.model.structure import Model, SurfaceMesh
+from bdamper.plot.axes import (
+    OPTIMUM,
+    SMALL,
+    STYLE,
+    finish,
+    legend_columns,
+    legend_entries,
+    looks,
+    new_axes,
+)
 from bdamper.plot.motion import VIEW, sectors_shown, surface_motion
 from bdamper.util import validation
 from bdamper.util.display import register_plot
@@ -250,24 +260,39 @@ def _scale(ax: Axes) -> None:
         )
 
 
+FACES, CLAMP = "#a9c4df", "#2e6b2e"
+"""Colours of the sector faces and of clamped nodes."""
+
+
 @register_plot(Model)
 def plot_model(model: Model) -> Axes:
-    """Plot the bodies at rest, and an enlarged view of their contact points.
+    """Plot the bodies at rest, the points of their stress, and an enlarged view of their contact
+    points.
 
     Free bodies are drawn in front, because the other bodies would hide them.
     """
+    return _plot_model(model, {})
+
+
+def _plot_model(model: Model, node_sets: Mapping[str, NDArray]) -> Axes:
+    """Plot a model with clamp and sector faces, if ``node_sets`` has the positions (n, 3) of them."""
     fixed: list[Surface] = []
     free: list[Surface] = []
     handles = {}
     for name, _, rotation in sectors_shown(model):
         mesh = model.meshes[name]
-        kind = model.bodies[name].kind
-        surface = (mesh.points @ rotation.T, mesh.quads, TINT[kind])
+        colour = TINT[model.bodies[name].kind]
+        points = mesh.points @ rotation.T
+        handles[name] = _patch(colour, name)
         if model.bodies[name].is_free:
-            free.append(surface)
-        else:
-            fixed.append(surface)
-        handles[name] = Patch(facecolor=TINT[kind], edgecolor="0.35", linewidth=0.5, label=name)
+            free.append((points, mesh.quads, colour))
+            continue
+        on_sector_face = np.zeros(len(mesh.quads), bool)
+        if name == "blade" and "sector faces" in node_sets:
+            on_sector_face = _between(mesh, node_sets["sector faces"])
+            fixed.append((points, mesh.quads[on_sector_face], FACES))
+            handles["sector faces"] = _patch(FACES, "sector faces")
+        fixed.append((points, mesh.quads[~on_sector_face], colour))
     surfaces = [*fixed, *free]
     validation.check(surfaces, "plot of a model", "at least one body with a mesh", "none")
 
@@ -292,6 +317,13 @@ def plot_model(model: Model) -> Axes:
             ax.set(aspect="equal")
             ax.set_axis_off()
         _scale(axes[0])
+        # points, since the view from above hides the bore
+        if "clamp" in node_sets:
+            x, y, _ = seen(node_sets["clamp"]).T
+            axes[0].plot(x, y, "^", color=CLAMP, markersize=1.8, label="clamp")
+        for name, stress in model.stress.items():
+            x, y, _ = seen(stress.points).T
+            axes[0].plot(x, y, "x", color=OPTIMUM, markersize=2.5, label=f"stress {name}")
         of_contacts = axes[-1]
         for points, look, name in zip(contacts, looks(len(contacts)), model.interfaces):
             of_contacts.plot(*points.T, **{**look, "linestyle": ""}, label=f"contact {name}")
@@ -301,8 +333,8 @@ def plot_model(model: Model) -> Axes:
             of_contacts.set(xlim=(x - half, x + half), ylim=(y - half, y + half))
             of_contacts.set_title("contacts, enlarged")
         figure = axes[0].figure
-        contact_handles, _ = of_contacts.get_legend_handles_labels()
-        entries = [*handles.values(), *contact_handles]
+        marks, _ = legend_entries(axes)
+        entries = [*handles.values(), *marks]
         labels = [str(entry.get_label()) for entry in entries]
         figure.legend(
             handles=entries,
@@ -311,7 +343,37 @@ def plot_model(model: Model) -> Axes:
             fontsize=SMALL,
         )
         finish(figure)
+        for line, points in zip(of_contacts.lines[-len(contacts) :], contacts):
+            line.set_markersize(_size_between(of_contacts, points))
     return cast(Axes, axes[0])
+
+
+def _patch(colour: str, label: str) -> Patch:
+    return Patch(facecolor=colour, edgecolor="0.35", linewidth=0.5, label=label)
+
+
+def _between(mesh: SurfaceMesh, nodes: NDArray) -> NDArray:
+    """Return the mask (n_quads,) of the faces of a mesh whose corners are all among nodes (n, 3)."""
+    distance, _ = cKDTree(nodes).query(mesh.points)
+    is_marked = distance < 1e-6 * np.ptp(mesh.points, axis=0).max()
+    return np.asarray(is_marked[mesh.quads].all(axis=1))
+
+
+def _size_between(ax: Axes, points: NDArray) -> float:
+    """Return the size of markers (points of print) that lets one see the body between them.
+
+    ``points`` (n, 2) are the places of the markers in the axes.
+    """
+    places = np.unique(np.round(ax.transData.transform(points), 3), axis=0)
+    if len(places) < 2:
+        return LARGEST_MARKER
+    distance, _ = cKDTree(places).query(places, k=2)
+    gap = 72.0 / ax.figure.dpi * float(np.median(distance[:, 1]))
+    return float(np.clip(0.5 * gap, SMALLEST_MARKER, LARGEST_MARKER))
+
+
+SMALLEST_MARKER, LARGEST_MARKER = 1.2, 3.5
+"""Sizes of the marks of contact points (points of print)."""
 
 
 @register_plot(Model, "plot_mode")
@@ -359,5 +421,5 @@ def plot_mode(
 
 @register_plot(BuiltModel)
 def plot_import_report(report: BuiltModel) -> Axes:
-    """Plot the bodies and contact points of the model (:func:`plot_model`)."""
-    return plot_model(report.model)
+    """Plot the bodies, contact points and stress of the model, with clamp and sector faces."""
+    return _plot_model(report.model, report.node_sets)

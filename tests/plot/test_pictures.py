@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
+from scipy.spatial import cKDTree
 
 import bdamper as bd
 from bdamper.analyses.accuracy import AccuracyCost, Forecast, ReferenceError, Run
@@ -22,6 +23,7 @@ from bdamper.harmonic_balance.effects import ASSUMED, Effects
 from bdamper.importers import BuiltModel, Measurement
 from bdamper.plot import draw_table, plot_accuracy, plot_curves, plot_surfaces
 from bdamper.plot.axes import drawing, limit_line
+from bdamper.plot.bodies import _between
 from bdamper.plot.contact import plot_faces
 from bdamper.plot.motion import VIEW
 from bdamper.response.verification import Convergence, HarmonicPeak, TimeResponse
@@ -280,8 +282,37 @@ class TestSurfaces:
         model = bd.reference_model(contact_points=9)
         figure = BuiltModel(model).plot()
         names = [text.get_text() for text in figure.legends[0].get_texts()]
-        assert names == ["blade", "damper", *(f"contact {name}" for name in model.interfaces)]
+        contacts = [f"contact {name}" for name in model.interfaces]
+        assert names == ["blade", "damper", "stress blade", *contacts]
         assert all(len(ax.collections) == 2 for ax in figure.axes)
+        plt.close(figure)
+
+    def test_clamp_sector_faces_and_stress_of_an_import(self):
+        """Only the face with all of its corners in the set is coloured."""
+        model = bd.reference_model(contact_points=9)
+        mesh = model.meshes["blade"]
+        face = mesh.points[mesh.quads[7]]
+        built = BuiltModel(model, node_sets={"clamp": face, "sector faces": face})
+        assert np.flatnonzero(_between(mesh, face)).tolist() == [7]
+        figure = built.plot()
+        names = [text.get_text() for text in figure.legends[0].get_texts()]
+        assert {"sector faces", "clamp", "stress blade"} <= set(names)
+        plt.close(figure)
+
+    def test_a_body_is_seen_between_its_contact_points(self):
+        """Marks of many points are smaller than their distance on the page."""
+        figure = bd.reference_model("test_rig").plot()
+        enlarged = figure.axes[-1]
+        shares = []
+        for line in enlarged.lines:
+            places = enlarged.transData.transform(line.get_xydata())
+            if len(places) == 24:
+                distance, _ = cKDTree(places).query(places, k=2)
+                size = line.get_markersize() * figure.dpi / 72.0
+                shares.append(size / np.median(distance[:, 1]))
+        # the others are seen from the side
+        assert sorted(shares)[1] < 0.75
+        plt.close(figure)
 
 
 @dataclass(frozen=True)

@@ -162,7 +162,7 @@ def test_a_face_of_one_row_and_a_long_face():
     row = np.array([(0.0, 0.3, 0.01 * k) for k in range(8)])
     frame = np.array([[(0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)]] * 16)
     strip = np.concatenate([row, row + [0.0, 1e-3, 0.0]])
-    x, _, dx, dy = face_coordinates(row, frame[0])
+    *_, dx, dy = face_coordinates(row, frame[0])
     assert dx == dy == pytest.approx(10.0)
     for points in (row, strip):
         axes = plot_faces([("face", points, frame[: len(points)])], [np.ones(len(points))], "N")
