@@ -232,33 +232,34 @@ def _break_texts(ax: Axes) -> bool:
 
 def _break_title(figure: Any) -> bool:
     """Break the title of a figure if it does not fit; return whether this is so."""
-    title = figure._suptitle
-    if title is None:
-        return False
-    return _break_text(title, "width", 0.98 * figure.bbox.width)
+    available = 0.98 * figure.bbox.width
+    # the title is the only text of a figure
+    broken_in = [_break_text(text, "width", available) for text in figure.texts]
+    return any(broken_in)
 
 
-def _break_text(text: Text, direction: str, room: float) -> bool:
-    """Break a text of one line into as many as its room (pixels) requires; return whether it does.
+def _break_text(text: Text, direction: str, available: float) -> bool:
+    """Break a text into lines if it is longer than ``available`` (pixels); return whether this is so.
 
-    ``direction`` is that of the lines: "width", or "height" for an upright text.
+    The length of a line is the "width" of the text, or the "height" of an upright text.
     """
     content = text.get_text()
-    length = getattr(text.get_window_extent(), direction) / room
+    length = getattr(text.get_window_extent(), direction) / available
     if length <= 1.0 or "\n" in content:
         return False
     n_words = len(content.split())
     for n_lines in range(int(np.ceil(length)), n_words + 1):
         text.set_text(_in_lines(content, n_lines))
         # letters differ in width, and a line may be longer than the mean
-        if getattr(text.get_window_extent(), direction) <= room:
+        if getattr(text.get_window_extent(), direction) <= available:
             break
     return True
 
 
 def _in_lines(text: str, n_lines: int) -> str:
     """Break a text into at most ``n_lines`` lines of similar length."""
-    columns = max(len(text) // n_lines, 10)
+    # words rarely end at the mean length
+    columns = max(len(text) // n_lines + 4, 10)
     while wrapped(text, columns).count("\n") >= n_lines:
         columns += 1
     return wrapped(text, columns)

@@ -289,7 +289,7 @@ def _plot_model(model: Model, node_sets: Mapping[str, NDArray]) -> Axes:
             continue
         on_sector_face = np.zeros(len(mesh.quads), bool)
         if name == "blade" and "sector faces" in node_sets:
-            on_sector_face = _between(mesh, node_sets["sector faces"])
+            on_sector_face = faces_between(mesh, node_sets["sector faces"])
             fixed.append((points, mesh.quads[on_sector_face], FACES))
             handles["sector faces"] = _patch(FACES, "sector faces")
         fixed.append((points, mesh.quads[~on_sector_face], colour))
@@ -352,7 +352,7 @@ def _patch(colour: str, label: str) -> Patch:
     return Patch(facecolor=colour, edgecolor="0.35", linewidth=0.5, label=label)
 
 
-def _between(mesh: SurfaceMesh, nodes: NDArray) -> NDArray:
+def faces_between(mesh: SurfaceMesh, nodes: NDArray) -> NDArray:
     """Return the mask (n_quads,) of the faces of a mesh whose corners are all among nodes (n, 3)."""
     distance, _ = cKDTree(nodes).query(mesh.points)
     is_marked = distance < 1e-6 * np.ptp(mesh.points, axis=0).max()

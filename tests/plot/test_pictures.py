@@ -23,7 +23,7 @@ from bdamper.harmonic_balance.effects import ASSUMED, Effects
 from bdamper.importers import BuiltModel, Measurement
 from bdamper.plot import draw_table, plot_accuracy, plot_curves, plot_surfaces
 from bdamper.plot.axes import drawing, limit_line
-from bdamper.plot.bodies import _between
+from bdamper.plot.bodies import faces_between
 from bdamper.plot.contact import plot_faces
 from bdamper.plot.motion import VIEW
 from bdamper.response.verification import Convergence, HarmonicPeak, TimeResponse
@@ -293,7 +293,7 @@ class TestSurfaces:
         mesh = model.meshes["blade"]
         face = mesh.points[mesh.quads[7]]
         built = BuiltModel(model, node_sets={"clamp": face, "sector faces": face})
-        assert np.flatnonzero(_between(mesh, face)).tolist() == [7]
+        assert np.flatnonzero(faces_between(mesh, face)).tolist() == [7]
         figure = built.plot()
         names = [text.get_text() for text in figure.legends[0].get_texts()]
         assert {"sector faces", "clamp", "stress blade"} <= set(names)
