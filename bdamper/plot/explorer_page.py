@@ -46,6 +46,8 @@ PANELS = {
     "contacts": "Contacts",
     "motion": "Motion over one cycle",
 }
+WAITING = "being computed ..."
+"""Text of a panel before its first result."""
 SIZE = "12px"
 """Font size of all texts except the title and the answer."""
 DAMPER = ("#e8b563", "#c08a2e")
@@ -298,6 +300,8 @@ class Page:
         self.notes = {name: quiet(name=f"{name}_text") for name in PANELS}
         limits = "grey: without contact and with stuck contact"
         self.notes["curve"].text = f"{DOT} chosen point, ◇ time integration; {limits}"
+        for name in ("best", "contacts", "motion"):
+            self.notes[name].text = WAITING
         self.busy = quiet(name="busy")
         hint = "Click the curve to choose a point; drag in the curve of peaks to move the preload."
         self.help = quiet(text=hint)
@@ -521,6 +525,9 @@ class Page:
         ):
             add = view.scatter if "size" in look else view.line
             self.glyphs[name] = add("x", "y", source=self._source(name, "x", "y"), **look).glyph
+        # the line between the computed preloads is an interpolation
+        computed = self.sources["optimal"]
+        self.best.scatter("x", "y", source=computed, size=5, color="black", name="computed")
 
     def _figure(self, name: str, **options: Any) -> Any:
         """Create a figure with uniform font sizes, and suitable ticks on logarithmic axes."""
@@ -602,6 +609,8 @@ class Page:
             self.busy.visible = False
             if answer is not None:
                 self.text.text = f"<b>No result:</b> {html.escape(answer)}"
+                for note in self.notes.values():
+                    note.text = note.text.replace(WAITING, "no result")
             return
         if answer.curve is not None:
             self.shown["curve"] = answer
@@ -636,7 +645,7 @@ class Page:
         self._put("optimal", preload, micrometres)
         self._put("optimum", [optimum.preload], [1e6 * optimum.amplitude])
         self.glyphs["optimal"].line_dash = []
-        self.notes["best"].text = f"★ optimum, {DOT} chosen preload"
+        self.notes["best"].text = f"• computed preload, ★ optimum, {DOT} chosen preload"
         self._fit(self.best.y_range, micrometres)
         loads = [*preload, self.value("preload")]
         self.best.x_range.update(start=0.8 * min(loads), end=1.25 * max(loads))

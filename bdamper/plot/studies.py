@@ -111,11 +111,15 @@ def plot_sweep(result: SweepResult, quantity: str | None = None, ax: Axes = NEW)
     ax.set(xlabel=_with_unit(setting), ylabel=_with_unit(quantity))
 
 
+FEWEST_DRAWS = 20
+"""Number of draws below which the percentiles 5 and 95 are the extremes, and have no band."""
+
+
 @picture(OptimalCurveUncertainty)
 def plot_optimal_curve_uncertainty(
     result: OptimalCurveUncertainty, ax: Axes = NEW, *, quantity: str = "amplitude"
 ) -> None:
-    """Plot percentile bands of optimal curves against the preload.
+    """Plot percentile bands of optimal curves against the preload; fewer than 20 draws as lines.
 
     Crosses at the lower edge mark preloads at which too many draws lack a peak.
 
@@ -124,11 +128,16 @@ def plot_optimal_curve_uncertainty(
     result : OptimalCurveUncertainty
     quantity : {"amplitude", "frequency"}
     """
+    if len(result) < FEWEST_DRAWS:
+        for draw in getattr(result, quantity):
+            known = np.where(np.isfinite(draw), draw, np.nan)
+            ax.plot(result.preload, known, color="0.6", label=once(ax, "single draws"))
     values: dict[float, NDArray] = {}
     for percentile in (5.0, 25.0, 50.0, 75.0, 95.0):
         at_percentile = result.percentile(percentile, quantity)
         values[percentile] = np.where(np.isfinite(at_percentile), at_percentile, np.nan)
-    for low, high, shade in ((5.0, 95.0, "0.85"), (25.0, 75.0, "0.7")):
+    bands = ((5.0, 95.0, "0.85"), (25.0, 75.0, "0.7")) if len(result) >= FEWEST_DRAWS else ()
+    for low, high, shade in bands:
         ax.fill_between(
             result.preload,
             values[low],
@@ -149,7 +158,8 @@ def plot_effect_significance(advice: EffectSignificance, ax: Axes = NEW) -> None
 
     Changes of amplitude and frequency are in per cent, on a scale that is linear within the
     tolerance and logarithmic beyond.  The tolerance is a grey band.  Names of effects that may be
-    omitted together are grey.  Thin lines show the uncertainty of estimates; an unknown change has
+    omitted together are grey.  An asterisk marks effects that are needed although the change without
+    them alone is within the tolerance.  Thin lines show the uncertainty of estimates; an unknown change has
     no bar.
     """
     effects = advice.effects[::-1]  # from the bottom of the axes
@@ -163,12 +173,12 @@ def plot_effect_significance(advice: EffectSignificance, ax: Axes = NEW) -> None
     )
     handles.append(band)
     ax.set_xscale("symlog", linthresh=tolerance)
-    largest = np.abs(ax.get_xlim()).max()
-    powers = [number for number in (10.0, 100.0, 1000.0) if 4.0 * tolerance < number < largest]
-    negative = [-number for number in reversed(powers)]
-    ax.set_xticks([*negative, -tolerance, 0.0, tolerance, *powers], minor=False)
+    ax.set_xticks(_ticks_of_changes(tolerance, *ax.get_xlim()), minor=False)
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: plain_number(value)))
-    ax.set_yticks(rows, [effect.name for effect in effects])
+    # kept although the change without it alone is small
+    with_others = [effect.significant and effect.size <= advice.tolerance for effect in effects]
+    names = [f"{e.name}{' *' if small else ''}" for e, small in zip(effects, with_others)]
+    ax.set_yticks(rows, names)
     for y, effect, text in zip(rows, effects, ax.get_yticklabels()):
         text.set_color("k" if effect.significant else "0.55")
         if effect.source == "unknown":
@@ -177,11 +187,34 @@ def plot_effect_significance(advice: EffectSignificance, ax: Axes = NEW) -> None
     # the colours of the names are explained by texts without a patch
     if any(effect.significant for effect in effects):
         handles.append(Patch(alpha=0.0, label="black names: needed"))
+    if any(with_others):
+        handles.append(Patch(alpha=0.0, label="*: small alone, needed\nbeside other effects"))
     if not all(effect.significant for effect in effects):
         handles.append(Patch(alpha=0.0, label="grey: may be left\nout together"))
     title = f"preload {amount(advice.preload, 'N')}, {amount(advice.frequency, 'Hz')}"
     ax.set(xlabel="Change of the peak without the effect (%)", title=title)
     legend_beside(ax, handles=handles)
+
+
+def _ticks_of_changes(tolerance: float, low: float, high: float) -> list[float]:
+    """Return the ticks of an axis of changes in per cent from ``low`` to ``high``.
+
+    The axis is linear within the tolerance (per cent), and has powers of ten beyond it.
+    """
+    powers = [10.0, 100.0, 1000.0, 1e4]
+    # numbers nearer to the tolerance would touch its tick
+    powers = [number for number in powers if number > 4.0 * tolerance]
+    negative = [-number for number in reversed(powers) if -number >= low]
+    positive = [number for number in powers if number <= high]
+    if len(negative) + len(positive) > MOST_POWERS:
+        # every second one, from the largest
+        negative = negative[::2]
+        positive = positive[::-2][::-1]
+    return [*negative, -tolerance, 0.0, tolerance, *positive]
+
+
+MOST_POWERS = 4
+"""Largest number of powers of ten with a tick."""
 
 
 def _draw_changes(
@@ -367,7 +400,11 @@ def _draw_run(ax: Axes, result: AccuracyCost, run: Run) -> None:
     ax.plot(run.seconds, height, transform=transform, **look)
     if is_single:
         value = run.values[names.index(run.part)].removesuffix(" samples")
-        name_point(ax, value, (run.seconds, height), xycoords=transform)
+        # the title names a setting that is varied alone
+        if len(names) > 1:
+            unit = spaced(run.part)
+            value = f"{value} {unit.removesuffix('s') if value == '1' else unit}"
+        name_point(ax, wrapped(value, 12), (run.seconds, height), xycoords=transform)
     if run is result.recommended and result.reached:
         values = "\n".join(f"{spaced(name)} {value}" for name, value in zip(names, run.values))
         ax.plot(
@@ -396,7 +433,7 @@ def _saving(result: AccuracyCost) -> str:
     if result.recommended is result.richest:
         return "no run is faster"
     ratio = result.richest.seconds / (result.recommended.seconds or np.nan)
-    return f"{ratio:.2g} times faster than the reference"
+    return f"{plain_number(float(f'{ratio:.2g}'))} times faster than the reference"
 
 
 @picture(Refinement, size=(COLUMN, 3.0))
@@ -511,20 +548,33 @@ def plot_fit(result: Fitted, ax: NDArray = NEW) -> None:
     result : Fitted
     """
     amplitudes, residuals = ax
-    for t, (look, name) in enumerate(zip(looks(len(result.tests)), result.tests)):
+    common, names = _without_common_part(result.tests)
+    for t, (look, name) in enumerate(zip(looks(len(result.tests)), names)):
         rows = np.flatnonzero(result.test == t)
         rows = rows[np.argsort(result.place[rows])]
         frequency = result.place[rows]
         line = {**look, "marker": ""}
         points = {**look, "linestyle": "none", "markersize": 4.0, "markerfacecolor": "w"}
-        amplitudes.plot(frequency, np.abs(result.model[rows]), **line, label=f"model, {name}")
+        amplitudes.plot(frequency, np.abs(result.model[rows]), **line)
         measured = np.abs(result.measured[rows])
-        amplitudes.plot(frequency, measured, **points, label=f"measured, {name}")
+        amplitudes.plot(frequency, measured, **points)
         residuals.plot(frequency, result.residual[rows, 0], **points)
+        # one entry with the line of the model and the mark of the measurement
+        both = {**line, "marker": look["marker"], "markersize": 4.0, "markerfacecolor": "w"}
+        amplitudes.plot([], [], **both, label=name)
+    what = "lines: model, marks: measured"
+    amplitudes.plot([], [], linestyle="none", label=f"{common}: {what}" if common else what)
     label = "95 % of the residuals if the model is right"
     residuals.axhspan(-2.0, 2.0, color="0.9", zorder=0, label=label)
     amplitudes.set(yscale="log", ylabel="Response amplitude (m)")
     residuals.set(xlabel="Frequency (Hz)", ylabel="Residual / noise")
+
+
+def _without_common_part(names: Sequence[str]) -> tuple[str, list[str]]:
+    """Return the beginning that several names share, up to a comma, and the rest of each name."""
+    beginnings = {name.rpartition(", ")[0] for name in names}
+    common = beginnings.pop() if len(names) > 1 and len(beginnings) == 1 else ""
+    return common, [name.removeprefix(f"{common}, ") if common else name for name in names]
 
 
 @picture(Fitted, "information", size=(COLUMN, 2.0))

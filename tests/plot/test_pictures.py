@@ -5,6 +5,7 @@ from itertools import combinations
 
 import matplotlib
 
+from tests.every_result import result as made
 from tests.plain import plain_study
 
 matplotlib.use("Agg")
@@ -19,6 +20,7 @@ from scipy.spatial import cKDTree
 import bdamper as bd
 from bdamper.analyses.accuracy import AccuracyCost, Forecast, ReferenceError, Run
 from bdamper.analyses.effect_significance import EffectRow, EffectSignificance
+from bdamper.analyses.robust_optimum import OptimalCurveUncertainty
 from bdamper.harmonic_balance.effects import ASSUMED, Effects
 from bdamper.importers import BuiltModel, Measurement
 from bdamper.plot import draw_table, plot_accuracy, plot_curves, plot_surfaces
@@ -156,6 +158,53 @@ def test_advice_legend_shows_what_is_drawn():
     assert_nothing_overlaps(ax)
 
 
+def test_effects_needed_beside_others_have_a_mark_and_wide_axes_few_ticks():
+    """An effect within the tolerance is not called needed without a word."""
+    effects = tuple(
+        EffectRow(name, True, change, 0.5 * change, 0.0, "computed", 0.5, True)
+        for name, change in (("separation", 40.0), ("bias", -40.0), ("harmonics beyond 1", 0.001))
+    )
+    sets = [Effects(ASSUMED | {"variable_normal_load": True})] * 2
+    figure = EffectSignificance(
+        500.0, (300.0, 400.0), 0.01, 1e-4, 350.0, effects, *sets, 0.0, 0.0, 1.0
+    ).plot()
+    (ax,) = figure.axes
+    names = [name.get_text() for name in ax.get_yticklabels()]
+    assert names == ["harmonics beyond 1 *", "bias", "separation"]
+    assert "*: small alone, needed\nbeside other effects" in legend_texts(ax)
+    low, high = ax.get_xlim()
+    ticks = ax.get_xticks()
+    assert low <= ticks[0] <= -1000.0 and 1000.0 <= ticks[-1] <= high
+    assert_nothing_overlaps(ax)
+
+
+def test_a_fit_has_one_entry_for_each_test():
+    """The common part of the names stands once, beside what lines and marks are."""
+    fitted = made("fit")
+    n_tests = len(fitted.tests)
+    names = tuple(f"beam, level {k}" for k in range(n_tests))
+    figure = replace(fitted, tests=names).plot()
+    said = legend_texts(figure.axes[1])
+    assert len(said) == n_tests + 2
+    if n_tests > 1:
+        assert "beam: lines: model, marks: measured" in said and "level 0" in said
+    else:
+        assert "lines: model, marks: measured" in said
+
+
+def test_few_draws_are_lines_and_many_have_bands():
+    draws = np.linspace(1.0, 2.0, 24)[:, None] * np.array([[1e-4, 2e-4, 3e-4]])
+    few = OptimalCurveUncertainty(
+        preload=np.array([1.0, 2.0, 3.0]), amplitude=draws[:3], frequency=1e6 * draws[:3], samples={},
+        status=("complete",) * 3, settings={}, model_hash="",
+    )  # fmt: skip
+    (ax,) = few.plot().axes
+    assert legend_texts(ax) == ["single draws", "median"] and not ax.collections
+    many = replace(few, amplitude=draws, frequency=1e6 * draws, status=("complete",) * 24)
+    (ax,) = many.plot().axes
+    assert legend_texts(ax) == ["5 to 95 %", "25 to 75 %", "median"]
+
+
 def test_sweeps_have_units(study):
     points = {"preload": [2000.0, 4000.0], "friction_coefficient": [0.3, 0.4]}
     result = bd.sweep(study, points, frequency=INTERVAL)
@@ -188,7 +237,8 @@ def test_accuracy_explains_its_lines(times):
         "reference", "harmonics alone, reference 5", "contact points alone, reference 24", "combination",
         "fastest within 1 %:\nharmonics 3\ncontact points 9", "tolerance, 1 %",
     ]  # fmt: skip
-    assert [text.get_text() for text in ax.texts] == ["3", "1", "9"]
+    said = [text.get_text().replace("\n", " ") for text in ax.texts]
+    assert said == ["3 harmonics", "1 harmonic", "9 contact points"]
     assert_nothing_overlaps(ax)
     frame = ax.figure.bbox
     for item in (ax.get_legend(), *ax.texts):
