@@ -1,7 +1,10 @@
 """Form of the evidence pages, the README and the changelog."""
 
 import re
+import tomllib
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PARTS = ["In short", "Results that change", "Renamed and removed", "New", "Fixed"]
@@ -20,11 +23,34 @@ def test_every_version_of_the_changelog_has_the_five_parts():
 
 
 def test_fragments_of_the_changelog_have_a_part():
-    parts = {"short", "changes", "renamed", "new", "fixed"}
+    parts = {"short", "changes", "renamed", "new", "fixed", "internal"}
     for path in (ROOT / "changelog.d").iterdir():
         if path.name not in ("README.md", "template.jinja"):
             assert re.fullmatch(r"[\w-]+\.(\w+)\.md", path.name)[1] in parts
-            assert len(path.read_text().split()) <= 40
+            text = path.read_text()
+            assert len(text.split()) <= 40
+            assert not text.startswith("* "), f"{path.name}: the template adds the mark of the list"
+            if not path.name.endswith(".internal.md"):
+                assert "python -m tools" not in text and "csrc/" not in text, path.name
+
+
+def test_the_changelog_leaves_out_what_only_developers_see():
+    """The template of towncrier, with two fragments that users see and one that they do not."""
+    jinja2 = pytest.importorskip("jinja2", reason="jinja2 is not installed (extra bdamper[report])")
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["towncrier"]
+    names = {part["directory"]: {"name": part["name"]} for part in settings["type"]}
+    assert "internal" in names
+    fragments = {
+        "new": {"A new thing.": []},
+        "fixed": {"A fault.": []},
+        "internal": {"A test.": []},
+    }
+    template = jinja2.Template((ROOT / "changelog.d" / "template.jinja").read_text())
+    text = template.render(
+        definitions=names, sections={"": fragments}, versiondata={"version": "1.2.3"}
+    )
+    assert "## 1.2.3" in text and "* A new thing." in text and "* A fault." in text
+    assert "A test." not in text and "Internal" not in text
 
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
