@@ -24,14 +24,23 @@ Ciavarella and Barber, Int. J. Solids Struct. 44, 2007).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from bdamper.contact.laws import LAW_BONDED, LAW_COUPLED, LAW_COUPLED_CONSTANT, refuse
-from bdamper.harmonic_balance.problem import LoadCase
+from bdamper.contact.laws import (
+    LAW_BONDED,
+    LAW_COUPLED,
+    LAW_COUPLED_CONSTANT,
+    LAW_CUBIC,
+    LAW_USER,
+    refuse,
+)
+from bdamper.contact.preload_state import STICK, PreloadState
+from bdamper.harmonic_balance.problem import LoadCase, Locked
 from bdamper.response.linear_limits import linear_peak, peak_interval
 from bdamper.util import validation
 from bdamper.util.display import Summarised
@@ -46,6 +55,8 @@ It is 2 % smaller than the circle across its sides, so that slip begins up to 2 
 """
 DROPPED = 1e-9
 """Weight of a condition, relative to the largest one, below which it does not limit."""
+FEWEST_DIGITS = 1e-5
+"""Largest rounding error of the forces of a locked shroud relative to their reference force."""
 NO_GAP = 1e-9
 """Gap relative to the vibration below which faces that carry no load touch already."""
 
@@ -157,11 +168,10 @@ def first_slip(
         "an interval with a damped resonance of the stuck structure",
         f"{interval[0]:g} to {interval[1]:g} Hz without one",
     )
-    springs = case.stuck_springs(touching=True)
-    q = case.sector.linear.response(2.0 * np.pi * peak.frequency, springs)
-    motion = np.einsum("pdm,m->pd", problem.bases[1].G, q)
-    programme = _Programme(case, motion, springs)
-    factor, weight = programme.largest_factor()
+    programme = _at_resonance(case, peak.frequency)
+    limit = programme.solve()
+    factor = limit.factor
+    weight = limit.weight
 
     names = np.array(problem.coupling.interface_of)
     total = max(float(weight.sum()), 1e-300)
@@ -184,6 +194,80 @@ def first_slip(
     )
 
 
+def locked(case: LoadCase, frequency: tuple[float, float]) -> Locked | None:
+    """Return the state of a shroud whose contacts stick at the stuck resonance, if there is one.
+
+    Parameters
+    ----------
+    case : LoadCase
+    frequency : (low, high), Hz
+
+    Returns
+    -------
+    Locked or None
+        None if contacts slip, open or touch under the excitation, if rounding hides their forces, or
+        if their faces are not those of a shroud with friction and separation.
+    """
+    problem = case.problem
+    settings = problem.settings
+    varies = settings.separation and settings.variable_normal_load and settings.bias
+    one_force = set(settings.excited) == {1}
+    with_law = np.isin(problem.point_laws, (LAW_USER, LAW_CUBIC)).any()
+    if with_law or not (settings.constrained_faces and varies and one_force):
+        return None
+    peak = linear_peak(case, frequency, stuck=True)
+    if not np.isfinite(peak.amplitude):
+        return None
+    programme = _at_resonance(case, peak.frequency)
+    try:
+        limit = programme.solve()
+    except SettingError:
+        return None
+    if not 1.0 <= limit.factor < np.inf:
+        return None
+    state = programme.state_at(limit)
+
+    omega = 2.0 * np.pi * peak.frequency
+    springs = case.stuck_springs(touching=True)
+    linear = case.sector.linear
+    vibration = np.abs(linear.matrix(omega, springs)) @ np.abs(linear.response(omega, springs))
+    of_vibration = float(np.finfo(float).eps * vibration.max())
+    rounding = (programme.rounding(state), of_vibration)
+    scale = case.sector.force_scale
+    if any(error > FEWEST_DIGITS * force for error, force in zip(rounding, scale)):
+        return None
+    return Locked(state, limit.factor, peak.amplitude, rounding)
+
+
+def _at_resonance(case: LoadCase, frequency: float) -> _Programme:
+    """Return the linear programme at a resonance (Hz) with all closed points stuck."""
+    springs = case.stuck_springs(touching=True)
+    q = case.sector.linear.response(2.0 * np.pi * frequency, springs)
+    motion = np.einsum("pdm,m->pd", case.problem.bases[1].G, q)
+    return _Programme(case, motion, springs)
+
+
+class _Limit(NamedTuple):
+    """Solution of the linear programme.
+
+    Parameters
+    ----------
+    factor : float
+        Largest factor on the excitation without slip; infinite if nothing limits it.
+    weight : (n_points,) float
+        Weight with which each point limits the factor.
+    mean : (n_modes,) float
+        Change of the mean modal coordinates from the static state.
+    friction : (n_points, 2) float, N
+        Change of the mean friction.
+    """
+
+    factor: float
+    weight: NDArray
+    mean: NDArray
+    friction: NDArray
+
+
 class _Programme:
     """Linear programme for mean forces without slip, as changes from the static state.
 
@@ -202,7 +286,8 @@ class _Programme:
     def __init__(self, case: LoadCase, motion: NDArray, springs: NDArray) -> None:
         problem = case.problem
         self.problem = problem
-        self.state = case.equilibrium
+        # the static state, also where a locked one replaces it
+        self.state = problem.static(case.preload)
         self.system = problem.static_system(case.preload)
         self.motion = motion
         law = problem.point_laws
@@ -232,10 +317,11 @@ class _Programme:
             sets.append((within_circle, direction, np.full(1, np.cos(np.pi / POLYGON))))
         return sets
 
-    def largest_factor(self) -> tuple[float, NDArray]:
-        """Return the largest factor and the weight (n_points,) with which each point limits it."""
+    def solve(self) -> _Limit:
+        """Return the largest factor, the points that limit it, and the mean forces."""
         system = self.system
         n_points, _, n_modes = system.G.shape
+        unlimited = _Limit(np.inf, np.zeros(n_points), np.zeros(n_modes), np.zeros((n_points, 2)))
         static = self.state.force
         kn = np.where(self.closed, system.kn, 0.0)
         kt = np.where(self.closed[:, None], system.kt, 0.0)
@@ -266,7 +352,7 @@ class _Programme:
             np.abs(friction_amplitude).max(initial=0.0), np.abs(normal_amplitude).max(initial=0.0)
         )
         if size == 0.0:
-            return np.inf, np.zeros(n_points)
+            return unlimited
         for chosen, direction, factor in self._directions():
             mu = factor * system.mu[chosen]
             swing = friction_amplitude[chosen] @ direction - mu * normal_amplitude[chosen]
@@ -313,7 +399,7 @@ class _Programme:
         )
         unbounded = 3
         if solution.status == unbounded:
-            return np.inf, np.zeros(n_points)
+            return unlimited
         validation.check(
             solution.status == 0,
             "first_slip",
@@ -323,7 +409,49 @@ class _Programme:
         weight = np.zeros(n_points)
         np.add.at(weight, np.concatenate(points), -solution.ineqlin.marginals)
         weight[weight < DROPPED * weight.max(initial=0.0)] = 0.0
-        return float(solution.x[-1]) * self.unit / size, weight
+        factor = float(solution.x[-1]) * self.unit / size
+        mean = solution.x[:n_modes] * coordinate_unit * self.unit
+        friction_change = solution.x[n_modes:-1].reshape(n_points, 2) * self.unit
+        return _Limit(factor, weight, mean, friction_change)
+
+    def rounding(self, state: PreloadState) -> float:
+        """Return a bound of the rounding error of the mean modal contact forces in a state.
+
+        A spring force is the small difference of large displacements if faces move by far more than
+        the springs are compressed.
+        """
+        system = self.system
+        G = np.abs(system.G)
+        displacement = G @ np.abs(state.q) + np.abs(system.shift_at(state.load))
+        displacement[:, :2] += np.abs(state.slider)
+        springs = np.concatenate([system.kt, system.kn[:, None]], axis=1)
+        forces = springs * displacement * self.closed[:, None]
+        modal = np.einsum("pdm,pd->m", G, forces)
+        return float(np.finfo(float).eps * modal.max(initial=0.0))
+
+    def state_at(self, limit: _Limit) -> PreloadState:
+        """Return the state at rest with the mean forces of a solution, in which closed points stick."""
+        system = self.system
+        state = self.state
+        moved = np.einsum("pdm,m->pd", system.G, limit.mean)
+        closed = self.closed[:, None]
+        force = state.force.copy()
+        force[:, :2] += limit.friction
+        force[:, 2] += np.where(self.closed, system.kn * moved[:, 2], 0.0)
+        springs = np.concatenate([system.kt, system.kn[:, None]], axis=1)
+        force += np.where(self.bonded[:, None], springs * moved, 0.0)
+        # the sliders follow the motion, except for the change of the spring forces
+        rubs = system.kt > 0.0
+        stretched = limit.friction / np.where(rubs, system.kt, 1.0)
+        slider = state.slider + moved[:, :2] - np.where(rubs, stretched, 0.0)
+        return replace(
+            state,
+            q=state.q + limit.mean,
+            slider=slider,
+            force=force,
+            closing=state.closing + moved[:, 2],
+            status=np.where(closed, STICK, state.status),
+        )
 
     def touching(self) -> float:
         """Return the factor at which a point touches with its gap at rest, or infinity."""

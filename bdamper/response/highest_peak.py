@@ -40,7 +40,7 @@ from bdamper.response.peak import (
     find_peak,
     same_peak,
 )
-from bdamper.response.response_curve import frequency_response, open_at_rest, rattles
+from bdamper.response.response_curve import frequency_response, open_at_rest, rattles, sticking
 from bdamper.response.response_curve_result import NO_STEADY, ResponseCurve, uninterrupted
 from bdamper.response.richer_peak import NEARLY_HIGHEST, peak_errors
 from bdamper.util import validation
@@ -518,6 +518,8 @@ def found_at(
             frequency_response(problem, preload, frequency, options=continuation, progress=progress)
         )
         meter.count(curve.cost.iterations, curve.cost.failed_steps)
+        # a locked shroud has other equations than the search began with
+        case = problem.at(preload)
         curve, top = _with_highest(case, curve, options)
         if top is not None:
             meter.count(top.peak.iterations)
@@ -692,7 +694,7 @@ def as_peak(problem: Problem, response: AtPreload, frequency: tuple[float, float
         search_reason=of_search.reason,
         status=end.status,
         reason=end.reason,
-        notes=response.curve.self_locking,
+        notes=(*response.curve.self_locking, *sticking(response.curve)),
         settings=settings,
         model_hash=problem.model.hash,
     )

@@ -45,6 +45,7 @@ from bdamper.harmonic_balance.problem import LoadCase, Problem
 from bdamper.harmonic_balance.sector import SectorData, reach
 from bdamper.model.kinematics import Coordinate
 from bdamper.model.structure import Model
+from bdamper.response import first_slip
 from bdamper.response.branches import (
     Coverage,
     Piece,
@@ -334,6 +335,11 @@ def free_of_contact(
 # ---- response curve ----
 
 
+STICKS = (
+    "locked: no contact needs to slip, first slip at {:.3g} times the excitation; other residual "
+    "forces give less, and a vibration that starts in another way may slip"
+)
+"""Note on a curve that starts at the locked state of a shroud."""
 ELASTIC = 1e-3
 """Frequency over the lowest frequency of a curve, below which resonances are rigid-body motions or
 too distant."""
@@ -381,35 +387,78 @@ def frequency_response(
             free_response = free_of_contact(problem, frequency, options)
             if free_response is not None:
                 return free_response
-        search = _search(case, frequency, options)
-        find_start = partial(_start, case, search)
-        try:
-            with progress_bar(progress, *search.limits, "response curve") as search.on_point:
-                search.cover(find_start)
-        except KeyboardInterrupt:
-            if is_part_of_work():
-                raise
-            # Ctrl-C before or between paths
-            if not any(piece.path.status == "interrupted" for piece in search.pieces):
-                no_path = Path(
-                    points=(),
-                    status="interrupted",
-                    reason="by the user",
-                    iterations=0,
-                    failed_steps=0,
-                )
-                search.pieces.append(Piece(no_path, up=True))
-        end = ending(search.pieces, *search.limits)
-        curve = as_curve(problem, search, end, kind="response", preload=case.preload)
-        if len(curve):
-            warn_of_small_slip(problem, search.system, curve.peak.y[:-1])
-        locked = [f"{name} {LOCKED}" for name in self_locking(problem)]
-        return replace(
-            curve,
-            reason=_reason(case, search, curve),
-            missing_ranges=(*curve.missing_ranges, *search.lost),
-            notes=(*curve.notes, *locked),
-        )
+        curve = _covered(case, frequency, options, progress)
+        return _locked(case, curve, frequency, options, progress)
+
+
+def _covered(
+    case: LoadCase, frequency: tuple[float, float], options: ContinuationOptions, progress: bool
+) -> ResponseCurve:
+    """Return the curve of all branches that start at the static or locked state of a load case."""
+    problem = case.problem
+    search = _search(case, frequency, options)
+    find_start = partial(_start, case, search)
+    try:
+        with progress_bar(progress, *search.limits, "response curve") as search.on_point:
+            search.cover(find_start)
+    except KeyboardInterrupt:
+        if is_part_of_work():
+            raise
+        # Ctrl-C before or between paths
+        if not any(piece.path.status == "interrupted" for piece in search.pieces):
+            no_path = Path(
+                points=(),
+                status="interrupted",
+                reason="by the user",
+                iterations=0,
+                failed_steps=0,
+            )
+            search.pieces.append(Piece(no_path, up=True))
+    end = ending(search.pieces, *search.limits)
+    curve = as_curve(problem, search, end, kind="response", preload=case.preload)
+    if len(curve):
+        warn_of_small_slip(problem, search.system, curve.peak.y[:-1])
+    remarks = [f"{name} {LOCKED}" for name in self_locking(problem)]
+    if case.locked is not None:
+        remarks.append(STICKS.format(case.locked.first_slip))
+    return replace(
+        curve,
+        reason=_reason(case, search, curve),
+        missing_ranges=(*curve.missing_ranges, *search.lost),
+        notes=(*curve.notes, *remarks),
+    )
+
+
+def _locked(
+    case: LoadCase,
+    curve: ResponseCurve,
+    frequency: tuple[float, float],
+    options: ContinuationOptions,
+    progress: bool,
+) -> ResponseCurve:
+    """Return the curve of a locked shroud if that from the static state has gaps that it closes.
+
+    The vibration reduces the friction that is left for the mean.  From the static state the mean
+    position may then move far, and no path passes the resonance.  A locked state has the mean
+    friction forces that the vibration needs.  All further analyses at this preload start from it.
+    """
+    problem = case.problem
+    # narrow gaps of a complete curve may contain its peak
+    has_gaps = curve.status == NOT_FOUND or curve.gap is not None
+    no_answer = curve.interrupted or curve.without_amplitude is not None
+    if case.locked is not None or no_answer or not has_gaps:
+        return curve
+    locked = first_slip.locked(case, frequency)
+    # if another solution is higher, the locked one is not the highest
+    if locked is None or curve.amplitude.max(initial=0.0) > locked.amplitude:
+        return curve
+    again = _covered(problem.lock(case.preload, locked), frequency, options, progress)
+    if not again.complete or again.gap is not None:
+        problem.lock(case.preload, None)
+        if again.interrupted:
+            return replace(curve, status=again.status, reason=again.reason)
+        return curve
+    return replace(again, cost=curve.cost + again.cost)
 
 
 def _search(
@@ -620,6 +669,12 @@ def self_locking(problem: Problem) -> tuple[str, ...]:
             locked.discard(interfaces[name].body_a)
     loaded = [body.name for body in problem.model.bodies.values() if body.load is not None]
     return tuple(name for name in loaded if name in locked)
+
+
+def sticking(curve: ResponseCurve) -> tuple[str, ...]:
+    """Return the note on a curve that starts at the locked state of a shroud, if it does."""
+    begins, _, _ = STICKS.partition(":")
+    return tuple(note for note in curve.notes if note.startswith(begins))
 
 
 # ---- slow sweep of frequency ----

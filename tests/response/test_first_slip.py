@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.response import first_slip
 from bdamper.util.errors import SettingError
 
 MU, PRELOAD, KT, KN = 0.3, 20.0, 3.0e4, 2.0e4
@@ -152,3 +153,134 @@ def test_coupled_friction_slips_before_friction_along_both_axes():
     ]
     along_axes, coupled = factors
     assert np.cos(np.pi / 16) / np.sqrt(2.0) * along_axes <= coupled <= along_axes * (1.0 + 1e-9)
+
+
+# ---- a locked shroud whose response curve has gaps ----
+
+STIFF = 1e10
+"""Stiffness (N/m) of a contact between two masses that move together by millimetres."""
+TOGETHER = (10.0, 25.0)
+LOADS = [PRELOAD, 1.5 * PRELOAD, 2.0 * PRELOAD]
+
+
+def two_masses(force, stiffness=STIFF):
+    """Two masses that one stiff contact joins; rounding of its force exceeds 1e-9 of the excitation."""
+    return bd.lumped(
+        [1.0, 1.0, 1.0], [2.0, 2.0, 6.0], [1.0e4, 1.0e4, 5.0e3], forces={0: force}, response=0,
+        contacts=[bd.Contact((0, 1), 2, kt=stiffness, kn=KN, mu=MU)], harmonics=1,
+        load_per_preload={2: 1.0},
+    )  # fmt: skip
+
+
+def limit_of_two():
+    """Excitation of first slip: half of it passes the contact, which bears mu N of the preload."""
+    return 2.0 * MU * NORMAL
+
+
+def motion_together(force):
+    """Amplitude and frequency of both masses, F/(c w_d) at the resonance of their sum."""
+    stiffness, damping, mass = 2.0e4, 4.0, 2.0
+    decay = damping / (2.0 * mass)
+    damped = np.sqrt(stiffness / mass - decay**2)
+    peak = np.sqrt(stiffness / mass - 2.0 * decay**2)
+    return force / (damping * damped), peak / (2.0 * np.pi)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("share", [0.3, 0.95])
+def test_every_answer_about_a_locked_shroud_is_that_of_stuck_contacts(share, tmp_path):
+    """Peak, curve and optimal curve agree, with new studies, and in one study in another order."""
+    force = share * limit_of_two()
+    amplitude, frequency = motion_together(force)
+    assert two_masses(force).first_slip(PRELOAD, TOGETHER).factor == pytest.approx(1.0 / share)
+    together = two_masses(force)
+    optimal = together.optimal_curve(LOADS, frequency=TOGETHER, check=False)
+    for study in (two_masses(force), together):
+        peak = study.peak(PRELOAD, TOGETHER)
+        assert peak.ok and not peak.corner and not peak.search_reason
+        assert peak.amplitude == pytest.approx(amplitude, rel=1e-7)
+        assert peak.frequency == pytest.approx(frequency, rel=1e-6)
+        np.testing.assert_allclose(peak.shares, [1.0, 0.0, 0.0], atol=1e-12)
+    for study in (two_masses(force), together):
+        curve = study.frequency_response(PRELOAD, TOGETHER)
+        assert curve.complete and curve.gap is None
+        assert curve.peak.amplitude == pytest.approx(amplitude, rel=1e-7)
+    np.testing.assert_allclose(optimal.amplitude, amplitude, rtol=1e-7)
+    text = " ".join(str(peak).split())
+    assert f"first slip at {1.0 / share:.3g} times the excitation" in text
+    peak.save(tmp_path / "locked.h5")
+    assert str(bd.load(tmp_path / "locked.h5")) == str(peak)
+
+
+def test_above_first_slip_nothing_is_locked():
+    force = 1.05 * limit_of_two()
+    study = two_masses(force)
+    curve = study.frequency_response(PRELOAD, TOGETHER)
+    assert not any("locked" in note for note in curve.notes)
+    assert not study.problem.locked_states
+
+
+@pytest.mark.filterwarnings("ignore:kt. plausible")
+def test_a_stiffness_that_leaves_no_digits_is_not_locked():
+    study = two_masses(0.3 * limit_of_two(), stiffness=1e14)
+    peak = study.peak(PRELOAD, TOGETHER)
+    assert not peak.ok and not study.problem.locked_states
+
+
+def test_the_locked_state_has_the_friction_that_holds_a_point_apart():
+    """From it harmonic balance is linear beyond the excitation at which the point would touch."""
+    force = 2.0 * 0.98 * beside_a_stop(2.0).first_slip(PRELOAD, BAND).factor
+    study = beside_a_stop(force)
+    found = study.first_slip(PRELOAD, BAND)
+    assert found.touching < 1.0 < found.factor
+    locked = first_slip.locked(study.problem.at(PRELOAD), BAND)
+    friction = (MU * NORMAL - KT * GAP) / (1.0 + KT / SPRINGS[0])
+    assert locked.state.force[0, 0] == pytest.approx(friction, rel=1e-8)
+    assert locked.state.closing[1] == pytest.approx(-GAP - friction / SPRINGS[0], rel=1e-8)
+    assert study.peak(PRELOAD, BAND).amplitude < 0.99 * found.amplitude
+    study.problem.lock(PRELOAD, locked)
+    assert study.peak(PRELOAD, BAND).amplitude == pytest.approx(found.amplitude, rel=1e-8)
+    # first slip belongs to the static state
+    assert study.first_slip(PRELOAD, BAND) == found
+
+
+@pytest.mark.slow
+def test_the_locked_state_of_a_shroud_vibrates_without_slip():
+    """Harmonic balance from this state is linear, and friction stays below its limit at rest."""
+    study = bd.Study(
+        bd.reference_model("shrouded_blade"), bd.Excitation("tip", "axial", 0.1), engine_order=4,
+        harmonics=1, friction_coefficient=0.3, constant_loads={"shroud": 500.0},
+        load_per_preload={"front": 1.0, "rear": 0.6},
+    )  # fmt: skip
+    found = study.first_slip(300.0)
+    share = 0.95 * found.factor
+    band = (0.99 * found.frequency, 1.01 * found.frequency)
+    study = study.replace(excitation=bd.Excitation("tip", "axial", 0.1 * share))
+    locked = first_slip.locked(study.problem.at(300.0), band)
+    limit = 0.3 * locked.state.force[:, 2]
+    assert np.all(np.abs(locked.state.force[:, :2]) <= limit[:, None] + 1e-6 * limit.max())
+    study.problem.lock(300.0, locked)
+    peak = study.peak(300.0, band, errors=False)
+    assert peak.ok and peak.shares[1] == 0.0
+    assert peak.amplitude == pytest.approx(share * found.amplitude, rel=1e-7)
+
+
+def test_a_peak_with_other_friction_forces_is_refused_with_the_remedy():
+    """A new study does not know the locked state from which a stored peak was computed."""
+    peak = two_masses(0.3 * limit_of_two()).peak(PRELOAD, TOGETHER)
+    moved = peak.y.copy()
+    moved[0] += 1e-5
+    with pytest.raises(SettingError, match=r"for a locked shroud compute study\.peak at this"):
+        two_masses(0.3 * limit_of_two()).peak_sensitivities(replace(peak, y=moved))
+    assert two_masses(0.3 * limit_of_two()).problem.locked_states == {}
+
+
+@pytest.mark.slow
+def test_time_integration_keeps_a_locked_shroud():
+    """It settles at the amplitude of stuck contacts."""
+    force = 0.5 * limit_of_two()
+    amplitude, _ = motion_together(force)
+    study = two_masses(force)
+    found = study.time_response(study.peak(PRELOAD, TOGETHER), seconds=30.0)
+    assert found.ok, found.status_text
+    assert found.mean == pytest.approx(amplitude, rel=0.02)
