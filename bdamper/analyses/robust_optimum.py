@@ -25,7 +25,6 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -42,7 +41,6 @@ from bdamper.harmonic_balance.study_boundary import StudyLike, problem_of
 from bdamper.response import response_curve as tracking
 from bdamper.response.followed_peak import (
     Followed,
-    drops,
     followed_peaks,
     with_lower_preloads,
 )
@@ -774,14 +772,9 @@ class _Draws:
         self.known |= by_preload("known")
 
     def follow_drops(self) -> None:
-        """Follow the peaks of lower preloads where the amplitude of a draw falls by a third."""
+        """Follow the peaks of lower preloads where the amplitude of a draw falls."""
         for i in range(self.n):
-            heights = {p: float(height[i]) for p, height in self.height.items()}
-            ascending = [heights[p] for p in sorted(heights)]
-            falls = any(drops(lower, upper) for lower, upper in pairwise(ascending))
-            # a peak that was followed is followed to the preloads of the new grid
-            if falls or self.followed[i]:
-                self._follow(i, heights)
+            self._follow(i, {p: float(height[i]) for p, height in self.height.items()})
 
     def _follow(self, i: int, heights: Mapping[float, float]) -> None:
         """Follow the peaks of a draw and take their amplitudes, which are lower bounds."""

@@ -33,7 +33,7 @@ from bdamper.harmonic_balance.parameters import (
 )
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.study_boundary import StudyLike, in_type_of, problem_of
-from bdamper.response.followed_peak import drops, followed_peaks, highest_peak
+from bdamper.response.followed_peak import followed_peaks, highest_peak
 from bdamper.response.linear_limits import free_and_stuck
 from bdamper.response.optimal_curve import optimal_curve, preload_values
 from bdamper.response.optimal_curve_result import OptimalCurve
@@ -687,8 +687,8 @@ def _lines_over_preload(points: NDArray) -> list[dict[float, int]]:
 
 
 def _with_followed_peaks(job: _Job, task: PeakTask, points: NDArray, records: Records) -> Records:
-    """Return the records of a sweep over the preload, without amplitudes below a peak of the next
-    lower preload.
+    """Return the records of a sweep over the preload, without amplitudes below a peak of a lower
+    preload.
 
     The points with equal other settings are compared with each other
     (:mod:`bdamper.response.followed_peak`).
@@ -701,11 +701,6 @@ def _with_followed_peaks(job: _Job, task: PeakTask, points: NDArray, records: Re
     amplitude = values["amplitude"].astype(float)
     for line in _lines_over_preload(points):
         height = {preload: float(amplitude[i]) for preload, i in line.items()}
-        ascending = [height[preload] for preload in sorted(height)]
-        finite = [value for value in ascending if np.isfinite(value)]
-        # peaks are followed only from a preload after which the amplitude drops
-        if not any(drops(lower, upper) for lower, upper in itertools.pairwise(finite)):
-            continue
         any_point = next(iter(line.values()))
         problem = problem_of(job.varied(row_of(points, any_point)))
 

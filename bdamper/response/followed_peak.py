@@ -1,4 +1,4 @@
-"""Peaks followed upward in preload, where the highest peak decreases by more than a third.
+"""Peaks followed upward in preload, wherever the amplitude falls.
 
 The search at one preload follows the branches that connect with an end of the frequency interval.
 If the preload rises, the branch of the highest peak can detach and become closed. The highest peak
@@ -7,13 +7,14 @@ damper that is run up under increasing load stays on the detached branch, and ti
 its amplitude: about 70 µm on the difficult disk (friction 0.432, engine order 10, 91.9 N), where
 the remaining branch has 40 µm.
 
-Therefore :func:`without_lost_peaks` follows the peak of the next lower preload upward before it
-accepts such a drop. If the peak still exists at the higher preload, the amplitude there is not
-known, and the followed peak is its lower bound.
+Therefore :func:`followed_peaks` follows the peak of a preload upward wherever the amplitudes fall.
+If it remains higher than the amplitude at a preload, this amplitude is not known, and the followed
+peak is its lower bound.  How far the amplitude falls from one preload to the next is no criterion:
+it depends on their distance.
 
 A single preload and the lowest one of a range have no lower neighbour.  If its curve has folds,
 :func:`with_lower_preloads` computes the response at lower preloads as well: a branch detaches at
-folds, and they remain on both parts.
+folds, and they remain on both parts.  A branch that detached far below shows only in a range.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -50,9 +52,10 @@ from bdamper.util.errors import FAILURES_AT_ONE_PRELOAD, INCOMPLETE, INTERRUPTED
 from bdamper.util.formatting import amount, peak_text
 from bdamper.util.progress import CostMeter, LongWork, one_thread, single_thread
 
-DROP = 1.0 / 3.0
-"""Relative decrease of the amplitude from one preload to the next one above which the lower
-amplitude needs a check."""
+HIGHER = 0.05
+"""Relative height of a followed peak above the highest point of the curve from which the amplitude
+is not known.  Smaller differences are within the tolerance of an amplitude.
+"""
 STEPS = 1e-4, 0.01, 0.1
 """Smallest, first, and largest relative step of the preload. On the difficult disk the steps are
 between 0.05 and 3 %."""
@@ -66,11 +69,6 @@ The peak of 0.9 times the preload can be followed on the difficult disk at 91.9 
 times cannot.  Of random wedges that lost a branch, most had lost it at 0.9 times the preload as
 well, but not at 0.6 times.
 """
-
-
-def drops(lower: float, higher: float) -> bool:
-    """Return whether the amplitude at the higher preload is lower by more than a third."""
-    return higher < (1.0 - DROP) * lower
 
 
 def follow_upward(
@@ -162,12 +160,13 @@ def followed_peaks(
     peak_at: Callable[[float], Peak | None],
     before: Mapping[float, Followed] | None = None,
     options: PeakOptions | None = None,
+    compared: set[tuple[float, float]] | None = None,
 ) -> dict[float, Followed]:
     """Follow peaks to higher preloads to find amplitudes above the highest point found.
 
-    A peak is followed to the next preload if the highest point there is lower by more than a third,
-    or if the peak itself was followed.  The result contains each followed peak that is higher than
-    this point.
+    Wherever the amplitude falls from one preload to the next, the peak is followed.  It is followed
+    further until it vanishes or is no longer the highest.  The result contains each followed peak
+    that is higher than the highest point found by more than :data:`HIGHER`.
 
     Parameters
     ----------
@@ -181,6 +180,9 @@ def followed_peaks(
     before : mapping of preload to Followed, optional
         Followed peaks from earlier calls.
     options : PeakOptions
+    compared : set of (lower, higher), optional
+        Neighbouring preloads between which the followed peak vanishes or stays the highest.  They
+        are not compared again; the set is extended.
 
     Returns
     -------
@@ -188,37 +190,42 @@ def followed_peaks(
         Followed peaks at each preload, including those of ``before``.
     """
     found = dict(before or {})
-    # the next lower preload
-    below: float | None = None
-    for preload in sorted(heights):
-        if preload in found:
-            below = preload
-            continue
-        if not np.isfinite(heights[preload]):
-            continue
+    if compared is None:
+        compared = set()
+    finite = [preload for preload in sorted(heights) if np.isfinite(heights[preload])]
+    # the peak that is followed, at the lower preload; None if it is to be found there
+    here: Peak | None = None
+    for below, preload in pairwise(finite):
+        height = heights[preload]
+        if below in found:
+            here = found[below].peak
         # a lost branch is followed to its end, also where neighbouring amplitudes are similar again
-        if below is not None and known(preload):
-            start: Peak | None = None
-            if below in found:
-                start = found[below].peak
-            elif drops(heights[below], heights[preload]):
-                start = peak_at(below)
-            if start is not None:
-                limit = (1.0 + NEAR) * heights[preload]
-                peak = follow_upward(problem, start, preload, above=limit, options=options)
-                if peak is not None:
-                    found[preload] = Followed(peak, below)
-        below = preload
+        falls = height < (heights[below] if here is None else here.amplitude)
+        if preload in found or (below, preload) in compared or not falls:
+            here = None
+            continue
+        if here is None:
+            here = peak_at(below)
+        if here is not None:
+            lowest = (1.0 - NEAR) * height
+            here = follow_upward(problem, here, preload, above=lowest, options=options)
+        if here is None or here.amplitude < (1.0 + NEAR) * height:
+            compared.add((below, preload))
+        elif known(preload) and here.amplitude > (1.0 + HIGHER) * height:
+            found[preload] = Followed(here, below)
     return found
 
 
 def without_lost_peaks(
-    problem: Problem, known: Mapping[float, AtPreload], options: PeakOptions | None = None
+    problem: Problem,
+    known: Mapping[float, AtPreload],
+    options: PeakOptions | None = None,
+    compared: set[tuple[float, float]] | None = None,
 ) -> dict[float, AtPreload]:
-    """Return the preloads at which a peak followed from the next lower preload is higher.
+    """Return the preloads at which a peak followed from a lower preload is higher.
 
     Their highest point is the followed peak, with a note, so that their amplitude counts as
-    unknown.
+    unknown.  ``compared`` is as in :func:`followed_peaks`.
     """
 
     def peak_at(preload: float) -> Peak | None:
@@ -237,7 +244,7 @@ def without_lost_peaks(
     # include preloads at which the damper rattles, because their peaks may lead to a preload at
     # which it does not
     amplitudes = {preload: there.amplitude for preload, there in known.items()}
-    found = followed_peaks(problem, amplitudes, needs_check, peak_at, before, options)
+    found = followed_peaks(problem, amplitudes, needs_check, peak_at, before, options, compared)
     changed: dict[float, AtPreload] = {}
     for preload, followed in found.items():
         if preload not in before:

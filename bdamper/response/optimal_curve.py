@@ -301,6 +301,8 @@ class Curves:
         Finished curves by preload.
     checked_below : set of float
         Preloads (N) at which peaks were followed from preloads that are not part of the curve.
+    compared : set of (lower, higher)
+        Preloads (N) between which a followed peak showed nothing higher.
     """
 
     problem: Problem
@@ -313,6 +315,7 @@ class Curves:
     asked: dict[str, Any] = field(default_factory=dict)
     known: dict[float, AtPreload] = field(default_factory=dict)
     checked_below: set[float] = field(default_factory=set)
+    compared: set[tuple[float, float]] = field(default_factory=set)
     interrupted: bool = False
 
     def __enter__(self) -> Curves:
@@ -431,7 +434,7 @@ class Curves:
                     self.problem, self.known[preload], self.frequency, self.options
                 )
             below = preload
-        self.known |= without_lost_peaks(self.problem, self.known, self.options)
+        self.known |= without_lost_peaks(self.problem, self.known, self.options, self.compared)
 
     def _store(self, response: AtPreload) -> None:
         self.known[response.preload] = response

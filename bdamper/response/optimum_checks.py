@@ -50,6 +50,8 @@ class Check(NamedTuple):
         Meaning of the colours.
     failure, remedy : str
         Texts for a failed check.
+    seconds : float
+        Elapsed time of the check; NaN if it is part of the curves or was not run.
     """
 
     colour: str
@@ -58,6 +60,11 @@ class Check(NamedTuple):
     rule: str
     failure: str = ""
     remedy: str = ""
+    seconds: float = float("nan")
+
+    def taking(self, seconds: float) -> Check:
+        """Return the check with its elapsed time (s)."""
+        return self._replace(seconds=seconds)
 
 
 def graded(value: float, good: float, fair: float) -> str:
@@ -79,10 +86,10 @@ def checks(curve: OptimalCurve) -> list[Check]:
         _within_range(curve),
         _verified(curve),
         _value_everywhere(curve),
-        _in_time(curve),
-        _more_harmonics(curve),
+        _in_time(curve).taking(_seconds_in_time(curve)),
+        _more_harmonics(curve).taking(_seconds_of_harmonics(curve)),
         _other_friction(curve),
-        _friction_range(curve),
+        _friction_range(curve).taking(_seconds_of_friction(curve)),
         *_ends_of_range(curve),
         *_fatigue_margins(curve),
         _errors_by_source(curve),
@@ -204,6 +211,13 @@ def _in_time(curve: OptimalCurve) -> Check:
     return Check(graded(abs(change), GOOD, FAIR), name, found, rule, failure, remedy)
 
 
+def _seconds_in_time(curve: OptimalCurve) -> float:
+    """Return the time (s) of the time integrations at all preloads; NaN without any."""
+    if not curve.time_response:
+        return float("nan")
+    return float(sum(response.cost.seconds for response in curve.time_response))
+
+
 def _interrupted_in_time(response: TimeResponse, name: str, rule: str) -> Check:
     """Report the motions before an interruption, which neither confirm nor refute a peak."""
     if np.isnan(response.mean):
@@ -243,6 +257,11 @@ def _more_harmonics(curve: OptimalCurve) -> Check:
         remedy = convergence.settings_text(settled[0])
     failure = f"more harmonics may be needed, {convergence.verdict}"
     return Check(colour, "More harmonics", convergence.note, rule, failure, remedy)
+
+
+def _seconds_of_harmonics(curve: OptimalCurve) -> float:
+    """Return the time (s) of the peaks with more harmonics; NaN if not run."""
+    return float("nan") if curve.convergence is None else curve.convergence.cost.seconds
 
 
 def _two_more_harmonics(curve: OptimalCurve) -> Check:
@@ -328,6 +347,12 @@ def _friction_range(curve: OptimalCurve) -> Check:
     found = friction_range.text
     failure = f"at {amount(curve.other_friction[0].preload, 'N')} {found}"
     return Check(colour, name, found, rule, failure, _friction_remedy(curve))
+
+
+def _seconds_of_friction(curve: OptimalCurve) -> float:
+    """Return the time (s) of all peaks with other friction; NaN if not run."""
+    friction_range = curve.friction_range
+    return float("nan") if friction_range is None else friction_range.seconds
 
 
 def _not_checked(curve: OptimalCurve) -> str:

@@ -565,7 +565,8 @@ class ResponseCurve(
         i = self.peak_index
         if self.kind == "run-up":
             return [Row(IN_TIME, "not run", "study.at_speed, then time_response")]
-        rows = unchecked("curve")
+        preload = self.preload if self.kind == "response" else np.nan
+        rows = unchecked("curve", preload)
         if self.in_time is not None and np.isfinite(self.in_time[i]):
             rows[0] = Row(IN_TIME, str(self.labels[i]), "motion that starts at this point")
         return rows

@@ -42,6 +42,8 @@ class Statement:
     table : sequence of sequence of str
         Header and rows of values that belong together, for example one row for each study; printed
         between rows and checks.
+    times : sequence of str
+        Time that each check took, "" if it has none of its own.  Without times there is no column.
     """
 
     verdict: Sequence[str]
@@ -49,6 +51,7 @@ class Statement:
     checks: Sequence[Row] = ()
     remarks: Sequence[str] = ()
     table: Sequence[Sequence[str]] = ()
+    times: Sequence[str] = ()
 
     def with_texts(self, change: Callable[[str], str]) -> Statement:
         """Return the statement with each of its texts changed."""
@@ -58,6 +61,7 @@ class Statement:
             [Row(*map(change, row)) for row in self.checks],
             [change(text) for text in self.remarks],
             [[change(cell) for cell in cells] for cells in self.table],
+            self.times,
         )
 
     def with_remark(self, text: str) -> Statement:
@@ -83,9 +87,17 @@ class Statement:
         return "\n\n".join("\n".join(lines) for lines in parts if lines)
 
     @property
-    def _check_table(self) -> list[Row]:
-        """Checks below their header; empty without checks."""
-        return [_CHECK_HEADER, *self.checks] if self.checks else []
+    def _check_table(self) -> list[tuple[str, ...]]:
+        """Checks below their header, with their times if one has a time; empty without checks."""
+        if not self.checks:
+            return []
+        rows: list[tuple[str, ...]] = [("Check", "Result", "Finding"), *self.checks]
+        if not any(self.times):
+            return rows
+        times = ["Time", *self.times]
+        return [
+            (name, result, taken, finding) for (name, result, finding), taken in zip(rows, times)
+        ]
 
     @property
     def html(self) -> str:
@@ -97,8 +109,6 @@ class Statement:
         remarks = [f"<p>{html.escape(text)}</p>" for text in self.remarks]
         return f"<p><b>{verdict}</b></p>{''.join(tables)}{''.join(remarks)}"
 
-
-_CHECK_HEADER = Row("Check", "Result", "Finding")
 
 # replaces the space between a number and its unit: no line breaks there
 _NO_BREAK = "\0"
@@ -146,16 +156,16 @@ def _beside(start: str, texts: Sequence[str]) -> list[str]:
     return [start + first, *(" " * len(start) + text for text in further)]
 
 
-def _table(rows: Sequence[Row]) -> list[str]:
-    widths = [max((len(row[column]) for row in rows), default=0) + 2 for column in (0, 1)]
-    return [line for row in rows for line in _lines(row, widths)]
-
-
-def _lines(row: Row, widths: Sequence[int]) -> list[str]:
-    """Return the lines of a row, with the remark wrapped in its column."""
-    start = f"{row.name:<{widths[0]}}{row.value:<{widths[1]}}"
-    remark = _wrapped(row.remark, max(WIDTH - len(start), 30), indent="")
-    return [line.rstrip() for line in _beside(start, remark)]
+def _table(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return the lines of rows, with the last text of each wrapped in its column."""
+    columns = [*zip(*rows)][:-1]
+    widths = [max(map(len, column)) + 2 for column in columns]
+    lines = []
+    for *texts, last in rows:
+        start = "".join(f"{text:<{width}}" for text, width in zip(texts, widths))
+        remark = _wrapped(last, max(WIDTH - len(start), 30), indent="")
+        lines += [line.rstrip() for line in _beside(start, remark)]
+    return lines
 
 
 def _html_table(rows: Sequence[Sequence[str]]) -> str:

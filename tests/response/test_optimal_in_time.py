@@ -8,9 +8,16 @@ import pytest
 
 import bdamper as bd
 from bdamper.response.optimum_checks import checks
-from bdamper.response.verification import Convergence, FrictionPeak, HarmonicPeak, TimeResponse
+from bdamper.response.verification import (
+    Convergence,
+    FrictionPeak,
+    FrictionRange,
+    HarmonicPeak,
+    TimeResponse,
+)
 from bdamper.time_domain import time_response as in_time
 from bdamper.util.formatting import amount, percent, span
+from bdamper.util.progress import Cost
 from tests.analyses.test_friction_range import jenkins_peak
 from tests.plain import plain_study
 from tests.printed import row, said, value
@@ -340,6 +347,27 @@ def test_the_design_amplitude_is_the_largest_of_all_checks(curve):
         other_friction=tuple(replace(k, preload=2.0 * k.preload) for k in passed.other_friction),
     )
     assert elsewhere.design_amplitude == alone.design_amplitude, "other preloads do not count"
+
+
+def test_each_check_states_its_time(curve):
+    """The time of several integrations is added; a check that was not run has none."""
+    passed = checked(curve)
+    (response,) = passed.time_response
+    both = tuple(replace(response, cost=Cost(seconds=seconds)) for seconds in (20.0, 4.0))
+    timed = replace(
+        passed,
+        time_response=both,
+        convergence=replace(passed.convergence, cost=Cost(seconds=3.0)),
+        friction_range=FrictionRange(passed.other_friction, seconds=0.5),
+    )
+    statement = timed._statement()
+    times = dict(zip((row.name for row in statement.checks), statement.times, strict=True))
+    assert {name: time for name, time in times.items() if time} == {
+        "Time integration": "24 s",
+        "More harmonics": "3 s",
+        "Friction range": "500 ms",
+    }
+    assert "Time  " in str(timed) and not any(curve._statement().times)
 
 
 def test_without_a_known_amplitude_of_all_checks_there_is_no_design_amplitude(curve):

@@ -16,6 +16,7 @@ from bdamper.response.highest_peak import FOLLOWED
 from bdamper.response.response_curve_result import NO_STEADY
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND
 from bdamper.util.progress import CostMeter
+from tests.printed import said
 
 MODELS = Path(__file__).parents[1] / "models"
 
@@ -187,8 +188,8 @@ def check_drawn(study: bd.Study, preload: float) -> str:
 NO_FOLDS = 22
 """A wedge whose curve has no folds, so that a single preload is not compared with lower ones.
 
-At half the preload the amplitude is five times as high, and the peak there can be followed to this
-preload, on a separate branch.  Only analyses over preloads know it.
+A branch that detaches at 0.6 times the preload reaches 37.7 µm at this preload, where the curve has
+11.6 µm.  Only analyses over preloads know it.
 """
 CHEAP = (3, 5, 8, 9, 11, 13, 15, 20, 21, 26)
 """Numbers of the draws that take ten seconds together."""
@@ -211,6 +212,22 @@ def verdicts_of_draws(numbers: Iterable[int]) -> set[str]:
 @pytest.mark.slow
 def test_drawn_masses_and_wedges():
     assert verdicts_of_draws(CHEAP) == {"complete", "incomplete", "followed"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("preloads", [(0.5, 1.0), tuple(np.geomspace(0.5, 1.0, 16))])
+def test_a_detached_branch_is_found_from_close_and_distant_preloads(preloads):
+    """Between close preloads no amplitude falls by a third; a single preload names the check."""
+    study, preload = drawn_wedge(NO_FOLDS)
+    interval = tuple(study.peak(preload, errors=False).settings["frequency"])
+    curve = study.optimal_curve(
+        [share * preload for share in preloads], frequency=interval, check=False, errors=False
+    )
+    assert FOLLOWED in curve.reason[-1]
+    assert curve.lower_bound[-1] == pytest.approx(37.67e-6, rel=1e-3)
+    single = study.peak(preload, interval, errors=False)
+    assert single.amplitude == pytest.approx(11.62e-6, rel=1e-3)
+    assert "Lower preloads not run study.optimal_curve((1.01, 3.37))" in said(single)
 
 
 @pytest.mark.nightly

@@ -2,6 +2,7 @@
 
 import html
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -57,6 +58,18 @@ def test_parts_are_separated_by_empty_lines_and_empty_parts_are_left_out(stateme
         and remarks == statement.remarks[0]
     )
     assert Statement(["No optimum: why"]).text == "No optimum: why"
+
+
+def test_checks_with_a_time_have_a_column_for_it(statement):
+    """Before the findings, whose length varies; a table without times has no such column."""
+    checks = [Row("Time integration", "pass", LONG), Row("More harmonics", "not run", "call")]
+    timed = replace(statement, checks=checks, times=["24 s", ""])
+    header, first, *_, last = timed.text.split("\n\n")[2].split("\n")
+    assert header.split() == ["Check", "Result", "Time", "Finding"]
+    assert first.index("24 s") == header.index("Time")
+    assert first.index("70.1") == header.index("Finding") == last.index("call")
+    assert "24 s" in timed.html and "Time</td>" in timed.html
+    assert "Time" not in statement.text and "Time</td>" not in statement.html
 
 
 def test_a_notebook_shows_the_same_texts(statement):
