@@ -396,6 +396,8 @@ def _coarse_at(
         meter.watch(case.equations)
     coarse = coarse_options()
     curve = uninterrupted(frequency_response(problem, preload, frequency, options=coarse))
+    # a locked shroud has other equations than the search began with
+    case = problem.at(preload)
     top: Highest | None = None
     if len(curve):
         # a curve of closed branches alone has no highest point, and no peak is followed from it

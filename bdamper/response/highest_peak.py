@@ -40,7 +40,7 @@ from bdamper.response.peak import (
     find_peak,
     same_peak,
 )
-from bdamper.response.response_curve import frequency_response, open_at_rest, rattles, sticking
+from bdamper.response.response_curve import frequency_response, open_at_rest, rattles
 from bdamper.response.response_curve_result import NO_STEADY, ResponseCurve, uninterrupted
 from bdamper.response.richer_peak import NEARLY_HIGHEST, peak_errors
 from bdamper.util import validation
@@ -694,7 +694,7 @@ def as_peak(problem: Problem, response: AtPreload, frequency: tuple[float, float
         search_reason=of_search.reason,
         status=end.status,
         reason=end.reason,
-        notes=(*response.curve.self_locking, *sticking(response.curve)),
+        notes=(*response.curve.self_locking, *response.curve.sticks),
         settings=settings,
         model_hash=problem.model.hash,
     )

@@ -54,7 +54,9 @@ def statement(curve: OptimalCurve, further: Sequence[Check] = ()) -> Statement:
     best = curve.optimum
     if best.kind == "flat":
         peak = peak_text(best.amplitude, best.frequency)
-        return Statement([f"The preload does not matter: {peak}"])
+        locked = _locked(curve)
+        remarks = [locked] if locked else []
+        return Statement([f"The preload does not matter: {peak}"], remarks=remarks)
     if not np.isfinite(best.preload):
         return Statement([f"No optimum: {best.status_text}{_first_incomplete(curve)}"])
     failures = [*failed(curve), *(check for check in further if check.colour == "red")]
@@ -345,12 +347,25 @@ def _doubts(curve: OptimalCurve) -> str:
     return f"Doubt at {amount(optimum, 'N')}: {'; '.join(doubts)}."
 
 
+STICKING = (
+    "a shroud is locked: the amplitude is that of contacts that stick (study.first_slip), and a "
+    "vibration that starts in another way may slip"
+)
+"""Remark on preloads whose curves start at the locked state of a shroud."""
+
+
 def _locked(curve: OptimalCurve) -> str:
-    """Return the bodies that friction alone can hold, so that their forces depend on the history."""
+    """Return the bodies that friction alone can hold, and the preloads of a locked shroud.
+
+    The forces of both depend on the history.
+    """
     # a dictionary keeps each note once and in order
     notes: dict[str, None] = {}
     for response_curve in curve.curves:
         notes |= dict.fromkeys(response_curve.self_locking)
+    loads = [response_curve.preload for response_curve in curve.curves if response_curve.sticks]
+    if loads:
+        notes[f"at {amount(min(loads), 'N')} to {amount(max(loads), 'N')} {STICKING}"] = None
     return " ".join(f"{_capitalised(note)}." for note in notes)
 
 

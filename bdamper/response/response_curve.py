@@ -62,6 +62,7 @@ from bdamper.response.resolution import unresolved_resonance
 from bdamper.response.response_curve_result import (
     LOCKED,
     NO_STEADY,
+    STICKS,
     ResponseCurve,
     crossed,
     unstable_points,
@@ -335,11 +336,6 @@ def free_of_contact(
 # ---- response curve ----
 
 
-STICKS = (
-    "locked: no contact needs to slip, first slip at {:.3g} times the excitation; other residual "
-    "forces give less, and a vibration that starts in another way may slip"
-)
-"""Note on a curve that starts at the locked state of a shroud."""
 ELASTIC = 1e-3
 """Frequency over the lowest frequency of a curve, below which resonances are rigid-body motions or
 too distant."""
@@ -669,12 +665,6 @@ def self_locking(problem: Problem) -> tuple[str, ...]:
             locked.discard(interfaces[name].body_a)
     loaded = [body.name for body in problem.model.bodies.values() if body.load is not None]
     return tuple(name for name in loaded if name in locked)
-
-
-def sticking(curve: ResponseCurve) -> tuple[str, ...]:
-    """Return the note on a curve that starts at the locked state of a shroud, if it does."""
-    begins, _, _ = STICKS.partition(":")
-    return tuple(note for note in curve.notes if note.startswith(begins))
 
 
 # ---- slow sweep of frequency ----

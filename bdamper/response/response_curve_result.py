@@ -62,6 +62,11 @@ HIGHEST_POINT = {
 """Name of the highest point by the kind of a curve."""
 LOCKED = "is self-locking: its static normal load is not unique"
 """Note on a body that friction alone can hold between its faces."""
+STICKS = (
+    "locked: no contact needs to slip, first slip at {:.3g} times the excitation; other residual "
+    "forces give less, and a vibration that starts in another way may slip"
+)
+"""Note on a curve that starts at the locked state of a shroud."""
 
 
 @short_repr
@@ -189,6 +194,12 @@ class ResponseCurve(
     def self_locking(self) -> tuple[str, ...]:
         """Notes on bodies that friction alone can hold between their faces."""
         return tuple(note for note in self.notes if LOCKED in note)
+
+    @property
+    def sticks(self) -> tuple[str, ...]:
+        """Note on a curve that starts at the locked state of a shroud, if it does."""
+        begins, _, _ = STICKS.partition(":")
+        return tuple(note for note in self.notes if note.startswith(begins))
 
     @property
     def half_range(self) -> float:
@@ -488,7 +499,7 @@ class ResponseCurve(
         higher = self.higher(float(self.amplitude[self.peak_index]))
         if higher:
             remarks.append(f"The response is {higher}")
-        remarks += [sentence(note) for note in self.self_locking]
+        remarks += [sentence(note) for note in (*self.self_locking, *self.sticks)]
         if self.without_steady:
             remarks.append(f"The curve is {self.status}: {self.reason}")
             remarks.append("Remedy: study.time_response(curve), the highest steady amplitude")

@@ -206,10 +206,12 @@ def test_every_answer_about_a_locked_shroud_is_that_of_stuck_contacts(share, tmp
         assert curve.complete and curve.gap is None
         assert curve.peak.amplitude == pytest.approx(amplitude, rel=1e-7)
     np.testing.assert_allclose(optimal.amplitude, amplitude, rtol=1e-7)
-    text = " ".join(str(peak).split())
-    assert f"first slip at {1.0 / share:.3g} times the excitation" in text
-    peak.save(tmp_path / "locked.h5")
-    assert str(bd.load(tmp_path / "locked.h5")) == str(peak)
+    for result in (peak, curve):
+        text = " ".join(str(result).split())
+        assert f"first slip at {1.0 / share:.3g} times the excitation" in text
+        result.save(tmp_path / "locked.h5")
+        assert str(bd.load(tmp_path / "locked.h5")) == str(result)
+    assert "20 N to 40 N a shroud is locked" in " ".join(str(optimal).split())
 
 
 def test_above_first_slip_nothing_is_locked():
