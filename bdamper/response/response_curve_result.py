@@ -562,6 +562,10 @@ class ResponseCurve(
         rows += half_range_rows(self.half_range, float(self.amplitude[i]))
         if not self.is_limit:
             rows += contact_rows(self.shares[i])
+        if self.unstable is not None and self.unstable_count is not None:
+            label = str(self.labels[i])
+            of_all = f"{self.unstable_count} of {counted(len(self), 'point')} unstable"
+            rows.append(Row("Stability", label, of_all))
         reached = ~self.out_of_reach
         jumps = [self._jump(fold, reached) for fold in self.folds if reached[fold]]
         size, frequency = max(jumps, default=(0.0, 0.0))

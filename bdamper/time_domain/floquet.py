@@ -68,7 +68,7 @@ from bdamper.time_domain.integration import AllSectors, IntegrationFailed, all_s
 from bdamper.time_domain.time_response import compare_with_solution, disturbed
 from bdamper.time_domain.transient import AGREES, CRITERIA, UNDECIDED, step_error
 from bdamper.util import validation
-from bdamper.util.progress import CostMeter, LongWork, one_thread, shows_progress, with_progress
+from bdamper.util.progress import LongWork, one_thread, shows_progress, with_progress
 
 # ---- stability by multipliers and by the sign of det J ----
 
@@ -478,7 +478,6 @@ def judged_in_time(sectors: AllSectors, curve: ResponseCurve, progress: bool) ->
     curve : ResponseCurve
     progress : bool
     """
-    watch = CostMeter()
     unstable = np.array(curve.unstable, bool)
     n_judged = 0
     moving = np.array([not rests(sectors.system, u) for u in curve.unknowns], bool)
@@ -498,8 +497,7 @@ def judged_in_time(sectors: AllSectors, curve: ResponseCurve, progress: bool) ->
     n_undecided = int(np.isnan(ratios).sum())
     note = (
         f"time integration, amplitude within {100.0 * CRITERIA.tolerance:g} %: {n_judged} of "
-        f"{len(curve)} points integrated, {n_resting} without slip or separation, {n_undecided} undecided; "
-        f"{watch.read().seconds:.3g} s"
+        f"{len(curve)} points integrated, {n_resting} without slip or separation, {n_undecided} undecided"
     )
     if work.interrupted:
         note += ", interrupted by the user"
@@ -540,9 +538,7 @@ def with_stability(
     progress = shows_progress(progress)
     validation.flag("in_time", in_time)
     sectors = all_sectors(problem, curve.preload) if in_time else None
-    watch = CostMeter()
     unstable, note = unstable_solutions(system, curve.unknowns, TWO_PI * curve.frequency)
-    note = f"{note}; {watch.read().seconds:.2f} s, {curve.cost.seconds:.2f} s for the curve"
     judged = replace(curve, unstable=unstable, stability_note=note, in_time=None)
     if sectors is None:
         return judged

@@ -194,7 +194,7 @@ class Summarised:
         if not self._headline():
             return str(self)
         values = [(fact.name, fact.to_digits(6)) for fact in self._all_facts()]
-        table = table_lines(self._rows(), "  ", whole=True)
+        table = table_lines(self._rows(), "  ")
         texts = self._remark_lines()
         statement = self._printed_statement()
         if statement is None:
@@ -279,17 +279,18 @@ class Summarised:
         # single values have rows of a name and a text, a tabular result has more columns
         rows = [row for row in self._table() if row]
         is_tabular = bool(rows) and len(rows[0]) > 2
-        lines = table_lines(rows) if is_tabular else aligned(rows)
         # the header of a table and the first rows
         n_shown = SHOWN_ROWS + 1
         last = ALL_VALUES
-        if len(lines) > n_shown:
-            last = f"{counted(len(lines) - n_shown, 'further row')}; {last}"
+        if len(rows) > n_shown:
+            last = f"{counted(len(rows) - n_shown, 'further row')}; {last}"
+        lines = table_lines(rows[:n_shown]) if is_tabular else aligned(rows[:n_shown])
         if not lines:
             _, *after_headline = self.summary().split("\n")
             # without the line of the cost
             lines = [line for line in after_headline if " of the processor: " not in line]
-        shown = [*lines[:n_shown], last]
+            lines = lines[:n_shown]
+        shown = [*lines, last]
         rest = "\n".join(f"  {line.removeprefix('  ')}" for line in shown)
         return f"{first}\n{self._in_unit_of_response(rest)}"
 

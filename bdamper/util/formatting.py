@@ -209,33 +209,39 @@ WIDEST = 118
 """Characters of a printed row; two more may be its indentation."""
 
 
-def table_lines(
-    rows: Sequence[Sequence[str]], indent: str = "", whole: bool = False, width: int = WIDEST
-) -> list[str]:
+FEW_RECORDS = 3
+"""A table with at most this many rows below its head is turned if it is too wide."""
+
+
+def table_lines(rows: Sequence[Sequence[str]], indent: str = "", width: int = WIDEST) -> list[str]:
     """Return the lines of a table without empty columns, with at most ``width`` characters.
 
-    The last line names the columns that do not fit.  If ``whole``, these follow in further tables,
-    each with the first column.
+    A table of few rows that is too wide is turned: its columns become rows.  Otherwise the columns
+    that do not fit follow in further tables, each with the first column.
     """
     # a column without texts below its head is empty
     columns = [column for column in zip(*rows) if any(column[1:])]
     if not columns:
         return []
+    fits = _width(columns) <= width
+    if not fits and len(rows) <= FEW_RECORDS + 1 and _width(rows) <= width:
+        return aligned(columns, indent)
     first = columns[0]
     remaining = columns[1:]
     lines: list[str] = []
-    while not lines or (whole and remaining):
+    while not lines or remaining:
         widths = [max(map(len, column)) + 2 for column in (first, *remaining)]
         n_fitting = int(np.count_nonzero(np.cumsum(widths) <= width + 2)) - 1
         # at least one column after the first
         n_shown = max(n_fitting, min(len(remaining), 1))
         lines += aligned([*zip(first, *remaining[:n_shown])], indent)
         remaining = remaining[n_shown:]
-    if remaining:
-        others = ", ".join(f'"{column[0]}"' for column in remaining)
-        columns_text = "Further column" if len(remaining) == 1 else "Further columns"
-        lines.append(truncate(f"{indent}{columns_text} in result.summary(): {others}", width))
     return lines
+
+
+def _width(columns: Sequence[Sequence[str]]) -> int:
+    """Return the characters of a printed row of a table with these columns."""
+    return sum(max(map(len, column)) + 2 for column in columns) - 2
 
 
 def sentence(text: str) -> str:

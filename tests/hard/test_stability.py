@@ -10,6 +10,7 @@ from bdamper.contact.laws import LAW_COUPLED
 from bdamper.harmonic_balance.sector import segments
 from bdamper.time_domain.floquet import monodromy, multipliers, unstable_solutions
 from bdamper.time_domain.integration import AllSectors, Motion
+from tests import printed
 from tests.event_integration import EventIntegrator
 from tests.following import slider_interval
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
@@ -307,7 +308,12 @@ def test_cyclic_structures_by_the_determinant():
         [np.linalg.slogdet(system.evaluate(u, omega)[1])[0] > 0.0 for u, omega in solutions]
     )
     assert "the others are not examined" in curve.stability_note
-    assert " s for the curve" in curve.stability_note
+    again = study.with_stability(curve)
+    assert again.stability_note == curve.stability_note, "seconds are no part of a result"
+    assert not again.diff(curve)
+    n_unstable = int(curve.unstable.sum())
+    assert n_unstable > 0
+    assert printed.row(curve, "Stability").remark == f"{n_unstable} of {len(curve)} points unstable"
     folds = curve.folds
     assert len(folds) == 2
     # the sign of the determinant changes at the folds alone
