@@ -19,9 +19,9 @@ import bdamper as bd
 from bdamper.fatigue.criteria import Material
 from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimum_checks import known_in_time
-from bdamper.util.display import ALL_VALUES
+from bdamper.util.display import SUMMARY
 
-OPTION_FOR_ALL_VALUES = "All values: --details"
+OPTION_FOR_ALL_VALUES = "--details"
 """The same remark for the command line."""
 
 
@@ -125,7 +125,7 @@ def import_decks(given: argparse.Namespace) -> None:
     stem = given.out or Path(given.blade.partition(":")[0]).stem
     built.save(f"{stem}.h5")
     with file_errors(f"{stem}.txt"):
-        Path(f"{stem}.txt").write_text(f"{built}\n", encoding="utf-8")
+        Path(f"{stem}.txt").write_text(f"{built.summary()}\n", encoding="utf-8")
     save_figure(built.plot(), f"{stem}.png")
     print(f"wrote {stem}.h5, {stem}.txt, {stem}.png", file=sys.stderr)
 
@@ -541,7 +541,7 @@ def answer(given: argparse.Namespace) -> int:
         return 0
     model = bd.reference_model("turbine_blade") if given.demo else bd.load_model(given.model)
     if given.command == "info":
-        print(str(model).replace(ALL_VALUES, OPTION_FOR_ALL_VALUES))
+        print(str(model).replace(SUMMARY, OPTION_FOR_ALL_VALUES))
         _write_picture(model, given.png)
         return 0
 
@@ -553,7 +553,7 @@ def answer(given: argparse.Namespace) -> int:
     if given.details:
         print(result.summary())
     else:
-        print(str(result).replace(ALL_VALUES, OPTION_FOR_ALL_VALUES))
+        print(str(result).replace(SUMMARY, OPTION_FOR_ALL_VALUES))
     # files are written last, because the disk can be full
     if given.csv:
         result.to_csv(given.csv)

@@ -78,7 +78,7 @@ from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak, PeakOptions
 from bdamper.response.response_curve_result import ResponseCurve
-from bdamper.response.sensitivity import CurveSensitivity, Sensitivities
+from bdamper.response.sensitivity import CurveSensitivities, Sensitivities
 from bdamper.response.verification import Convergence, ErrorEstimates, MotionInTime, TimeResponse
 from bdamper.time_domain import floquet
 from bdamper.time_domain import frequency_sweep as sweeps
@@ -961,7 +961,7 @@ class Study(Comparable):
     @needs_contacts
     def curve_sensitivities(
         self, curve: ResponseCurve, parameters: Sequence[str] = sensitivity.PARAMETERS
-    ) -> dict[str, CurveSensitivity]:
+    ) -> CurveSensitivities:
         """Compute the derivatives of a response curve, including its folds, with respect to preload and settings.
 
         Parameters
@@ -973,8 +973,9 @@ class Study(Comparable):
 
         Returns
         -------
-        dict of name to CurveSensitivity
-            Input of ``bdamper.plot.plot_band``, which draws the effect of uncertain settings.
+        CurveSensitivities
+            Mapping of name to CurveSensitivity, which prints a table.  It is the input of
+            ``bdamper.plot.plot_band``, which draws the effect of uncertain settings.
 
         Raises
         ------

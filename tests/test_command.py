@@ -238,7 +238,7 @@ def test_doubts_and_details(capsys, tmp_path):
     ]
     assert main(["response", "--demo", *asked]) == 0
     out, err = capsys.readouterr()
-    assert "All values: --details" in out and "summary()" not in out
+    assert "all values: --details" in out and "summary()" not in out
     assert (
         err.startswith("bdamper: --band: plausible an interval in Hz")
         and "possibly given in radians per second\n" in err

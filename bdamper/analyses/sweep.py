@@ -42,7 +42,7 @@ from bdamper.response.peak import Peak
 from bdamper.response.peak_error import changes_by_source
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import plausible_ranges, validation
-from bdamper.util.display import Differences, Plottable, Result
+from bdamper.util.display import Differences, Plottable, Result, WithChecks
 from bdamper.util.errors import (
     COMPLETE,
     FAILED,
@@ -200,7 +200,9 @@ class OptimalTask(validation.Checked):
 
 @short_repr
 @dataclass(frozen=True)
-class SweepResult(WithRowStatus, Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
+class SweepResult(
+    WithRowStatus, WithChecks, Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"
+):
     """Results at all points of a sweep.
 
     ``plot`` draws one quantity against the last setting (:func:`bdamper.plot.plot_sweep`).

@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.util.display import InContact
+from bdamper.util.display import InContact, WithChecks
 from bdamper.util.formatting import amount, area_text, counted, percent, short_repr
 from bdamper.util.progress import Cost
 from bdamper.util.records import Data
@@ -35,7 +35,9 @@ touch with 33 to 100 %, those of an imported stage that rotation distorts with 4
 
 @short_repr
 @dataclass(frozen=True)
-class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="contact_point"):
+class PreloadState(
+    WithChecks, InContact, Tabular, Storable, kind="bdamper-static", row="contact_point"
+):
     """Static contact state under a load.
 
     ``plot`` draws pressure, gap or friction utilisation over the faces

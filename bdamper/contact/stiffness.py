@@ -45,7 +45,7 @@ from bdamper.model.kinematics import Coupling
 from bdamper.model.structure import ContactStiffness, Interface
 from bdamper.util import validation
 from bdamper.util.errors import SettingError, check
-from bdamper.util.formatting import counted, short_repr
+from bdamper.util.formatting import amount, counted, short_repr
 from bdamper.util.statement import Statement
 
 DIRECTIONS = ("t1", "t2", "n")
@@ -117,6 +117,7 @@ def report(contacts: Mapping[str, ContactStiffness], note: str) -> Statement:
         ("Interface", "Points", *DIRECTIONS, "Fallback values", "Method")
     ]
     n_fallback = 0
+    sources: list[str] = []
     for name, contact in contacts.items():
         if contact.fallback is not None:
             fallback = contact.fallback
@@ -131,12 +132,17 @@ def report(contacts: Mapping[str, ContactStiffness], note: str) -> Statement:
                 counts.append(f"{n} along {axis}")
         n_points = str(len(contact.stiffness))
         source = contact.source.replace("_", " ")
+        sources.append(source)
         table.append((name, n_points, *values, ", ".join(counts), source))
     if not n_fallback:
         fallbacks = "no fallback values"
     else:
         fallbacks = counted(n_fallback, "fallback value")
     verdict = f"Contact stiffness (MN/m), median and range: {fallbacks}"
+    if len(set(sources)) == 1:
+        # one method for all interfaces needs no column
+        verdict += f", method: {sources[0]}"
+        table = [row[:-1] for row in table]
     return Statement([verdict], remarks=[note] if note else [], table=table)
 
 
@@ -144,8 +150,9 @@ def _median_and_range(stiffness: NDArray) -> str:
     """Return stiffnesses (N/m) in MN/m, for example "970 (708 to 1130)"."""
     values = 1e-6 * stiffness
     if np.ptp(values) <= 1e-6 * values.max():
-        return f"{values.max():.3g}"
-    return f"{np.median(values):.3g} ({values.min():.3g} to {values.max():.3g})"
+        return amount(float(values.max()))
+    median, low, high = (amount(float(f(values))) for f in (np.median, np.min, np.max))
+    return f"{median} ({low} to {high})"
 
 
 def contact_stiffness(

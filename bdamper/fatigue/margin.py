@@ -229,17 +229,20 @@ class Margins(
         else:
             verdict = sentence(margin)
         rows = [
-            Row("Stress amplitude", amount(self.amplitude[i], "Pa"), str(self.rule)),
-            Row("Mean stress", amount(self.mean[i], "Pa"), self.material.name),
+            Row("Stress amplitude", amount(self.amplitude[i], "Pa"), f"at {self.names[i]}"),
+            Row("Mean stress", amount(self.mean[i], "Pa"), f"at {self.names[i]}"),
+            _named("Criterion", str(self.rule)),
+            _named("Material", self.material.name),
             *_error_rows(self.error),
         ]
         if load_check:
             rows.insert(0, Row("Margin", f"{self.least:.3g}", f"at {self.names[i]}"))
         checks = [_fatigue_check(self.least), self._yield_check(), *load_check]
-        checks.append(_time_check(in_time))
+        call = "study.margin(peak, material, time_response=study.time_response(peak))"
+        checks.append(_time_check(in_time, call))
         subject = about(self.settings, self.preload, amount(self.frequency, "Hz"))
         table, further = self._few_rows()
-        remarks = [*further, *over_cycle.doubts(self.notes)]
+        remarks = [*further, *over_cycle.doubts(self.notes), NOT_COVERED]
         if load_check:
             remarks.append(over_cycle.load_remedy(self.preload, self.centrifugal_load, self.speed))
         elif self.least < 1.0 or self.yields:
@@ -268,13 +271,21 @@ def _fatigue_check(margin: float) -> Row:
     return Row("Fatigue", outcome, f"margin {margin:.3g}, at least 1 required")
 
 
-def _time_check(in_time: bool) -> Row:
-    """Return whether the vibration was confirmed by time integration."""
+def _time_check(in_time: bool, call: str) -> Row:
+    """Return whether the vibration is that of time integration, and otherwise the call for it."""
     if in_time:
-        return Row("Time integration", "run", "")
-    return Row("Time integration", "not run", "the vibration is computed by harmonic balance")
+        return Row("Time integration", "run", "the vibration has the largest blade amplitude")
+    return Row("Time integration", "not run", call)
 
 
+def _named(name: str, text: str) -> Row:
+    """Return the row of a text "first, others": the first part is the value, the others the remark."""
+    value, _, remark = text.partition(", ")
+    return Row(name, value, remark)
+
+
+NOT_COVERED = "Not covered: mistuning, wear, other friction coefficients"
+"""Effects that a margin does not contain."""
 REMEDY = "Remedy: reduce the excitation or the stress, or choose a stronger material"
 """Remark on a failed margin."""
 
@@ -435,7 +446,8 @@ class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-
         rows += _error_rows(self._error_at(value))
         lowest = min([self.margin[least], *(margins.least for margins in self.in_time)])
         load_check = over_cycle.load_check(self.notes)
-        checks = [_fatigue_check(lowest), *load_check, _time_check(bool(self.in_time))]
+        checks = [_fatigue_check(lowest), *load_check]
+        checks.append(_time_check(bool(self.in_time), self._call_in_time))
         verdict = f"Not for design: {text}" if failed else sentence(text)
         if load_check:
             verdict = over_cycle.OTHER_SPEED
@@ -443,8 +455,8 @@ class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-
             if not is_chosen:
                 place += f", {point}"
             rows.insert(0, Row(f"{sentence(name)} margin", f"{margin:.3g}", place))
-        rows += [Row("Criterion", "", str(self.rule)), Row("Material", "", self.material.name)]
-        remarks = over_cycle.doubts(self.notes)
+        rows += [_named("Criterion", str(self.rule)), _named("Material", self.material.name)]
+        remarks = [*over_cycle.doubts(self.notes), NOT_COVERED]
         if load_check:
             remarks = [*remarks, self._load_remedy(value)]
         elif lowest < 1.0:
@@ -458,6 +470,17 @@ class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-
         if self.error is None:
             return float("nan")
         return float(self.error[np.abs(self.values - value).argmin()])
+
+    @property
+    def _call_in_time(self) -> str:
+        """Call that computes the margin of a vibration by time integration."""
+        if self.over == "preload":
+            return "study.margin(study.with_time_response(curve), material)"
+        in_time = "time_response=study.time_response(peak)"
+        of_peak = f"study.margin(peak, material, {in_time})"
+        if self.over == "frequency":
+            return of_peak
+        return f"study.at_speed(speed), then {of_peak}"
 
     def _remedy(self, failed: bool) -> str:
         """Return the remedy if a margin is below 1; some values may be sufficient."""

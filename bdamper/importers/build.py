@@ -45,7 +45,8 @@ from bdamper.importers.contact_faces import (
     from_first_sector,
     lay_contacts,
 )
-from bdamper.importers.fe_body import BOUNDS, FEBody
+from bdamper.importers.fe_body import BOUNDS, FEBody, Units
+from bdamper.importers.fe_body import UNITS as UNITS_BY_NAME
 from bdamper.importers.options import (
     DAMPER_MODES,
     HARMONICS,
@@ -65,7 +66,15 @@ from bdamper.model.validation import check_model
 from bdamper.util import validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import ModelError, SettingError, check
-from bdamper.util.formatting import counted, percent, short_repr, without_rounding
+from bdamper.util.formatting import (
+    amount,
+    area_text,
+    counted,
+    percent,
+    sentence,
+    short_repr,
+    without_rounding,
+)
 from bdamper.util.progress import Steps, one_thread, progress_stages, shows_progress
 from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import FilePath
@@ -168,6 +177,9 @@ class BuiltModel(Plottable):
         Origin of masses and frequencies, and the node of the largest stress.
     node_sets : mapping of str to (n, 3) float, m
         Positions of the nodes of the clamp and of the sector faces, in the axes of the model.
+    to_compare : tuple of (name, value, remark)
+        Quantities to compare with the drawing and with the other program: mass and radius of free
+        bodies, mode 1, contacts, units, and the shift of mode 1 by bonded faces.
 
     Notes
     -----
@@ -183,6 +195,7 @@ class BuiltModel(Plottable):
     failed: tuple[str, ...] = ()
     bases: tuple[str, ...] = ()
     node_sets: Mapping[str, NDArray] = field(default_factory=dict)
+    to_compare: tuple[Row, ...] = ()
 
     @property
     def frequencies(self) -> dict[int, NDArray]:
@@ -213,14 +226,21 @@ class BuiltModel(Plottable):
             )
         remarks += [f"Not in this model: {text}" for text in self.missing]
         return Statement(
-            verdict, self._quantity_rows(), checks, remarks, table=self._frequency_table()
+            verdict,
+            self.to_compare,
+            checks,
+            remarks,
+            table=self._frequency_table(),
+            details=self._detail_rows(),
         )
 
-    _states_all = True
+    def summary(self) -> str:
+        """Return the report with the findings of all checks."""
+        return self._statement().full_text
 
-    def _quantity_rows(self) -> list[Row]:
+    def _detail_rows(self) -> list[Row]:
         """Return files, mass properties, damping and interfaces of the model."""
-        rows = []
+        rows: list[Row] = []
         for name, text in self.sources.items():
             first, *others = text.split("\n")
             rows += [Row(name, "source", first), *(Row("", "", line) for line in others)]
@@ -253,6 +273,46 @@ class BuiltModel(Plottable):
 def _lowest(frequencies: NDArray) -> str:
     """Return the six lowest frequencies as text."""
     return "  ".join(f"{hertz:.6g}" for hertz in frequencies[:6])
+
+
+def _rows_to_compare(
+    model: Model, laid: LaidContacts, blade: PreparedBody, excited: int, report: ImportReport
+) -> list[Row]:
+    """Return the quantities that a user compares with the drawing and with the other program.
+
+    ``excited`` is the nodal diameter of the excitation.
+    """
+    rows = []
+    for body in model.bodies.values():
+        if body.kind in ("free", "ring"):
+            remarks = ["per sector"] if body.kind == "ring" else []
+            radius = body.radius
+            if radius is not None:
+                remarks.append(f"at a radius of {amount(radius, 'm', 4)}")
+            rows.append(
+                Row(sentence(body.name), amount(body.mass or 0.0, "kg"), ", ".join(remarks))
+            )
+    frequency = frequencies_of(model.bodies["blade"].bases[excited])[0]
+    at = f"at nodal diameter {excited}, without contact"
+    rows.append(Row("Mode 1", amount(float(frequency), "Hz"), at))
+    for name, face in model.interfaces.items():
+        if face.kind == "friction":
+            rows.append(
+                Row(f"Contact {name}", area_text(float(face.area.sum())), laid.overlaps[name])
+            )
+    rows.append(Row("Units", _units_text(blade.placement.units), "of the files"))
+    if report.shifts:
+        shift = percent(report.shifts[0], sign=True)
+        rows.append(Row("Bonded faces", shift, f"shift of mode 1 at nodal diameter {excited}"))
+    return rows
+
+
+def _units_text(units: Units) -> str:
+    """Return the units of length, mass and time."""
+    for name, known in UNITS_BY_NAME.items():
+        if known == units:
+            return name.replace("-", ", ")
+    return f"{units.length:g} m, {units.mass:g} kg, s"
 
 
 def _named_row(text: str, value: str) -> Row:
@@ -1029,6 +1089,7 @@ def _needs_partial_contact(model: Model, nodal_diameter: int, report: ImportRepo
         report.missing.append(f"shift of mode 1 by parts of the faces: {error}")
         return False
     shifts = whole_faces.shifts
+    report.shifts.extend(shifts)
     by_mode = ", ".join(percent(shift) for shift in shifts)
     held_modes = 1 + np.flatnonzero(np.asarray(shifts) >= SMALL_SHIFT)
     hint = ""
@@ -1118,11 +1179,12 @@ def _assembled(
         missing=tuple(report.missing),
         failed=tuple(report.failed),
         bases=tuple(bases),
+        to_compare=tuple(_rows_to_compare(model, laid, bodies["blade"], ring.pictured[0], report)),
     )
     provenance = {
         "source": "; ".join(f"{name}: {body.raw.source}" for name, body in bodies.items()),
         "made by": "bdamper.importers.build_model",
         "date": datetime.date.today().isoformat(),
-        "report": str(built)[:20000],
+        "report": built.summary()[:20000],
     }
     return replace(built, model=replace(model, provenance=provenance))

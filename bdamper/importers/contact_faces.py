@@ -125,6 +125,8 @@ class LaidContacts:
         Contact stiffness from the user.
     faces : tuple of str
         Area, overlap and normal of each interface, for the report.
+    overlaps : dict of interface name to str
+        Shares of both faces, and the sector of side b.
     ports : dict of body name to tuple of Port
         Interfaces and sides of each body.
     rows : dict of body name to (3 n_points, 3 n_nodes) sparse
@@ -135,6 +137,7 @@ class LaidContacts:
     interfaces: dict[str, Interface]
     stiffness: dict[str, ContactStiffness]
     faces: tuple[str, ...]
+    overlaps: dict[str, str]
     ports: dict[str, tuple[Port, ...]]
     rows: dict[str, sp.csr_matrix]
 
@@ -255,6 +258,7 @@ def lay_contacts(
     interfaces: dict[str, Interface] = {}
     stiffness: dict[str, ContactStiffness] = {}
     figures: list[str] = []
+    overlaps: dict[str, str] = {}
     laid: list[ContactFaces] = []
     ports: dict[str, list[Port]] = {name: [] for name in (*bodies, "ground")}
     rows = {name: [sp.csr_matrix((0, 3 * len(body.nodes)))] for name, body in bodies.items()}
@@ -263,12 +267,13 @@ def lay_contacts(
         if not isinstance(contact.gap, str):
             contact = replace(contact, gap=metres * contact.gap)
         along_ring = contact.body_a in rings or contact.body_b in rings
-        interface, means, text = _laid(contact, bodies, n_blades, along_ring)
+        interface, means, overlap = _laid(contact, bodies, n_blades, along_ring)
         for earlier in laid:
             _check_other_faces(contact, interface, earlier, interfaces[earlier.name], bodies)
         laid.append(contact)
         interfaces[contact.name] = interface
-        figures.append(text)
+        figures.append(_face_text(contact, means, overlap))
+        overlaps[contact.name] = overlap
         ports[contact.body_a].append((contact.name, "a"))
         ports[contact.body_b].append((contact.name, "b"))
         rows[contact.body_a].append(means.matrix_a)
@@ -285,6 +290,7 @@ def lay_contacts(
         interfaces,
         stiffness,
         tuple(figures),
+        overlaps=overlaps,
         ports={name: tuple(of_body) for name, of_body in ports.items()},
         rows={name: sp.vstack(of_body, format="csr") for name, of_body in rows.items()},
     )
@@ -370,7 +376,7 @@ def _user_stiffness(contact: ContactFaces, n_points: int) -> ContactStiffness:
 def _laid(
     contact: ContactFaces, bodies: Mapping[str, PreparedBody], n_blades: int, along_ring: bool
 ) -> tuple[Interface, PatchMeans, str]:
-    """Return interface, patch means and report text of one pair of faces."""
+    """Return interface, patch means and, as text, the overlap of one pair of faces."""
     item, body_a, body_b = contact.item, contact.body_a, contact.body_b
     validation.check(body_a in bodies, item, f"body_a out of {sorted(bodies)}", f"'{body_a}'")
     allowed = [*sorted(bodies), "ground"]
@@ -423,19 +429,22 @@ def _laid(
         found = f"{means.grid[0]}: amplitudes of a wedge may be wrong by several times"
         warn_implausible(item, expected, found)
     area = float(means.area.sum())
-    fractions = ", ".join(
-        f"{100 * area / whole:.4g} % of face {side}" for side, whole in zip("ab", areas)
-    )
+    fractions = [f"{100 * area / whole:.4g} % of face {side}" for side, whole in zip("ab", areas)]
+    return interface, means, f"{', '.join(fractions)}; side b in sector {sector:+d}"
+
+
+def _face_text(contact: ContactFaces, means: PatchMeans, overlap: str) -> str:
+    """Return number of points, area, overlap and normal of an interface, for the report."""
+    area = area_text(float(means.area.sum()))
     # a component that is zero but for rounding has no sign
     mean_normal = means.frame[:, 2].mean(axis=0).round(4) + 0.0
     normal = ", ".join(f"{component:.4f}" for component in mean_normal)
-    text = (
-        f"{contact.name}: {_points_text(contact, means)}, {area_text(area)} ({fractions}), "
-        f"side b in sector {sector:+d}\n"
+    distance = means.distance
+    return (
+        f"{contact.name}: {_points_text(contact, means)}, {area}, {overlap}\n"
         f"mean outward normal of side a ({normal}), "
         f"meshes {distance.min():.2g} to {distance.max():.2g} m apart"
     )
-    return interface, means, text
 
 
 def _points_text(contact: ContactFaces, means: PatchMeans) -> str:

@@ -73,6 +73,8 @@ class ImportReport:
         Quantities that the model lacks, each with a remedy or a consequence.
     failed : list of str
         Failed comparisons with another program.
+    shifts : list of float
+        Relative rises of the lowest frequencies by bonded faces; empty if unknown.
     """
 
     strict: bool = False
@@ -80,6 +82,7 @@ class ImportReport:
     checks: list[str] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
     failed: list[str] = field(default_factory=list)
+    shifts: list[float] = field(default_factory=list)
 
     @contextmanager
     def comparison(self) -> Iterator[None]:

@@ -38,7 +38,7 @@ from bdamper.mistuning.peak import DiskPeakOptions
 from bdamper.mistuning.statistics import Interval, WeibullTail, percentile, share, weibull_tail
 from bdamper.response.peak import Peak
 from bdamper.util import validation
-from bdamper.util.display import Fact, Plottable, Summarised, draw
+from bdamper.util.display import Fact, Plottable, Summarised, WithChecks, draw
 from bdamper.util.errors import (
     COMPLETE,
     FAILED,
@@ -238,6 +238,7 @@ class BestPreload(Summarised):
 @dataclass(frozen=True)
 class MistunedSample(
     WithRowStatus,
+    WithChecks,
     Plottable,
     Tabular,
     Recorded,

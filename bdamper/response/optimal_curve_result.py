@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated, ClassVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,17 +24,17 @@ from bdamper.response.optimum_checks import (
     known_in_time,
 )
 from bdamper.response.optimum_statement import statement
-from bdamper.response.peak import Peak
+from bdamper.response.peak import Peak, half_range_row
 from bdamper.response.peak_error import HARMONICS, VECTORS, SourceError
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import Convergence, FrictionPeak, FrictionRange, TimeResponse
 from bdamper.util import validation
-from bdamper.util.display import Comparable, Fact, InContact, draw
+from bdamper.util.display import Comparable, Fact, InContact, WithChecks, draw
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, WithRowStatus, WithStatus
-from bdamper.util.formatting import percent, short_repr
+from bdamper.util.formatting import amount, percent, short_repr, span
 from bdamper.util.progress import Cost
 from bdamper.util.records import Data
-from bdamper.util.statement import Statement
+from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import FilePath, Recorded, Storable
 from bdamper.util.tables import (
     Hertz,
@@ -100,6 +100,8 @@ class OptimumPoint(WithStatus):
     status: str = COMPLETE
     reason: str = ""
     half_range: Annotated[float, Data(derived=True)] = float("nan")
+    prints_fields: ClassVar[bool] = True
+    """Whether ``print`` shows a table of the fields, so that other results list them as values."""
 
     def __post_init__(self) -> None:
         # files of version 0.6 have other words
@@ -123,11 +125,52 @@ class OptimumPoint(WithStatus):
             text += f", {self.status_text}"
         return text
 
+    def __str__(self) -> str:
+        """Return a table of preload, amplitude, and frequency."""
+        if not np.isfinite(self.preload):
+            return Statement([f"No optimal preload: {self.text}"]).text
+        rows = [
+            Row("Preload", amount(self.preload, "N"), self.known_to),
+            Row("Amplitude", amount(self.amplitude, "m"), "highest peak at this preload"),
+            Row("Frequency", amount(self.frequency, "Hz"), ""),
+        ]
+        if exceeds(self.half_range, self.amplitude):
+            rows.append(half_range_row(self.half_range))
+        rows.append(Row("Kind", KINDS[self.kind], ""))
+        if not self.ok:
+            rows.append(Row("Status", self.status_text, ""))
+        return Statement([], rows).text
+
+
+class TimeResponses(tuple[TimeResponse, ...]):
+    """Time integrations of an optimal curve; ``print`` shows a table."""
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        if not self:
+            return "no time integration; study.with_time_response(curve) adds it"
+        table = [("Preload", "Time integration", "Mean", "Frequency", "Harmonic balance", "Status")]
+        for response in self:
+            known = np.isfinite(response.mean)
+            table.append(
+                (
+                    amount(response.preload, "N"),
+                    span(response.lowest, response.highest, "m") if known else "unknown",
+                    amount(response.mean, "m") if known else "",
+                    amount(response.frequency, "Hz") if known else "",
+                    amount(response.balance, "m"),
+                    response.status_text,
+                )
+            )
+        return Statement([], table=table).text
+
 
 @short_repr
 @dataclass(frozen=True)
 class OptimalCurve(
     WithRowStatus,
+    WithChecks,
     InContact,
     Comparable,
     Tabular,
@@ -268,6 +311,7 @@ class OptimalCurve(
         # files of version 0.10 and older have the requested preloads alone
         if self.requested is None or len(self.requested) == 0:
             object.__setattr__(self, "requested", np.ones(len(self.preload), bool))
+        object.__setattr__(self, "time_response", TimeResponses(self.time_response))
 
     def __len__(self) -> int:
         return len(self.preload)

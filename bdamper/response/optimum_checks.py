@@ -23,7 +23,7 @@ ENDS = {
     "end": "at an end of the range; a lower amplitude may lie outside",
     "edge": "at the lowest preload with a steady response",
 }
-WITH_CHECKS = 'optimal_curve with check="time"'
+WITH_CHECKS = 'study.optimal_curve(..., check="time")'
 """Call that runs the checks of a curve."""
 NEAR_BEST = 1.2
 """Amplitude over the optimum that defines the printed range of acceptable preloads."""
@@ -49,7 +49,9 @@ class Check(NamedTuple):
     rule : str
         Meaning of the colours.
     failure, remedy : str
-        Texts for a failed check.
+        Texts for a failed check; the remedy also helps if the check is uncertain.
+    limit : str
+        Largest value of a green check.
     seconds : float
         Elapsed time of the check; NaN if it is part of the curves or was not run.
     """
@@ -60,7 +62,18 @@ class Check(NamedTuple):
     rule: str
     failure: str = ""
     remedy: str = ""
+    limit: str = ""
     seconds: float = float("nan")
+
+    @property
+    def finding(self) -> str:
+        """Result of the check; with limit and remedy if it is uncertain, with the limit if it failed."""
+        parts = [self.found]
+        if self.colour in ("amber", "red") and self.limit:
+            parts.append(f"limit {self.limit}")
+        if self.colour == "amber" and self.remedy:
+            parts.append(self.remedy)
+        return "; ".join(parts)
 
     def taking(self, seconds: float) -> Check:
         """Return the check with its elapsed time (s)."""
@@ -111,7 +124,7 @@ def _model(curve: OptimalCurve) -> Check:
     )
     doubts = curve.model_doubts
     if doubts is None:
-        return Check("white", name, "not examined", rule)
+        return Check("white", name, "study.optimal_curve(...)", rule)
     if not doubts:
         return Check("green", name, "the faces have enough rows of contact points", rule)
     found = "; ".join(doubts)
@@ -208,7 +221,8 @@ def _in_time(curve: OptimalCurve) -> Check:
     found = f"{nearest.text}, by harmonic balance {amount(nearest.balance, 'm')}"
     change = nearest.mean / nearest.balance - 1.0
     failure = f"harmonic balance and time integration differ by {abs(100.0 * change):.0f} %"
-    return Check(graded(abs(change), GOOD, FAIR), name, found, rule, failure, remedy)
+    colour = graded(abs(change), GOOD, FAIR)
+    return Check(colour, name, found, rule, failure, remedy, percent(GOOD))
 
 
 def _seconds_in_time(curve: OptimalCurve) -> float:
@@ -256,7 +270,7 @@ def _more_harmonics(curve: OptimalCurve) -> Check:
     if is_settled and settled[0].harmonics > first.harmonics:
         remedy = convergence.settings_text(settled[0])
     failure = f"more harmonics may be needed, {convergence.verdict}"
-    return Check(colour, "More harmonics", convergence.note, rule, failure, remedy)
+    return Check(colour, "More harmonics", convergence.note, rule, failure, remedy, percent(GOOD))
 
 
 def _seconds_of_harmonics(curve: OptimalCurve) -> float:
@@ -286,7 +300,10 @@ def _two_more_harmonics(curve: OptimalCurve) -> Check:
         changed = amount((1.0 + change) * curve.optimum.amplitude, "m")
         found = f"{changed} with {highest + 2}, {percent(change, sign=True)}"
     is_small = abs(change) <= GOOD and not _one_harmonic(curve)
-    return Check("green" if is_small else "amber", name, found, rule)
+    remedy = f"study.replace(harmonics={highest + 2})"
+    return Check(
+        "green" if is_small else "amber", name, found, rule, remedy=remedy, limit=percent(GOOD)
+    )
 
 
 def _row_of_optimum(curve: OptimalCurve) -> int:
@@ -325,7 +342,8 @@ def _other_friction(curve: OptimalCurve) -> Check:
     factors = " and ".join(f"{peak.factor:g}" for peak in changed)
     found = f"{sizes} with {factors} times the friction, by harmonic balance"
     failure = f"at {amount(nominal.preload, 'N')} the amplitude is {found}"
-    return Check(colour, name, found, rule, failure, _friction_remedy(curve))
+    limit = f"{percent(NEAR_BEST - 1.0)} higher"
+    return Check(colour, name, found, rule, failure, _friction_remedy(curve), limit)
 
 
 def _friction_range(curve: OptimalCurve) -> Check:
@@ -359,7 +377,8 @@ def _not_checked(curve: OptimalCurve) -> str:
     """Return the call that checks the recommended preload."""
     if not curve.other_friction:
         return WITH_CHECKS
-    return f"run at {amount(curve.other_friction[0].preload, 'N')} only"
+    computed = amount(curve.other_friction[0].preload, "N")
+    return f"{WITH_CHECKS}, so far run at {computed} only"
 
 
 def _friction_remedy(curve: OptimalCurve) -> str:
@@ -447,10 +466,16 @@ def _errors_by_source(curve: OptimalCurve) -> Check:
     if text:
         error = curve.error[_row_of_optimum(curve)]
         rule = f"green below {percent(GOOD)} at the optimum, amber above or if unknown"
-        return Check("green" if error <= GOOD else "amber", ERRORS, text, rule)
+        colour = "green" if error <= GOOD else "amber"
+        remedy = estimate_call(curve)
+        return Check(colour, ERRORS, text, rule, remedy=remedy, limit=percent(GOOD))
+    return Check("white", ERRORS, estimate_call(curve), "white if errors=False left them out")
+
+
+def estimate_call(curve: OptimalCurve) -> str:
+    """Return the call that estimates the errors by all sources at the recommended preload."""
     preload = _rounded(curve.recommended_preload, 3)
-    found = f"study.estimate_errors(study.peak({preload}))"
-    return Check("white", ERRORS, found, "white if errors=False left them out")
+    return f"study.estimate_errors(study.peak({preload}))"
 
 
 def error_summary(curve: OptimalCurve) -> str:

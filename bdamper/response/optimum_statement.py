@@ -27,6 +27,7 @@ from bdamper.response.optimum_checks import (
     OptimalCurve,
     checked_amplitudes,
     checks,
+    estimate_call,
     failed,
     friction_tried,
     known_in_time,
@@ -72,7 +73,19 @@ def statement(curve: OptimalCurve, further: Sequence[Check] = ()) -> Statement:
             amount(check.seconds, "s", 2) if check.seconds > 0.0 else "" for check in checks(curve)
         ],
         remarks=[text for text in (*remarks, _not_covered(curve)) if text],
+        further=_calls(curve),
     )
+
+
+def _calls(curve: OptimalCurve) -> list[str]:
+    """Return the calls to make after time integration at the recommended preload."""
+    in_time = curve.recommended_response
+    if in_time is None or not known_in_time(in_time):
+        return []
+    return [
+        "time integration at other preloads: study.with_time_response(curve, preloads)",
+        f"every source of error: {estimate_call(curve)}",
+    ]
 
 
 def _verdict(curve: OptimalCurve) -> str:
@@ -91,6 +104,8 @@ def _verdict(curve: OptimalCurve) -> str:
     in_time = curve.recommended_response
     if in_time is None or not known_in_time(in_time):
         answer += ", by harmonic balance alone"
+    elif np.isfinite(curve.design_amplitude):
+        answer += f", design amplitude {amount(curve.design_amplitude, 'm')}"
     answer += _uncertain(curve)
     answer += _drop(curve)
     return f"{answer}: {', '.join(subject)}" if subject else answer
@@ -146,11 +161,11 @@ def _preload_rows(curve: OptimalCurve) -> list[Row]:
     recommended = curve.recommended_preload
     optimum = curve.optimum
     low, high = curve.near_best
-    near_best = f"amplitude within {percent(NEAR_BEST - 1.0)} of the lowest"
+    near_best = f"at most {percent(NEAR_BEST - 1.0)} above the lowest amplitude"
     within = f"{span(low, high, 'N')}: {near_best}, by harmonic balance"
     steeper = _steeper(curve)
     if steeper:
-        within += f"; it {steeper} this range"
+        within += f"; {steeper}"
     remarks = [within]
     shares = loads_text(curve.settings.get("load_per_preload"))
     if shares:
@@ -180,9 +195,9 @@ def _steeper(curve: OptimalCurve) -> str:
     slope_below, below_certain = _rise(curve, curve.preload < curve.optimum.preload)
     slope_above, above_certain = _rise(curve, curve.preload > curve.optimum.preload)
     if above_certain and slope_below >= CLEARLY * slope_above > 0.0:
-        return "rises faster below"
+        return "steeper below than above"
     if below_certain and slope_above >= CLEARLY * slope_below > 0.0:
-        return "rises faster above"
+        return "steeper above than below"
     return ""
 
 
@@ -269,18 +284,20 @@ def _amplitude_rows(curve: OptimalCurve, any_failed: bool) -> list[Row]:
     error = error_text(curve.errors_at(optimum.preload))
     if error:
         remark += f"; {error}"
-    free = curve.free.amplitude
-    if np.isfinite(free):
-        ratio = free / optimum.amplitude
-        remark += f"{';' if error else ','} a factor of {ratio:.3g} below the free blade ({amount(free, 'm')})"
     if in_time is None:
         remark += "; do not compute stresses from it"
     rows.append(Row(name, amount(optimum.amplitude, "m"), remark))
     more = curve.convergence
     if more is not None and len(more.peaks) > 1:
-        numbers = f"{more.peaks[0].harmonics} to {more.peaks[-1].harmonics} harmonics"
+        numbers = f"with {more.peaks[0].harmonics} to {more.peaks[-1].harmonics} harmonics"
         lowest, highest = more.range
         rows.append(Row("", span(lowest, highest, "m"), numbers))
+    free = curve.free.amplitude
+    if np.isfinite(free):
+        ratio = free / optimum.amplitude
+        rows.append(
+            Row("Without contact", amount(free, "m"), f"{ratio:.3g} times the lowest amplitude")
+        )
     if in_time is not None:
         value = span(in_time.lowest, in_time.largest, "m")
         remark = f"{amount(in_time.frequency, 'Hz')}, mean {amount(in_time.mean, 'm')}"

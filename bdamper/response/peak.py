@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from bdamper.harmonic_balance import equations
 from bdamper.harmonic_balance.checks import check_result, check_solution
+from bdamper.harmonic_balance.effects import harmonic_numbers
 from bdamper.harmonic_balance.equations import (
     NOT_CONVERGED,
     OK,
@@ -44,6 +45,7 @@ from bdamper.response.peak_error import (
     HarmonicPeak,
     SourceError,
     amplitude_error,
+    changes_by_source,
     error_rows,
     error_text,
 )
@@ -247,7 +249,7 @@ class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
             rows = []
             if np.isfinite(self.lower_bound):
                 rows.append(lower_bound_row(self.lower_bound, self.frequency))
-            rows += interval_rows(self.settings)
+            rows += interval_rows(self.settings, "not searched completely")
             verdict = f"No peak: {self.status_text}{about(self.settings, self.parameter)}"
             return Statement([verdict], rows, remarks=remarks)
         limit = self.settings.get("limit", "")
@@ -266,9 +268,26 @@ class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
             return Statement([verdict], rows, remarks=remarks)
         rows += error_rows(self.errors, self.amplitude, self.harmonic_peaks)
         rows += contact_rows(self.shares)
-        rows += interval_rows(self.settings)
+        is_searched = self.search_status in ("", COMPLETE)
+        found = "complete: no higher branch found" if is_searched else "not searched completely"
+        rows += interval_rows(self.settings, found)
         remarks.append(not_covered(self.settings, ["more blade modes"]))
-        return Statement([verdict], rows, unchecked("peak", preload, bool(self.errors)), remarks)
+        checks = unchecked("peak", preload, bool(self.errors))
+        return Statement([verdict], rows, checks, remarks, further=self._calls)
+
+    @property
+    def _calls(self) -> list[str]:
+        """The call for a peak with two more harmonics, if these change it much."""
+        changes = changes_by_source(self.errors)
+        if not abs(changes["harmonic_change"]) > CHANGED_MUCH or "harmonics" not in self.settings:
+            return []
+        more = max(harmonic_numbers(self.settings["harmonics"])) + 2
+        call = f"study.replace(harmonics={more}).peak({self.parameter:.6g})"
+        return [f"with more harmonics: {call}"]
+
+
+CHANGED_MUCH = 0.05
+"""Relative change by more harmonics above which a peak names the call that computes with them."""
 
 
 def lower_bound_row(amplitude: float, frequency: float) -> Row:
@@ -304,12 +323,12 @@ def contact_rows(shares: NDArray) -> list[Row]:
     return [Row("Contact states", value, "stick, slip, open")]
 
 
-def interval_rows(settings: Mapping[str, Any]) -> list[Row]:
+def interval_rows(settings: Mapping[str, Any], finding: str) -> list[Row]:
     """Return the row with the interval of a search for the highest peak, if it is recorded."""
     if "frequency" not in settings:
         return []
     low, high = settings["frequency"]
-    return [Row("Search interval", extent(low, high, "Hz"), "covered by the response curve")]
+    return [Row("Search interval", extent(low, high, "Hz"), finding)]
 
 
 def unchecked(name: str, preload: float, has_errors: bool = False) -> list[Row]:

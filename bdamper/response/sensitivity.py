@@ -44,6 +44,7 @@ from bdamper.harmonic_balance.parameters import (
     with_aligned_modes,
 )
 from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.subject import about
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.peak import DIFFERENCE, Family, Peak, check_peak, slope_along, with_tangent
 from bdamper.response.response_curve import check_curve
@@ -177,6 +178,8 @@ class Sensitivities(Result, Plottable, dict[str, PeakSensitivity]):
         """Return the table of all parameters."""
         return self._statement().text
 
+    _states_all = True
+
 
 @short_repr
 @dataclass(frozen=True)
@@ -235,6 +238,60 @@ class CurveSensitivity:
         onward = self.tangent[:, 0].real
         with np.errstate(divide="ignore", invalid="ignore"):
             return self.response - self.tangent[:, 1] * self.frequency / onward
+
+
+class CurveSensitivities(Result, dict[str, CurveSensitivity]):
+    """Derivatives of a response curve by parameter; ``print`` shows the changes for 1 % of each.
+
+    Parameters
+    ----------
+    found : mapping of name to CurveSensitivity
+    curve : ResponseCurve
+    """
+
+    def __init__(self, found: Mapping[str, CurveSensitivity], curve: ResponseCurve) -> None:
+        super().__init__(found)
+        self.curve = curve
+
+    def _changes_at_peak(self) -> dict[str, float]:
+        """Return the relative change of the highest amplitude for +1 % of each parameter."""
+        i = self.curve.peak_index
+        response = self.curve.harmonics[i, 1]
+        changes = {}
+        for name, item in self.items():
+            # along the curve the highest amplitude does not change
+            moved = 0.01 * item.value * item.response[i]
+            changes[name] = float((np.conj(response) * moved).real / abs(response) ** 2)
+        return changes
+
+    def _statement(self) -> Statement:
+        if not len(self.curve) or not self:
+            return Statement(["No derivatives: the curve has no points, or no parameter is given"])
+        curve = self.curve
+        i = curve.peak_index
+        peak = peak_text(float(curve.amplitude[i]), float(curve.frequency[i]))
+        table = [("Parameter", "Value", "Peak", "Largest change", "At")]
+        at_peak = self._changes_at_peak()
+        for name in sorted(self, key=lambda name: abs(at_peak[name]), reverse=True):
+            item = self[name]
+            change = np.abs(0.01 * item.value * item.response) / curve.amplitude[i]
+            largest = int(np.argmax(change))
+            value = f"{item.value:.6g} {UNITS.get(name, '')}".rstrip()
+            frequency = amount(float(curve.frequency[largest]), "Hz")
+            cells = (percent(at_peak[name], sign=True), percent(float(change[largest])), frequency)
+            table.append((spaced(name), value, *cells))
+        verdict = f"Change for +1 %: peak {peak}{about(curve.settings, curve.preload)}"
+        remarks = [
+            "Largest change: of the response, relative to the peak; points move normal to the curve",
+            "Not covered: new folds and branches",
+        ]
+        return Statement([verdict], remarks=remarks, table=table)
+
+    def summary(self) -> str:
+        """Return the table of all parameters."""
+        return self._statement().text
+
+    _states_all = True
 
 
 def across(
@@ -689,7 +746,7 @@ def peak_sensitivities(
 @one_thread
 def curve_sensitivities(
     problem: Problem, curve: ResponseCurve, parameters: Sequence[str] = PARAMETERS
-) -> dict[str, CurveSensitivity]:
+) -> CurveSensitivities:
     """See :meth:`bdamper.Study.curve_sensitivities`."""
     check_curve(problem, validation.instance("curve", curve, ResponseCurve))
     system = problem.system(curve.preload)
@@ -705,7 +762,8 @@ def curve_sensitivities(
     for i, (guess, unit) in enumerate(zip(y, scale)):
         border = _normal_plane(y, curve.branch, i, unit)
         points.append(system.solve(guess, border, unit, options.tolerance, options.max_iterations))
-    return across(system, points, scale, families(problem, parameters, curve.preload))
+    found = across(system, points, scale, families(problem, parameters, curve.preload))
+    return CurveSensitivities(found, curve)
 
 
 def _normal_plane(y: NDArray, branch: NDArray, i: int, unit: NDArray) -> Plane | Fixed:

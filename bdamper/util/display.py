@@ -44,7 +44,7 @@ from bdamper.util.formatting import (
 )
 from bdamper.util.progress import Cost
 from bdamper.util.records import names_of
-from bdamper.util.statement import Statement
+from bdamper.util.statement import Checks, Statement
 from bdamper.util.tables import FEW_ROWS, Quantity, Tabular, is_strain, quantities
 
 # ---- Summaries and figures ----
@@ -130,8 +130,10 @@ class Fact(NamedTuple):
         return f"{self.value} {self.unit}".rstrip()
 
 
-ALL_VALUES = "All values: result.summary()"
-"""Remark of a printed result that does not contain all of its values."""
+SUMMARY = "result.summary()"
+"""Call that returns all values of a result."""
+ALL_VALUES = f"all values: {SUMMARY}"
+"""Call to make after a printed result that does not contain all of its values."""
 SHOWN_ROWS = 8
 """Rows of a table that ``print`` shows; ``summary()`` shows all."""
 
@@ -202,7 +204,7 @@ class Summarised:
         else:
             # the whole table of a tabular result follows below
             shown = replace(statement, table=()) if table else statement
-            first = f"{shown.text}\n"
+            first = f"{shown.full_text}\n"
             texts = [text for text in texts if not statement.contains(text)]
         lines = [first, *aligned(values, "  "), *table, *texts, self._cost_text()]
         return self._in_unit_of_response("\n".join(line for line in lines if line))
@@ -270,7 +272,7 @@ class Summarised:
         if statement is not None and self._states_all:
             return statement.text
         if statement is not None:
-            return statement.with_remark(ALL_VALUES).text
+            return statement.with_next(ALL_VALUES).text
         headline = self._in_unit_of_response(self._headline())
         # a null character, at which no line is broken, holds a number and its unit together
         with_nulls = re.sub(r"(\d) (?=(?:\S{1,2}|[kMG]Pa|rad/s)\b)", "\\1\0", headline)
@@ -281,7 +283,7 @@ class Summarised:
         is_tabular = bool(rows) and len(rows[0]) > 2
         # the header of a table and the first rows
         n_shown = SHOWN_ROWS + 1
-        last = ALL_VALUES
+        last = sentence(ALL_VALUES)
         if len(rows) > n_shown:
             last = f"{counted(len(rows) - n_shown, 'further row')}; {last}"
         lines = table_lines(rows[:n_shown]) if is_tabular else aligned(rows[:n_shown])
@@ -300,7 +302,7 @@ class Summarised:
         shown = rows[: SHOWN_ROWS + 1]
         if len(shown) == len(rows):
             return shown, []
-        return shown, [f"{counted(len(rows) - len(shown), 'further row')} in result.summary()"]
+        return shown, [f"{counted(len(rows) - len(shown), 'further row')} in {SUMMARY}"]
 
     def _rows(self) -> list[tuple[str, ...]]:
         """Return the header and rows of the table of a tabular result; otherwise an empty list."""
@@ -387,8 +389,12 @@ def _kinds(of: type[Any]) -> Iterator[type[Any]]:
 
 
 def _has_own_text(value: object) -> bool:
-    """Return whether a dataclass defines how it prints; the text of Python lists all fields."""
-    return is_dataclass(value) and type(value).__str__ is not object.__str__
+    """Return whether the text of a dataclass stands for its fields; the text of Python lists them.
+
+    A table of the fields is no such text.
+    """
+    has_text = is_dataclass(value) and type(value).__str__ is not object.__str__
+    return has_text and not getattr(value, "prints_fields", False)
 
 
 def _facts_of(label: str, value: Any, unit: str, several: bool) -> Iterator[Fact]:
@@ -623,5 +629,15 @@ def _flat(settings: Mapping[str, Any], before: str = "") -> dict[str, Any]:
     return flat
 
 
-class Result(WithStatus, Comparable):
+class WithChecks(Summarised):
+    """Mixin of results whose statement has checks."""
+
+    @property
+    def checks(self) -> Checks:
+        """All checks of the printed result with their findings; ``print`` counts those that passed."""
+        statement = self._printed_statement()
+        return Checks() if statement is None else Checks(statement.checks)
+
+
+class Result(WithStatus, WithChecks, Comparable):
     """Base class of results: they print themselves, can be compared, and have ``ok``."""

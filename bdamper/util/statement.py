@@ -14,6 +14,11 @@ WIDTH = 88
 """Characters of a printed line, which a terminal, an e-mail, and a manual hold."""
 NOT_COVERED = "Not covered"
 """Beginning of the last remark: the effects that the result does not contain."""
+NEXT = "Next"
+"""Name of the row with calls to make."""
+_PASS, _UNCERTAIN, _FAIL, _NOT_RUN = "pass", "uncertain", "FAIL", "not run"
+"""Outcomes of a check.  The finding of a check that was not run is the call that runs it."""
+_OTHER_OUTCOMES = {_UNCERTAIN: "uncertain", _FAIL: "failed"}
 
 
 class Row(NamedTuple):
@@ -28,7 +33,7 @@ class Row(NamedTuple):
 class Statement:
     """Printed form of a result.
 
-    The checks have a header.
+    A check that was not run becomes a call to make.
 
     Parameters
     ----------
@@ -42,8 +47,10 @@ class Statement:
     table : sequence of sequence of str
         Header and rows of values that belong together, for example one row for each study; printed
         between rows and checks.
-    times : sequence of str
-        Time that each check took, "" if it has none of its own.  Without times there is no column.
+    further : sequence of str
+        Calls to make, besides those of checks that were not run: "what: call".
+    details : sequence of Row
+        Quantities and findings for reference, at the end.
     """
 
     verdict: Sequence[str]
@@ -51,7 +58,8 @@ class Statement:
     checks: Sequence[Row] = ()
     remarks: Sequence[str] = ()
     table: Sequence[Sequence[str]] = ()
-    times: Sequence[str] = ()
+    further: Sequence[str] = ()
+    details: Sequence[Row] = ()
 
     def with_texts(self, change: Callable[[str], str]) -> Statement:
         """Return the statement with each of its texts changed."""
@@ -61,14 +69,13 @@ class Statement:
             [Row(*map(change, row)) for row in self.checks],
             [change(text) for text in self.remarks],
             [[change(cell) for cell in cells] for cells in self.table],
-            self.times,
+            [change(text) for text in self.further],
+            [Row(*map(change, row)) for row in self.details],
         )
 
-    def with_remark(self, text: str) -> Statement:
-        """Return the statement with a further remark before the effects that are not covered."""
-        covered = [remark for remark in self.remarks if not remark.startswith(NOT_COVERED)]
-        not_covered = [remark for remark in self.remarks if remark.startswith(NOT_COVERED)]
-        return replace(self, remarks=[*covered, text, *not_covered])
+    def with_next(self, text: str) -> Statement:
+        """Return the statement with a further call to make, which is printed under "Next"."""
+        return replace(self, further=[*self.further, text])
 
     def contains(self, text: str) -> bool:
         """Return whether a remark is or begins with a text."""
@@ -76,38 +83,116 @@ class Statement:
 
     @property
     def text(self) -> str:
-        """Lines of at most :data:`WIDTH` characters."""
+        """Lines of at most :data:`WIDTH` characters, with one line for the checks that passed."""
+        shown = self._shown_checks
+        closing = self._closing_rows
+        # all names have the same column
+        names = [row.name for row in (*self.rows, *shown, *closing)]
+        width = max(map(len, names), default=0) + 2
+        parts = [
+            _paragraphs(self.verdict),
+            _table(self.rows, width),
+            _columns(self.table),
+            [*_paragraphs(self._counted_checks), *_table(shown, width)],
+            _paragraphs(self._sentences),
+            _table(closing, width),
+            _table(self.details),
+        ]
+        return _joined(parts)
+
+    @property
+    def full_text(self) -> str:
+        """The same with a row for each check below a header."""
         parts = [
             _paragraphs(self.verdict),
             _table(self.rows),
             _columns(self.table),
             _table(self._check_table),
-            _paragraphs(self.remarks),
+            _paragraphs(self._sentences),
+            _table(self._not_covered_rows),
+            _table(self.details),
         ]
-        return "\n\n".join("\n".join(lines) for lines in parts if lines)
+        return _joined(parts)
 
     @property
-    def _check_table(self) -> list[tuple[str, ...]]:
-        """Checks below their header, with their times if one has a time; empty without checks."""
+    def _check_table(self) -> list[Row]:
+        """Checks below their header, which names the time if one has it; empty without checks."""
         if not self.checks:
             return []
-        rows: list[tuple[str, ...]] = [("Check", "Result", "Finding"), *self.checks]
-        if not any(self.times):
-            return rows
-        times = ["Time", *self.times]
-        return [
-            (name, result, taken, finding) for (name, result, finding), taken in zip(rows, times)
-        ]
+        header = _CHECK_HEADER
+        if not any(check.time for check in self.checks):
+            header = header._replace(time="")
+        return [header, *self.checks]
+
+    @property
+    def _shown_checks(self) -> list[Row]:
+        """Checks with a row of their own: those that did not pass, and one that passed alone."""
+        run = [check for check in self.checks if check.value != _NOT_RUN]
+        if self._counted_checks:
+            return [check for check in run if check.value != _PASS]
+        return run
+
+    @property
+    def _counted_checks(self) -> list[str]:
+        """The numbers of checks that passed, are uncertain, or failed, if several passed."""
+        outcomes = [check.value for check in self.checks]
+        n_passed = outcomes.count(_PASS)
+        if n_passed < 2:
+            return []
+        parts = [f"{n_passed} checks passed"]
+        for outcome, word in _OTHER_OUTCOMES.items():
+            n = outcomes.count(outcome)
+            if n:
+                parts.append(f"{n} {word}")
+        return [", ".join(parts)]
+
+    @property
+    def _sentences(self) -> list[str]:
+        """Remarks without the effects that are not covered."""
+        return [remark for remark in self.remarks if not remark.startswith(NOT_COVERED)]
+
+    @property
+    def _not_covered_rows(self) -> list[Row]:
+        """Row of the effects that are not covered; empty without such a remark."""
+        found = [remark for remark in self.remarks if remark.startswith(NOT_COVERED)]
+        return [Row(NOT_COVERED, text.removeprefix(NOT_COVERED).lstrip(": ")) for text in found]
+
+    @property
+    def _closing_rows(self) -> list[Row]:
+        """Effects that are not covered, and calls to make: those of checks that were not run first."""
+        rows = self._not_covered_rows
+        calls = []
+        for check in self.checks:
+            if check.value == _NOT_RUN:
+                calls.append(f"{_in_sentence(check.name)}: {check.remark}")
+        for i, call in enumerate([*calls, *self.further]):
+            rows.append(Row("" if i else NEXT, call))
+        return rows
 
     @property
     def html(self) -> str:
         """The same as paragraphs and tables of a notebook."""
         verdict = "<br>".join(html.escape(text) for text in self.verdict)
-        tables = [
-            _html_table(table) for table in (self.rows, self.table, self._check_table) if table
-        ]
-        remarks = [f"<p>{html.escape(text)}</p>" for text in self.remarks]
-        return f"<p><b>{verdict}</b></p>{''.join(tables)}{''.join(remarks)}"
+        parts = [f"<p><b>{verdict}</b></p>"]
+        parts += [_html_table(table) for table in (self.rows, self.table) if table]
+        parts += [f"<p>{html.escape(text)}</p>" for text in self._counted_checks]
+        if self._shown_checks:
+            parts.append(_html_table(self._shown_checks))
+        parts += [f"<p>{html.escape(text)}</p>" for text in self._sentences]
+        if self._closing_rows:
+            parts.append(_html_table(self._closing_rows))
+        if self.details:
+            parts.append(_html_table(self.details))
+        return "".join(parts)
+
+
+class Checks(tuple[Row, ...]):
+    """Checks of a result: name, outcome, and finding of each; ``print`` shows one on each line."""
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        return "\n".join(_table(self)) if self else "no checks"
 
 
 # replaces the space between a number and its unit: no line breaks there
@@ -156,16 +241,34 @@ def _beside(start: str, texts: Sequence[str]) -> list[str]:
     return [start + first, *(" " * len(start) + text for text in further)]
 
 
-def _table(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return the lines of rows, with the last text of each wrapped in its column."""
-    columns = [*zip(*rows)][:-1]
-    widths = [max(map(len, column)) + 2 for column in columns]
-    lines = []
-    for *texts, last in rows:
-        start = "".join(f"{text:<{width}}" for text, width in zip(texts, widths))
-        remark = _wrapped(last, max(WIDTH - len(start), 30), indent="")
-        lines += [line.rstrip() for line in _beside(start, remark)]
-    return lines
+def _joined(parts: Sequence[Sequence[str]]) -> str:
+    """Return the parts with lines, separated by empty lines."""
+    return "\n\n".join("\n".join(lines) for lines in parts if lines)
+
+
+def _in_sentence(name: str) -> str:
+    """Return a name as it stands within a sentence."""
+    return f"{name[:1].lower()}{name[1:]}"
+
+
+def _table(rows: Sequence[Row], name_width: int = 0) -> list[str]:
+    """Return the lines of rows; the name has at least ``name_width`` characters."""
+    name_width = max([name_width, *(len(row.name) + 2 for row in rows)])
+    # a value without a remark may be a long text
+    value_width = max((len(row.value) + 2 for row in rows if row.remark), default=0)
+    time_width = max((len(row.time) + 2 for row in rows if row.time), default=0)
+    return [line for row in rows for line in _lines(row, (name_width, value_width, time_width))]
+
+
+def _lines(row: Row, widths: Sequence[int]) -> list[str]:
+    """Return the lines of a row: name, value, time, and the last of them or the remark wrapped."""
+    name = f"{row.name:<{widths[0]}}"
+    if not row.remark:
+        value = _wrapped(row.value, max(WIDTH - len(name), 30), indent="")
+        return [line.rstrip() for line in _beside(name, value)]
+    start = f"{name}{row.value:<{widths[1]}}{row.time:<{widths[2]}}"
+    remark = _wrapped(row.remark, max(WIDTH - len(start), 30), indent="")
+    return [line.rstrip() for line in _beside(start, remark)]
 
 
 def _html_table(rows: Sequence[Sequence[str]]) -> str:

@@ -168,7 +168,7 @@ def test_headline_checks_and_files(tmp_path):
     old = bd.load(path)
     assert old.model_doubts is None
     (check,) = [check for check in checks(old) if check.name == "Damper rolling"]
-    assert (check.colour, check.found) == ("white", "not examined")
+    assert (check.colour, check.found) == ("white", "study.optimal_curve(...)")
 
     replace(curve, model_doubts=()).save(path)
     assert bd.load(path).model_doubts == ()

@@ -74,7 +74,7 @@ def test_the_report_names_them_and_nine_harmonics_run(bodies):
     assert sorted(blade.bases) == [0, 1, 2, 3]
     assert list(built.model.meshes["blade"].modes) == [1, 2]
     text = "4 nodal diameters, for 9 harmonics of engine order 1, 2 and time integration"
-    assert text in said(built)
+    assert text in said(built.summary())
     study = bd.Study(
         built.model, bd.Excitation("tip"), engine_order=2, friction_coefficient=0.3, harmonics=9
     )

@@ -110,7 +110,7 @@ def test_it_is_that_of_the_finite_element_model(fe, bodies, as_arrays):
     assert ours.point_names[1] == f"blade node {FIRST_NUMBER + np.sort(at)[1]}"
     unnumbered = replace(built.model, stress={"blade": replace(ours, nodes=None)})
     assert unnumbered.hash == built.model.hash  # node numbers influence no result
-    text = said(built)
+    text = said(built.summary())
     assert "damper origin mass, centre and inertia from the mass matrix" in text
     assert "stiffness and mass matrix of the files, not compared with those of the program" in text
     normal, shear = ours.modes[0][:, :3, 0], ours.modes[0][:, 3:, 0]
@@ -148,7 +148,7 @@ def test_points_at_a_contact_face_and_on_the_cut_faces(fe, bodies):
     assert found.near_contact[np.isin(inner, under)].all()
     assert (
         f"stress 'root': {len(np.unique(given)) - len(inner)} nodes on the sector faces are omitted"
-        in said(built)
+        in said(built.summary())
     )
 
 
@@ -166,7 +166,7 @@ def test_nodes_inside_the_body_without_its_surface_draw_a_warning(bodies):
     words = r"stress 'root': plausible the largest stress at a surface node, found node \d+ inside the body; .* add"
     with pytest.warns(PlausibilityWarning, match=words):
         built = build(blade, damper, **SETTINGS, stress={"root": alone})
-    assert "the set lacks the surface near it" in said(built)
+    assert "the set lacks the surface near it" in said(built.summary())
     built = build(blade, damper, **SETTINGS, stress={"root": complete})
     assert not any("inside the body" in line for line in built.missing)
 

@@ -45,7 +45,7 @@ def test_a_set_of_nodes_makes_the_local_basis(fe, bodies):
     for d, basis in built.model.bodies["blade"].bases.items():
         np.testing.assert_allclose(local.nodal_diameter(d).omega2[:3], basis.omega2[:3], rtol=1e-4)
     assert np.all(local.blade_stiffness[-16:] == 0.0)
-    assert "of them at its root; clamped there" in said(built)
+    assert "of them at its root; clamped there" in said(built.summary())
     few = (
         build(*bodies, **SETTINGS, blade_nodes="BLADE", local_sizes=LocalSizes(4, 6, 6))
         .model.bodies["blade"]

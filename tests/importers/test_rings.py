@@ -268,7 +268,7 @@ def test_from_deck_to_an_optimum_with_its_checks(bodies):
 
 
 def test_report_and_picture(built, tmp_path):
-    text = said(built)
+    text = said(built.summary())
     assert (
         "ring pass closed ring of 24 sectors, rigid-body motions at nodal diameters 0 and 1 only"
         in text

@@ -1158,7 +1158,7 @@ def test_results_of_another_study_and_curves_without_their_peak(study):
 
 
 def test_the_value_of_check_that_a_print_recommends_is_accepted(study):
-    (value,) = re.findall(r'^optimal_curve with check="(\w+)"$', WITH_CHECKS)
+    (value,) = re.findall(r'^study.optimal_curve\(\.\.\., check="(\w+)"\)$', WITH_CHECKS)
     # the next argument is refused
     with pytest.raises(bd.SettingError, match=r"^n: expected a whole number >= 2, found 1$"):
         study.optimal_curve((20.0, 2e4), n=1, check=value)

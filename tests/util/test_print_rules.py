@@ -1,4 +1,4 @@
-"""Rules of printed results: header of the checks, last remark, rounding."""
+"""Rules of printed results: checks, calls to make, rounding."""
 
 import pytest
 
@@ -7,20 +7,44 @@ from bdamper.util.formatting import counted, percent, without_rounding
 from bdamper.util.statement import Row, Statement
 from tests.every_result import RESULTS, result
 
+CHECKS = [
+    Row("Equilibrium", "pass", "residual 0"),
+    Row("Search", "pass", "complete"),
+    Row("Harmonics", "uncertain", "5 %"),
+    Row("Time integration", "not run", "study.time_response(peak)"),
+]
 
-def test_checks_have_a_header_and_the_effects_not_covered_are_last():
-    statement = Statement(["Verdict"], checks=[Row("Equilibrium", "pass", "residual 0")],
-                          remarks=["Remedy: none", "Not covered: wear"])  # fmt: skip
-    lines = statement.with_remark(ALL_VALUES).text.split("\n")
-    assert [line.split()[0] for line in lines if line] == [
+
+def test_passed_checks_are_one_line_and_those_not_run_are_calls_to_make():
+    statement = Statement(
+        ["Verdict"], checks=CHECKS, remarks=["Not covered: wear", "Remedy: none"]
+    ).with_next(ALL_VALUES)
+    assert statement.text.split("\n") == [
         "Verdict",
-        "Check",
-        "Equilibrium",
-        "Remedy:",
-        "All",
-        "Not",
+        "",
+        "2 checks passed, 1 uncertain",
+        "Harmonics    uncertain  5 %",
+        "",
+        "Remedy: none",
+        "",
+        "Not covered  wear",
+        "Next         time integration: study.time_response(peak)",
+        "             all values: result.summary()",
     ]
-    assert "Finding" in statement.html and not Statement(["Verdict"]).text.count("Check")
+    for shown in (statement.full_text, statement.html):
+        assert all(text in shown for text in ("Harmonics", "Remedy: none", "wear"))
+    assert all(cell in statement.full_text for check in CHECKS for cell in check)
+    assert not Statement(["Verdict"]).text.count("check")
+
+
+def test_a_check_that_passed_alone_keeps_its_finding():
+    statement = Statement(["Verdict"], checks=CHECKS[:1])
+    assert statement.text == "Verdict\n\nEquilibrium  pass  residual 0"
+
+
+def test_a_result_has_all_of_its_checks():
+    (check,) = checks = result("static").checks
+    assert check[:2] == ("Equilibrium", "pass") and str(checks) == "  ".join(check)
 
 
 @pytest.mark.slow
@@ -30,8 +54,6 @@ def test_a_failed_check_has_a_remedy_and_a_verdict_that_says_so(name):
     if any(check.value == "FAIL" for check in statement.checks):
         assert statement.verdict[0].startswith("Not")
         assert any(remark.startswith("Remedy: ") for remark in statement.remarks)
-    closing = [remark for remark in statement.remarks if remark.startswith("Not covered")]
-    assert not closing or statement.remarks[-1] == closing[-1]
 
 
 def test_rounding_is_printed_as_zero():

@@ -54,7 +54,7 @@ def test_parts_are_separated_by_empty_lines_and_empty_parts_are_left_out(stateme
     assert verdict.split("\n") == list(statement.verdict)
     assert (
         rows.startswith("Preload")
-        and re.match(r"Check +Result +Finding\nOptimum", checks)
+        and re.match(r"Optimum within the range +pass +70.1 to", checks)
         and remarks == statement.remarks[0]
     )
     assert Statement(["No optimum: why"]).text == "No optimum: why"
