@@ -334,7 +334,9 @@ class Crossings(SweepResult, kind="bdamper-crossings"):
                     amount(value["frequency"], "Hz"),
                     amount(value["amplitude"], "m"),
                 )
-            remark = "" if value["kind"] == COMPLETE else str(value["kind"])
+            # a point that failed has no values
+            kind = str(value["kind"] or self.status[i])
+            remark = {COMPLETE: "", "none": "no crossing"}.get(kind, kind)
             table.append((f"{point[MASS]:g}", f"{point['engine_order']}", *found, remark))
         return table
 

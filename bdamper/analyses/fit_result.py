@@ -282,6 +282,8 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
             verdict = f"Not for design: {self.wrong}"
         elif model_is_wrong:
             verdict = f"Not for design: the model deviates from the tests by {size}"
+        elif self.doubts:
+            verdict = f"Incomplete fit: {self.doubts}; misfit {size}"
         else:
             verdict = f"Fitted with a misfit of {size}"
         finding = f"{size}, largest for '{self.tests[worst]}' ({misfits[worst]:.2g})"
@@ -296,7 +298,7 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
             )
             remarks.append("The true constants may lie outside the intervals")
         remarks.append(f"Use these values only with {self._settings_text()}")
-        if self.doubts:
+        if self.doubts and model_is_wrong:
             remarks.append(f"The fit is incomplete: {self.doubts}")
         return Statement([verdict], self._estimate_rows(), checks, remarks)
 

@@ -418,6 +418,24 @@ class AtPreload:
         return self.top.peak.amplitude
 
     @property
+    def lower_bound(self) -> tuple[float, float]:
+        """Highest known amplitude (m) if the highest response is unknown, and its frequency (Hz).
+
+        If the verdict names an end of the interval or a separate branch, which have no peak to
+        report, the bound is the highest point there.  NaN if nothing was found.
+        """
+        if self.top is None:
+            return np.nan, np.nan
+        bound = self.amplitude, self.top.peak.frequency
+        curve = self.curve
+        if not self.top.note or not len(curve):
+            return bound
+        for i in (curve.peak_index, *curve.separate):
+            if curve.amplitude[i] > bound[0]:
+                bound = float(curve.amplitude[i]), float(curve.frequency[i])
+        return bound
+
+    @property
     def value(self) -> float:
         """ln(amplitude) of the highest point, infinite if unknown or if the damper rattles."""
         if not self.known or self.rattles:
@@ -704,7 +722,10 @@ def as_peak(problem: Problem, response: AtPreload, frequency: tuple[float, float
         return replace(peak, amplitude=response.amplitude, half_range=response.amplitude)
     # users would take this number for a result in spite of its status
     nan = float("nan")
-    return replace(peak, amplitude=nan, half_range=nan, lower_bound=peak.amplitude)
+    bound, bound_frequency = response.lower_bound
+    return replace(
+        peak, amplitude=nan, half_range=nan, lower_bound=bound, frequency=bound_frequency
+    )
 
 
 def _nothing_found(response: AtPreload, settings: dict[str, Any], model_hash: str) -> Peak:

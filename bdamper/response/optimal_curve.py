@@ -711,7 +711,7 @@ def _columns(
             samples.append(Sample(np.log(preload), np.inf, np.nan))
         else:
             curves.append(response.curve)
-            lower_bounds.append(response.amplitude if top is None else np.nan)
+            lower_bounds.append(response.lower_bound[0] if top is None else np.nan)
             samples.append(Sample(np.log(preload), response.value, response.slope))
         tops.append(top)
         endings.append(_ending(response, preload, edge, why_rattling))

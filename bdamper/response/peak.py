@@ -131,6 +131,7 @@ class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
     parameter : float
         Preload (N) of the equations; NaN if they do not depend on a preload.
     frequency : float, Hz
+        Frequency of the peak, or of ``lower_bound``.
     amplitude : float, m
         Amplitude of the first harmonic of the response; NaN for the highest peak of an incomplete
         search, infinite if unbounded.
@@ -160,8 +161,7 @@ class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
         Settings of the problem; empty for :func:`find_peak`.
     model_hash : str
     lower_bound : float, m
-        Amplitude of the highest computed point of an incomplete search; NaN if ``amplitude`` is
-        known.
+        Highest amplitude that an incomplete search knows; NaN if ``amplitude`` is known.
     half_range : float, m
         Half of the largest peak-to-peak response on the response curve, with all harmonics; NaN if
         the amplitude is NaN, and for peaks of :func:`find_peak`.
@@ -292,7 +292,8 @@ CHANGED_MUCH = 0.05
 
 def lower_bound_row(amplitude: float, frequency: float) -> Row:
     """Return the row of a computed amplitude (m) below the unknown peak."""
-    return Row("Lower bound", amount(amplitude, "m"), f"{amount(frequency, 'Hz')}, no peak")
+    at = f"the highest response is at least this high, at {amount(frequency, 'Hz')}"
+    return Row("Lower bound", amount(amplitude, "m"), at)
 
 
 def first_harmonic_text(half_range: float, amplitude: float) -> str:

@@ -38,6 +38,7 @@ UNITS = {
     "preload": "N",
     "amplitude": "m",
     "half_range": "m",
+    "lower_bound": "m",
     "frequency": "Hz",
     "optimum_preload": "N",
     "optimum_amplitude": "m",
