@@ -168,25 +168,64 @@ class Steps:
         self.show(f"{self.current}, {name}{parts}", finished, self.total)
 
 
+@dataclass
+class _RisingShare:
+    """Finished share of a computation whose number of parts may grow while it runs.
+
+    When it grows, the parts that are left then divide the rest up to 1.
+    """
+
+    done: int = 0
+    total: int = 0
+    share: float = 0.0
+    # where the number of parts last grew
+    done_before: int = 0
+    share_before: float = 0.0
+
+    def after(self, done: int, total: int) -> float:
+        """Return the share after ``done`` of at least ``total`` parts; it never decreases."""
+        if total > self.total:
+            self.total = total
+            self.done_before = self.done
+            self.share_before = self.share
+        self.done = max(done, self.done)
+        n_left = self.total - self.done_before
+        if n_left > 0:
+            of_rest = (self.done - self.done_before) / n_left
+            self.share = max(self.share, self.share_before + (1.0 - self.share_before) * of_rest)
+        return self.share
+
+
+BEFORE_THE_END = 99
+"""Largest per cent that a bar shows before its computation has ended."""
+
+
 @contextmanager
 def progress_stages(show: bool, what: str, unit: str) -> Iterator[Report]:
     """Yield a function that updates a progress bar if ``show``.
 
-    If the computation ends before its total, the bar is filled.
+    The bar shows per cent, which only rise.  If the computation ends before its total, the bar is
+    filled.
     """
     if not show:
         yield no_report
         return
-    with _bar(desc=what, unit=unit) as bar:
+    share = _RisingShare()
+    with _bar(desc=what, unit=unit, bar_format=PERCENT_AND_TIME) as bar:
+
+        def show_percent(text: str, percent: int) -> None:
+            bar.total = 100
+            bar.set_description(text, refresh=False)
+            bar.update(max(percent - bar.n, 0))
 
         def report(stage: str, done: int, total: int) -> None:
-            bar.total = max(total, bar.total or 0)
-            bar.set_description(f"{what}: {stage}" if stage else what, refresh=False)
-            bar.update(max(done - bar.n, 0))
+            # a share that rounding leaves just below a whole number counts
+            percent = int(100.0 * share.after(done, total) + 1e-9)
+            show_percent(f"{what}: {stage}" if stage else what, min(percent, BEFORE_THE_END))
 
         yield report
-        if bar.total:
-            report("", bar.total, bar.total)
+        if share.total:
+            show_percent(what, 100)
 
 
 def with_progress(items: Sequence[T], show: bool, what: str, unit: str) -> Iterable[T]:
@@ -218,6 +257,8 @@ def progress_bar(
         yield report_point if show else None
 
 
+PERCENT_AND_TIME = "{l_bar}{bar}| {elapsed}, {remaining} left"
+"""Format of a bar whose parts are per cent."""
 FIRST_LINE = 10.0
 """Seconds of work before the first line if there is neither a terminal nor a notebook."""
 
@@ -260,7 +301,15 @@ def _bar_classes() -> tuple[type, type]:
             self.printed = now
             # tqdm appends a colon to some descriptions
             description = self.desc if self.desc.endswith(": ") else f"{self.desc}: "
-            self.fp.write(f"{description}{10 * tenth} %\n")
+            self.fp.write(f"{description}{10 * tenth} %{self._left_text(now)}\n")
+
+        def _left_text(self, now: float) -> str:
+            """Return the seconds that are left at the mean speed so far; "" if they are unknown."""
+            share = self.n / self.total
+            if not 0.0 < share < 1.0:
+                return ""
+            seconds = (now - self.started) * (1.0 / share - 1.0)
+            return f", about {seconds:.0f} s left" if seconds >= 1.0 else ""
 
     return Bar, Lines
 

@@ -145,7 +145,7 @@ def test_a_batch_job_has_lines_after_ten_seconds_unless_they_are_off(capsys, mon
         for _ in with_progress(range(20), progress.shows_progress(asked), "work", "part"):
             pass
         lines = capsys.readouterr().err.splitlines()
-        told = [line.removeprefix("work: ").removesuffix(" %") for line in lines]
+        told = [line.removeprefix("work: ").split(" %")[0] for line in lines]
         assert [tenth for tenth in told if tenth != "100"] == expected
 
 
@@ -161,6 +161,30 @@ def test_where_there_is_no_terminal_a_line_comes_every_half_minute(capsys, monke
         and 2 <= len(lines) - 1 <= 4
         and all(line.endswith(": 0 %") for line in lines[:-1])
     )
+
+
+def test_the_share_only_rises_when_more_parts_are_found():
+    """After 5 of 10 parts there are 20: each of the 15 that are left is a thirtieth of the whole."""
+    share = progress._RisingShare()
+    assert share.after(5, 10) == pytest.approx(0.5)
+    assert share.after(5, 20) == pytest.approx(0.5)
+    assert share.after(8, 20) == pytest.approx(0.5 + 3.0 / 30.0)
+    assert share.after(2, 12) == pytest.approx(0.6), "a smaller number is an earlier one"
+    assert share.after(20, 20) == pytest.approx(1.0)
+
+
+def test_lines_never_fall_and_name_the_seconds_that_are_left(capsys, monkeypatch):
+    """Ten seconds for each of 10, then 20 parts: 30 % after 30 s, so 70 s are left."""
+    clock = SimpleNamespace(now=0.0)
+    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: clock.now))
+    with progress_stages(True, "work", "part") as report:
+        for done in range(1, 20):
+            clock.now += 10.0
+            report("", done, 10 if done < 6 else 20)
+    lines = capsys.readouterr().err.splitlines()
+    percent = [int(line.split()[1]) for line in lines]
+    assert percent == sorted(percent) and percent[-1] == 100
+    assert "work: 30 %, about 70 s left" in lines
 
 
 def test_a_curve_reports_each_point_once(monkeypatch):
