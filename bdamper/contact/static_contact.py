@@ -43,6 +43,7 @@ from numpy.typing import NDArray
 from bdamper.contact.preload_state import STICK
 from bdamper.contact.static_state import law_tangent, limited_forces
 from bdamper.model.kinematics import Coupling
+from bdamper.model.structure import Model
 from bdamper.util import validation
 from bdamper.util.display import Summarised
 from bdamper.util.errors import ModelError, SettingError, check
@@ -542,6 +543,9 @@ def _corners(coupling: Coupling, name: str, friction: NDArray) -> NDArray:
     """
     face = coupling.model.interfaces[name]
     indices = np.arange(coupling.n_points)[coupling.rows(name)]
+    # no polygon, as the one point of a lumped contact
+    if len(indices) < 3:
+        return indices
     relative = face.points - face.points.mean(axis=0)
     size = float(np.abs(relative).max())
     # axes of the first point
@@ -570,7 +574,7 @@ def wedge_friction(
 ) -> WedgeFriction:
     """Compute the interval of the total normal force on each face of rigid free bodies.
 
-    Faces are the interfaces with friction.
+    Faces are the interfaces with friction.  Lumped masses without springs are free bodies, too.
 
     Parameters
     ----------
@@ -593,20 +597,24 @@ def wedge_friction(
     faces = coupling.model.interfaces
     bodies = coupling.model.bodies.values()
     loaded = {
-        body.name: body.load for body in bodies if body.kind == "free" and body.load is not None
+        body.name: body.load
+        for body in bodies
+        if body.kind in ("free", "lumped") and body.load is not None
     }
     validation.check(loaded, "wedge friction", "a free body with a load", "none")
-    # load of the body that each face touches; faces of other bodies do not count
-    load_on = {}
-    for name in coupling.friction_faces:
-        pressing = loaded.get(faces[name].body_a) or loaded.get(faces[name].body_b)
-        if pressing is not None:
-            load_on[name] = pressing
-
     basis = coupling.basis(0)
     modal_load, _ = coupling.load(shares)
     # rigid-body motions have the frequency zero
     is_rigid = basis.omega2 == 0.0
+    # load of the body that each face touches; faces of other bodies do not count, and neither do
+    # those that springs of a lumped mass press together
+    load_on = {}
+    for name in coupling.friction_faces:
+        pressing = loaded.get(faces[name].body_a) or loaded.get(faces[name].body_b)
+        closing = basis.G[coupling.rows(name)][:, 2][..., is_rigid]
+        if pressing is not None and np.any(closing):
+            load_on[name] = pressing
+    validation.check(load_on, "wedge friction", "a face that presses on a free body", "none")
     corners = [_corners(coupling, name, friction) for name in load_on]
     points = np.concatenate(corners)
     # rigid-body motion (3 n_points, n_rigid) of these points
@@ -633,7 +641,11 @@ def wedge_friction(
                 )
             bounded = optimum.status not in NO_BOUND
             bound[i] = sign * optimum.fun * load if bounded else np.inf
-        angle[i] = _angle_to_load(faces[name].frame[:, 2], pressing.direction)
+        if _is_lumped(coupling.model, name):
+            first = 3 * int(np.argmax(on_face))
+            angle[i] = _angle_of_motion(rigid[first : first + 3] @ modal_load[is_rigid])
+        else:
+            angle[i] = _angle_to_load(faces[name].frame[:, 2], pressing.direction)
         mean_mu[i] = mu[on_face].mean()
     return WedgeFriction(
         interfaces=tuple(load_on),
@@ -643,6 +655,17 @@ def wedge_friction(
         angle=angle,
         friction=mean_mu,
     )
+
+
+def _is_lumped(model: Model, name: str) -> bool:
+    """Return whether an interface belongs to lumped masses, whose axes are motions."""
+    face = model.interfaces[name]
+    return any(model.bodies[body].kind == "lumped" for body in (face.body_a, face.body_b))
+
+
+def _angle_of_motion(motion: NDArray) -> float:
+    """Return the angle (rad) between a face and its motion (3,) along t1, t2, and n under the load."""
+    return float(np.arctan2(abs(motion[2]), np.hypot(motion[0], motion[1])))
 
 
 def _angle_to_load(normals: NDArray, direction: NDArray) -> float:

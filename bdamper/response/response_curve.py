@@ -44,7 +44,7 @@ from bdamper.harmonic_balance.equations import NOT_FINITE, STATUS_TEXT, Correcti
 from bdamper.harmonic_balance.problem import LoadCase, Problem
 from bdamper.harmonic_balance.sector import SectorData, reach
 from bdamper.model.kinematics import Coordinate
-from bdamper.model.structure import Model
+from bdamper.model.structure import Interface, Model
 from bdamper.response import first_slip
 from bdamper.response.branches import (
     Coverage,
@@ -69,7 +69,7 @@ from bdamper.response.response_curve_result import (
 )
 from bdamper.util import validation
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, SettingError
-from bdamper.util.formatting import amount, span
+from bdamper.util.formatting import amount, listed, span
 from bdamper.util.progress import Cost, CostMeter, is_part_of_work, progress_bar, single_thread
 
 # ---- mean position of free bodies ----
@@ -645,7 +645,7 @@ def check_curve(problem: Problem, curve: ResponseCurve, name: str = "curve") -> 
 
 
 def self_locking(problem: Problem) -> tuple[str, ...]:
-    """Return the bodies that friction alone can hold between their faces.
+    """Return the bodies that friction alone can hold between their faces; masses by their contacts.
 
     Their static normal load is not unique: :meth:`Problem.wedge_friction` finds no upper bound.
     """
@@ -655,16 +655,30 @@ def self_locking(problem: Problem) -> tuple[str, ...]:
     except SettingError:
         return ()
     interfaces = problem.coupling.model.interfaces
-    locked = set()
+    # faces that hold each body
+    locked: dict[str, list[str]] = {}
     for name, highest_force in zip(bounds.interfaces, bounds.highest):
         if np.isinf(highest_force):
-            locked.add(interfaces[name].body_a)
+            locked.setdefault(_held_body(interfaces[name]), []).append(name)
     # springs of a bonded face hold the body with a known force
     for name, law in problem.settings.law_by_interface().items():
         if law == LAW_BONDED:
-            locked.discard(interfaces[name].body_a)
-    loaded = [body.name for body in problem.model.bodies.values() if body.load is not None]
-    return tuple(name for name in loaded if name in locked)
+            locked.pop(_held_body(interfaces[name]), None)
+    subjects = []
+    for body in problem.model.bodies.values():
+        if body.load is None or body.name not in locked:
+            continue
+        if body.kind == "lumped":
+            # all masses are one body
+            subjects.append(f"the mass at {listed(locked[body.name])}")
+        else:
+            subjects.append(body.name)
+    return tuple(subjects)
+
+
+def _held_body(interface: Interface) -> str:
+    """Return body a, or the lumped masses on the ground, which are body b."""
+    return interface.body_b if interface.body_a == "ground" else interface.body_a
 
 
 # ---- slow sweep of frequency ----

@@ -9,6 +9,7 @@ import bdamper as bd
 from bdamper.contact.static_contact import solve_static_contact, static_contact_problem
 from bdamper.contact.stiffness import METHODS, contact_stiffness, paper_contact
 from bdamper.model.structure import StaticContact
+from bdamper.response.response_curve import self_locking
 from bdamper.util.errors import BdamperWarning, ModelError, PlausibilityWarning, SettingError
 from bdamper.util.formatting import amount
 from tests.models import acyclic_model, wedge_model
@@ -349,3 +350,53 @@ def test_every_answer_about_a_self_locking_wedge_says_so(angle, locks):
     assert not incomplete.ok
     for answer in (curve, peak, optimum, incomplete):
         assert ("is self-locking" in answer.summary()) == locks
+
+
+def lumped_wedge(angle: float, blades: int) -> bd.Study:
+    """Half a wedge at a blade, or a wedge between two blades; masses without springs of their own."""
+    s, c = np.sin(np.radians(angle)), np.cos(np.radians(angle))
+    if blades == 1:
+        faces = [({0: -s, 1: c}, {0: c, 1: s})]
+    else:
+        faces = [
+            ({0: -s, 2: s, 3: c}, {0: c, 2: -c, 3: s}),
+            ({1: s, 2: -s, 3: c}, {1: -c, 2: c, 3: s}),
+        ]
+    contacts = [bd.Contact(*motions, kt=2.0, kn=2.0, mu=0.3) for motions in faces]
+    mass = [*[1.0] * blades, *[0.02] * blades]
+    damping = [*[0.01] * blades, *[0.0] * blades]
+    stiffness = [*[1.0] * blades, *[0.0] * blades]
+    loaded = len(mass) - 1
+    return bd.lumped(
+        mass, damping, stiffness, contacts=contacts, forces={0: 0.1}, load_per_preload={loaded: 1.0}
+    )
+
+
+@pytest.mark.parametrize("blades", [1, 2])
+@pytest.mark.parametrize(("angle", "locks"), [(45.0, False), (17.0, False), (16.0, True)])
+def test_a_lumped_wedge_says_whether_it_is_self_locking(blades, angle, locks):
+    """Equilibrium along the load, n (N sin a + T cos a) = P with abs(T) <= mu N; tan 16.7 deg = 0.3."""
+    study, load = lumped_wedge(angle, blades), 0.5
+    found = study.wedge_friction(load)
+    s, c = np.sin(np.radians(angle)), np.cos(np.radians(angle))
+    assert found.self_locking == locks
+    lowest = load / blades / (s + 0.3 * c)
+    highest = np.inf if locks else load / blades / (s - 0.3 * c)
+    assert np.degrees(found.angle) == pytest.approx(angle)
+    if blades == 1:
+        assert (found.lowest, found.highest) == (pytest.approx(lowest), pytest.approx(highest))
+    names = ["contact 1", "contact 1 and contact 2"][blades - 1]
+    locked = (f"the mass at {names}",) if locks else ()
+    assert self_locking(study.problem) == locked
+    curve = study.frequency_response(load, (0.15, 0.2))
+    assert (f"The mass at {names} is self-locking" in said(curve)) == locks
+
+
+def test_a_face_that_springs_press_is_no_wedge():
+    """The masses have springs of their own, so that statics determine the normal force."""
+    contact = bd.Contact({0: 1.0}, {1: 1.0}, kt=1.0, kn=1.0, mu=0.5, preload=1.0)
+    study = bd.lumped([1.0, 1.0], [0.01, 0.01], [1.0, 1.0], contacts=[contact], forces={0: 0.1},
+                      load_per_preload={1: 1.0})  # fmt: skip
+    with pytest.raises(bd.SettingError, match="a face that presses on a free body"):
+        study.wedge_friction(1.0)
+    assert self_locking(study.problem) == ()
