@@ -184,34 +184,32 @@ class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-eff
                 "Effect omitted",
                 "Amplitude",
                 "Frequency",
-                "Uncertainty",
                 "Method",
-                "Relative effort",
-                "In the study",
+                "Effort",
+                "Now",
+                "Advice",
             )
         )
         for effect in self.effects:
-            now = "on" if effect.on else "off"
-            state = f"{now}: {effect.verdict}"
-            if effect.reason:
-                state += f" ({effect.reason})"
+            method = effect.source
             # a computed change has no uncertainty
-            uncertainty = percent(effect.uncertainty) if effect.source == "estimated" else ""
+            if method == "estimated" and effect.uncertainty:
+                method += f", ± {percent(effect.uncertainty)}"
             row = (
                 PRINTED_NAMES.get(effect.name, effect.name),
                 percent(effect.amplitude_change, sign=True),
                 percent(effect.frequency_change, sign=True),
-                uncertainty,
-                effect.source,
+                method,
                 f"{effect.work:.2f}",
-                state,
+                "on" if effect.on else "off",
+                effect.verdict,
             )
             rows.append(row)
         if self.negligible:
             amplitude = percent(self.amplitude_change, sign=True)
             frequency = percent(self.frequency_change, sign=True)
             rows.append(
-                ("all omitted", amplitude, frequency, "", "computed", f"{self.work:.2f}", "")
+                ("all omitted", amplitude, frequency, "computed", f"{self.work:.2f}", "", "")
             )
         return rows
 

@@ -131,9 +131,8 @@ class ExcitationCurve(
                     "Friction damps best", amount(self.best, unit), "least amplitude per excitation"
                 )
             )
-        rows.append(
-            Row("Excitations", str(len(known)), f"{int(known.sum())} with a known amplitude")
-        )
+        n_known = "all" if known.all() else str(int(known.sum()))
+        rows.append(Row("Excitations", str(len(known)), f"{n_known} with a known amplitude"))
         remarks = []
         if self.scaled:
             remarks.append(

@@ -33,6 +33,7 @@ from bdamper.harmonic_balance.parameters import (
 )
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.study_boundary import StudyLike, in_type_of, problem_of
+from bdamper.response.branches import UNBOUNDED
 from bdamper.response.followed_peak import followed_peaks, highest_peak
 from bdamper.response.linear_limits import free_and_stuck
 from bdamper.response.optimal_curve import optimal_curve, preload_values
@@ -74,6 +75,8 @@ from bdamper.util.storage import INSTALLED, Recorded, ResultsFile, Storable
 from bdamper.util.tables import Column, Tabular, concatenate
 
 Values = Mapping[str, Any]
+_STATUS_WORDS = ("status", "reason", "run")
+"""Ends of the heads of columns that repeat each other if the search decides about a point."""
 SEPARATOR = "; "
 """Text between two warnings of a point."""
 MOST_FAILURES = 3
@@ -118,8 +121,10 @@ class PeakTask(validation.Checked):
         stick, slip, separation = peak.shares
         warning = ""
         search = with_reason(peak.search_status, peak.search_reason)
-        if search != COMPLETE:
-            warning = f"scan {search}"
+        if peak.search_reason.startswith(UNBOUNDED):
+            warning = peak.search_reason
+        elif search != COMPLETE:
+            warning = f"search {search}"
         return {
             "amplitude": peak.amplitude if peak.ok else np.nan,
             "lower_bound": peak.lower_bound,
@@ -407,6 +412,23 @@ class SweepResult(
         columns["seconds"] = Column(self.seconds, "s")
         return columns
 
+    def _rows(self) -> list[tuple[str, ...]]:
+        """Return the table; of columns with the same texts the first stands for the others."""
+        rows = self.as_rows()
+        if len(rows) < 2:
+            return rows
+        columns: list[tuple[str, ...]] = []
+        seen = set()
+        for column in zip(*rows):
+            head, *cells = column
+            # the search of each point, its run, and the warning
+            if head.endswith((*_STATUS_WORDS, "warning")):
+                if tuple(cells) in seen:
+                    continue
+                seen.add(tuple(cells))
+            columns.append(column)
+        return list(zip(*columns))
+
     def _main_quantity(self) -> str:
         """Return the first quantity with one real number for each point, "" without one."""
         for name in self.quantities:
@@ -423,12 +445,15 @@ class SweepResult(
         n_failed = self.status.count(FAILED)
         n_not_run = self.status.count(NOT_RUN)
         n_missing = 0
+        n_unbounded = 0
         if len(values):
             n_missing = int(np.count_nonzero(~np.isfinite(values))) - n_failed - n_not_run
+            n_unbounded = sum(reason.startswith(UNBOUNDED) for reason in self.reason)
         # the warning of a missing value says why it is missing
         n_warnings = sum(1 for warning in self.warnings if warning)
         counts = {
-            "not found": n_missing,
+            UNBOUNDED: n_unbounded,
+            "not found": n_missing - n_unbounded,
             "failed": n_failed,
             "not run": n_not_run,
             "with a warning": n_warnings - n_missing,

@@ -185,19 +185,18 @@ def _verified(curve: OptimalCurve) -> Check:
 
 
 def _value_everywhere(curve: OptimalCurve) -> Check:
-    """Report preloads above the rattling range without a value."""
+    """Report preloads without a value, also where the damper rattles."""
     # the damper rattles up to this preload; 0 if it does not
     edge = curve.lowest_steady_preload
     known = np.isfinite(curve.amplitude)
-    is_missing = ~known & (curve.preload > edge)
     found = f"{known.sum()} of {len(curve)}"
     if edge:
         found += f", no steady response up to {amount(edge, 'N')}"
     return Check(
-        colour="amber" if np.any(is_missing) else "green",
+        colour="green" if known.all() else "amber",
         name="A value at every preload",
         found=found,
-        rule="amber if a curve is incomplete",
+        rule="amber if the response at a preload is incomplete, or none is steady",
     )
 
 

@@ -38,6 +38,7 @@ from bdamper.harmonic_balance.equations import (
 )
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.subject import about, not_covered
+from bdamper.response.branches import UNBOUNDED
 from bdamper.response.continuation import Follower
 from bdamper.response.events import AtLeastTwo, ContinuationOptions, Step
 from bdamper.response.motion_range import exceeds
@@ -250,7 +251,10 @@ class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
             if np.isfinite(self.lower_bound):
                 rows.append(lower_bound_row(self.lower_bound, self.frequency))
             rows += interval_rows(self.settings, "not searched completely")
-            verdict = f"No peak: {self.status_text}{about(self.settings, self.parameter)}"
+            subject = about(self.settings, self.parameter)
+            if self.reason.startswith(UNBOUNDED):
+                return Statement([f"Response {self.reason}{subject}"], rows, remarks=remarks)
+            verdict = f"No peak: {self.status_text}{subject}"
             return Statement([verdict], rows, remarks=remarks)
         limit = self.settings.get("limit", "")
         preload = np.nan if limit else self.parameter

@@ -223,6 +223,9 @@ def _columns(table: Sequence[Sequence[str]]) -> list[str]:
     widths = [max(map(len, column)) + 2 for column in columns]
     width_left = WIDTH - sum(widths[:-1])
     fits = not widths or widths[-1] - 2 <= width_left
+    if not fits and len(table) == 2 and width_left < 25:
+        # a single record: its columns become rows
+        return _table([Row(head, text) for head, text in columns])
     # in a narrow column, texts would have many lines
     if fits or width_left < 25:
         return table_lines(table, width=WIDTH)

@@ -586,10 +586,10 @@ class TestWarnings:
         assert not result.complete and result.status_text == (peak.status_text,)
         assert result.array("search_status").tolist() == ["incomplete"]
         assert result.array("search_reason").tolist() == [peak.search_reason]
-        assert result.warnings == (f"scan {search}",)
+        assert result.warnings == (f"search {search}",)
         assert "failed" not in result._headline()
         # lines are at most 88 wide
-        assert " ".join(result.summary().split()).count(f"scan {search}") == 1
+        assert " ".join(result.summary().split()).count(f"search {search}") == 1
 
     @pytest.mark.slow
     def test_optimal_curves_and_what_is_made_of_them(self, study, monkeypatch, tmp_path):

@@ -280,7 +280,7 @@ def test_what_is_open_is_red(curve):
     assert colours(replace(curve, amplitude=amplitude), "A value at every preload") == "amber"
     low = replace(curve, amplitude=amplitude[::-1], lowest_steady_preload=float(curve.preload[0]))
     (light,) = [light for light in lights(low) if light.name == "A value at every preload"]
-    assert light.colour == "green"
+    assert light.colour == "amber"
     assert (
         light.found
         == f"{len(curve) - 1} of {len(curve)}, no steady response up to {amount(curve.preload[0], 'N')}"
