@@ -193,8 +193,9 @@ class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-eff
         for effect in self.effects:
             method = effect.source
             # a computed change has no uncertainty
-            if method == "estimated" and effect.uncertainty:
-                method += f", ± {percent(effect.uncertainty)}"
+            uncertainty = percent(effect.uncertainty)
+            if method == "estimated" and uncertainty != "0 %":
+                method += f", ± {uncertainty}"
             row = (
                 PRINTED_NAMES.get(effect.name, effect.name),
                 percent(effect.amplitude_change, sign=True),
