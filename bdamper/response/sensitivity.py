@@ -280,7 +280,9 @@ class CurveSensitivities(Result, dict[str, CurveSensitivity]):
             frequency = amount(float(curve.frequency[largest]), "Hz")
             cells = (percent(at_peak[name], sign=True), percent(float(change[largest])), frequency)
             table.append((spaced(name), value, *cells))
-        verdict = f"Change for +1 %: peak {peak}{about(curve.settings, curve.preload)}"
+        verdict = (
+            f"Change for +1 % of a parameter: peak {peak}{about(curve.settings, curve.preload)}"
+        )
         remarks = [
             "Largest change: of the response, relative to the peak; points move normal to the curve",
             "Not covered: new folds and branches",

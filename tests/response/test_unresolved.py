@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from bdamper.analyses.sweep import sweep
 from bdamper.lumped_masses import Contact, lumped
 from bdamper.response.peak import LOOSEST
 from bdamper.response.resolution import frequency_rounding
@@ -34,6 +35,16 @@ def test_above_the_limit_of_friction_the_response_is_unbounded(excess, interval)
     assert "unbounded at 0.15915 Hz" in str(curve).split("\n")[0]
     # no absurdly large amplitude is printed
     assert "e+0" not in str(curve)
+
+
+def test_peak_and_sweep_call_an_unbounded_response_by_one_word():
+    study = oscillator(1.1 * LIMIT, harmonics=1)
+    reason = "unbounded at 0.15915 Hz: no damping, and the excitation exceeds the friction"
+    assert study.peak(0.0, INTERVAL)._headline().startswith(f"Response {reason}")
+    found = sweep(study, {"preload": [0.0]}, frequency=INTERVAL)
+    assert found._headline() == f"1 point over preload, 1 unbounded: {reason}"
+    # the reason stands in one row of the table
+    assert sum(cell == reason for cell in found._rows()[1]) == 1
 
 
 @pytest.mark.parametrize("share", [0.5, 0.9, 0.99])
