@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from bdamper.util.formatting import table_lines
+from bdamper.util.formatting import listed, table_lines
 
 WIDTH = 88
 """Characters of a printed line, which a terminal, an e-mail, and a manual hold."""
@@ -161,10 +161,12 @@ class Statement:
     def _closing_rows(self) -> list[Row]:
         """Effects that are not covered, and calls to make: those of checks that were not run first."""
         rows = self._not_covered_rows
-        calls = []
+        # one call may run several checks
+        names_of_call: dict[str, list[str]] = {}
         for check in self.checks:
             if check.value == _NOT_RUN:
-                calls.append(f"{_in_sentence(check.name)}: {check.remark}")
+                names_of_call.setdefault(check.remark, []).append(_in_sentence(check.name))
+        calls = [f"{listed(names)}: {call}" for call, names in names_of_call.items()]
         for i, call in enumerate([*calls, *self.further]):
             rows.append(Row("" if i else NEXT, call))
         return rows

@@ -17,6 +17,7 @@ CHECKS = [
     Row("Search", "pass", "complete"),
     Row("Harmonics", "uncertain", "5 %"),
     Row("Time integration", "not run", "study.time_response(peak)"),
+    Row("Energy", "not run", "study.time_response(peak)"),
 ]
 
 
@@ -33,7 +34,7 @@ def test_passed_checks_are_one_line_and_those_not_run_are_calls_to_make():
         "Remedy: none",
         "",
         "Not covered  wear",
-        "Next         time integration: study.time_response(peak)",
+        "Next         time integration and energy: study.time_response(peak)",
         "             all values: result.summary()",
     ]
     for shown in (statement.full_text, statement.html):
