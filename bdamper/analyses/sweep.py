@@ -75,8 +75,6 @@ from bdamper.util.storage import INSTALLED, Recorded, ResultsFile, Storable
 from bdamper.util.tables import Column, Tabular, concatenate
 
 Values = Mapping[str, Any]
-_STATUS_WORDS = ("status", "reason", "run")
-"""Ends of the heads of columns that repeat each other if the search decides about a point."""
 SEPARATOR = "; "
 """Text between two warnings of a point."""
 MOST_FAILURES = 3
@@ -310,9 +308,22 @@ class SweepResult(
         return own
 
     def _rows(self) -> list[tuple[str, ...]]:
-        """Return the header and rows of the table, with the particular warning of each point."""
+        """Return the header and rows of the table, with the particular warning of each point.
+
+        Of columns with the same reasons the first stands for the others.
+        """
         own = dict(zip(self.warnings, self._own_warnings()))
-        return [tuple(own.get(cell, cell) for cell in row) for row in self.as_rows()]
+        rows = [tuple(own.get(cell, cell) for cell in row) for row in self.as_rows()]
+        columns: list[tuple[str, ...]] = []
+        seen = set()
+        for head, *cells in zip(*rows):
+            # of the search of each point, and of its run
+            if head.endswith("reason"):
+                if tuple(cells) in seen:
+                    continue
+                seen.add(tuple(cells))
+            columns.append((head, *cells))
+        return list(zip(*columns))
 
     def _remarks(self) -> list[str]:
         """Return the warnings of all and of single points that the first lines do not name."""
@@ -411,23 +422,6 @@ class SweepResult(
         columns["run_reason"] = Column(np.array(self.reason))
         columns["seconds"] = Column(self.seconds, "s")
         return columns
-
-    def _rows(self) -> list[tuple[str, ...]]:
-        """Return the table; of columns with the same texts the first stands for the others."""
-        rows = self.as_rows()
-        if len(rows) < 2:
-            return rows
-        columns: list[tuple[str, ...]] = []
-        seen = set()
-        for column in zip(*rows):
-            head, *cells = column
-            # the search of each point, its run, and the warning
-            if head.endswith((*_STATUS_WORDS, "warning")):
-                if tuple(cells) in seen:
-                    continue
-                seen.add(tuple(cells))
-            columns.append(column)
-        return list(zip(*columns))
 
     def _main_quantity(self) -> str:
         """Return the first quantity with one real number for each point, "" without one."""
