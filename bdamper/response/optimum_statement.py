@@ -68,7 +68,7 @@ def statement(curve: OptimalCurve, further: Sequence[Check] = ()) -> Statement:
     return Statement(
         verdict=[f"Not for design: {check.failure}" for check in failures] or [_verdict(curve)],
         rows=[*_preload_rows(curve), *_amplitude_rows(curve, bool(failures))],
-        checks=[Row(check.name, RESULTS[check.colour], check.found) for check in checks(curve)],
+        checks=[Row(check.name, RESULTS[check.colour], check.finding) for check in checks(curve)],
         times=[
             amount(check.seconds, "s", 2) if check.seconds > 0.0 else "" for check in checks(curve)
         ],

@@ -47,6 +47,8 @@ class Statement:
     table : sequence of sequence of str
         Header and rows of values that belong together, for example one row for each study; printed
         between rows and checks.
+    times : sequence of str
+        Time that each check took, "" if it has none of its own.  Without times there is no column.
     further : sequence of str
         Calls to make, besides those of checks that were not run: "what: call".
     details : sequence of Row
@@ -58,6 +60,7 @@ class Statement:
     checks: Sequence[Row] = ()
     remarks: Sequence[str] = ()
     table: Sequence[Sequence[str]] = ()
+    times: Sequence[str] = ()
     further: Sequence[str] = ()
     details: Sequence[Row] = ()
 
@@ -69,6 +72,7 @@ class Statement:
             [Row(*map(change, row)) for row in self.checks],
             [change(text) for text in self.remarks],
             [[change(cell) for cell in cells] for cells in self.table],
+            self.times,
             [change(text) for text in self.further],
             [Row(*map(change, row)) for row in self.details],
         )
@@ -107,7 +111,7 @@ class Statement:
             _paragraphs(self.verdict),
             _table(self.rows),
             _columns(self.table),
-            _table(self._check_table),
+            _last_wrapped(self._check_table),
             _paragraphs(self._sentences),
             _table(self._not_covered_rows),
             _table(self.details),
@@ -115,31 +119,49 @@ class Statement:
         return _joined(parts)
 
     @property
-    def _check_table(self) -> list[Row]:
-        """Checks below their header, which names the time if one has it; empty without checks."""
+    def _check_table(self) -> list[tuple[str, ...]]:
+        """Checks below their header, with their times if one has a time; empty without checks."""
         if not self.checks:
             return []
-        header = _CHECK_HEADER
-        if not any(check.time for check in self.checks):
-            header = header._replace(time="")
-        return [header, *self.checks]
+        rows: list[tuple[str, ...]] = [("Check", "Result", "Finding"), *self.checks]
+        if not any(self.times):
+            return rows
+        times = ["Time", *self.times]
+        return [
+            (name, result, taken, finding) for (name, result, finding), taken in zip(rows, times)
+        ]
 
     @property
     def _shown_checks(self) -> list[Row]:
         """Checks with a row of their own: those that did not pass, and one that passed alone."""
-        run = [check for check in self.checks if check.value != _NOT_RUN]
-        if self._counted_checks:
-            return [check for check in run if check.value != _PASS]
-        return run
+        left_out = {_NOT_RUN, _PASS} if self._counted_checks else {_NOT_RUN}
+        shown = []
+        for check, taken in self._timed_checks:
+            if check.value not in left_out:
+                remark = f"{check.remark} ({taken})" if taken else check.remark
+                shown.append(check._replace(remark=remark))
+        return shown
+
+    @property
+    def _timed_checks(self) -> list[tuple[Row, str]]:
+        """Each check with the time that it took, "" if that is unknown."""
+        return list(zip(self.checks, self.times or [""] * len(self.checks), strict=True))
 
     @property
     def _counted_checks(self) -> list[str]:
-        """The numbers of checks that passed, are uncertain, or failed, if several passed."""
+        """The numbers of checks that passed, with their times, are uncertain, or failed.
+
+        Empty unless several passed.
+        """
         outcomes = [check.value for check in self.checks]
         n_passed = outcomes.count(_PASS)
         if n_passed < 2:
             return []
-        parts = [f"{n_passed} checks passed"]
+        times = []
+        for check, taken in self._timed_checks:
+            if taken and check.value == _PASS:
+                times.append(f"{_in_sentence(check.name)} {taken}")
+        parts = [f"{n_passed} checks passed" + (f" ({', '.join(times)})" if times else "")]
         for outcome, word in _OTHER_OUTCOMES.items():
             n = outcomes.count(outcome)
             if n:
@@ -261,19 +283,30 @@ def _table(rows: Sequence[Row], name_width: int = 0) -> list[str]:
     name_width = max([name_width, *(len(row.name) + 2 for row in rows)])
     # a value without a remark may be a long text
     value_width = max((len(row.value) + 2 for row in rows if row.remark), default=0)
-    time_width = max((len(row.time) + 2 for row in rows if row.time), default=0)
-    return [line for row in rows for line in _lines(row, (name_width, value_width, time_width))]
+    return [line for row in rows for line in _lines(row, (name_width, value_width))]
 
 
 def _lines(row: Row, widths: Sequence[int]) -> list[str]:
-    """Return the lines of a row: name, value, time, and the last of them or the remark wrapped."""
+    """Return the lines of a row, with the value or the remark wrapped in its column."""
     name = f"{row.name:<{widths[0]}}"
     if not row.remark:
         value = _wrapped(row.value, max(WIDTH - len(name), 30), indent="")
         return [line.rstrip() for line in _beside(name, value)]
-    start = f"{name}{row.value:<{widths[1]}}{row.time:<{widths[2]}}"
+    start = f"{name}{row.value:<{widths[1]}}"
     remark = _wrapped(row.remark, max(WIDTH - len(start), 30), indent="")
     return [line.rstrip() for line in _beside(start, remark)]
+
+
+def _last_wrapped(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return the lines of rows, with the last text of each wrapped in its column."""
+    columns = [*zip(*rows)][:-1]
+    widths = [max(map(len, column)) + 2 for column in columns]
+    lines = []
+    for *texts, last in rows:
+        start = "".join(f"{text:<{width}}" for text, width in zip(texts, widths))
+        remark = _wrapped(last, max(WIDTH - len(start), 30), indent="")
+        lines += [line.rstrip() for line in _beside(start, remark)]
+    return lines
 
 
 def _html_table(rows: Sequence[Sequence[str]]) -> str:

@@ -227,7 +227,7 @@ def test_a_detached_branch_is_found_from_close_and_distant_preloads(preloads):
     assert curve.lower_bound[-1] == pytest.approx(37.67e-6, rel=1e-3)
     single = study.peak(preload, interval, errors=False)
     assert single.amplitude == pytest.approx(11.62e-6, rel=1e-3)
-    assert "Lower preloads not run study.optimal_curve((1.01, 3.37))" in said(single)
+    assert "lower preloads: study.optimal_curve((1.01, 3.37))" in said(single)
 
 
 @pytest.mark.nightly

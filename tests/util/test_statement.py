@@ -64,12 +64,14 @@ def test_checks_with_a_time_have_a_column_for_it(statement):
     """Before the findings, whose length varies; a table without times has no such column."""
     checks = [Row("Time integration", "pass", LONG), Row("More harmonics", "not run", "call")]
     timed = replace(statement, checks=checks, times=["24 s", ""])
-    header, first, *_, last = timed.text.split("\n\n")[2].split("\n")
+    header, first, *_, last = timed.full_text.split("\n\n")[2].split("\n")
     assert header.split() == ["Check", "Result", "Time", "Finding"]
     assert first.index("24 s") == header.index("Time")
     assert first.index("70.1") == header.index("Finding") == last.index("call")
-    assert "24 s" in timed.html and "Time</td>" in timed.html
-    assert "Time" not in statement.text and "Time</td>" not in statement.html
+    assert "(24 s)" in timed.text and "(24 s)" in timed.html
+    assert "Time" not in statement.full_text
+    both = replace(timed, checks=[checks[0], Row("Search", "pass", "complete")])
+    assert "2 checks passed (time integration 24 s)" in both.text
 
 
 def test_a_notebook_shows_the_same_texts(statement):
