@@ -14,17 +14,16 @@ from bdamper.util import validation
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import text_of
 
+AXES = ("tangential", "radial", "axial")
+"""Names of the directions along X, Y and Z."""
+
 
 def direction_vector(value: str | Sequence[float], what: str) -> NDArray:
     """Return the unit vector along a named direction or along three components.
 
     ``what`` is its name in errors.
     """
-    directions = {
-        "tangential": (1.0, 0.0, 0.0),
-        "radial": (0.0, 1.0, 0.0),
-        "axial": (0.0, 0.0, 1.0),
-    }
+    directions = dict(zip(AXES, np.eye(3)))
     if isinstance(value, str):
         if value not in directions:
             suggestion = validation.suggest_name(value, directions)
@@ -32,7 +31,7 @@ def direction_vector(value: str | Sequence[float], what: str) -> NDArray:
                 f"{what}: expected one of {tuple(directions)} or three numbers, "
                 f"found '{value}'{suggestion}"
             )
-        return np.array(directions[value])
+        return directions[value]
     vector = validation.numbers(what, value, 3)
     validation.check_value(np.any(vector), what, "3 finite numbers, not all zero", value)
     return vector / np.linalg.norm(vector)

@@ -41,7 +41,7 @@ from bdamper.contact.laws import (
 )
 from bdamper.contact.preload_state import STICK, PreloadState
 from bdamper.harmonic_balance.problem import LoadCase, Locked
-from bdamper.response.linear_limits import linear_peak, peak_interval
+from bdamper.response.linear_limits import linear_peak, peak_interval, warn_of_still_response
 from bdamper.util import validation
 from bdamper.util.display import Summarised
 from bdamper.util.errors import SettingError
@@ -161,6 +161,7 @@ def first_slip(
             "study without them"
         )
     interval = peak_interval(case, frequency, mode)
+    warn_of_still_response(case, interval)
     peak = linear_peak(case, interval, stuck=True)
     validation.check(
         np.isfinite(peak.amplitude),

@@ -17,10 +17,12 @@ from bdamper.harmonic_balance.checks import check_interval
 from bdamper.harmonic_balance.problem import LoadCase, Problem
 from bdamper.harmonic_balance.rotor_speed import preload_at
 from bdamper.harmonic_balance.sector import NEAREST, Linear, around
+from bdamper.model.loads import AXES
 from bdamper.response.branches import UNBOUNDED, LeftOut
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
-from bdamper.util.errors import COMPLETE, INCOMPLETE
+from bdamper.util.errors import COMPLETE, INCOMPLETE, warn_implausible
+from bdamper.util.formatting import amount
 from bdamper.util.progress import CostMeter, one_thread
 
 # ---- linear response curves ----
@@ -304,6 +306,48 @@ def linear_peak(case: LoadCase, frequency: tuple[float, float], *, stuck: bool) 
         if np.isnan(highest.amplitude) or amplitude > highest.amplitude:
             highest = Limit(omega / (2.0 * np.pi), amplitude)
     return highest
+
+
+STILL = 0.01
+"""Part of the largest motion below which a location hardly moves.  The tip of a locked shroud moves
+by 0.02 to 0.5 % of it on two random sectors, and by 1.5 % on an imported stage.
+"""
+
+
+def warn_of_still_response(case: LoadCase, frequency: tuple[float, float]) -> None:
+    """Warn if the response location of a shrouded blade hardly moves at its stuck resonance.
+
+    Other named locations of the same body show where it moves.
+    """
+    problem = case.problem
+    settings = problem.settings
+    response = settings.response_location
+    locations = problem.model.locations
+    measures_motion = response.elastic is None and str(response.location) in locations
+    if not settings.constrained_faces or problem.sizes.lumped or not measures_motion:
+        return
+    peak = linear_peak(case, frequency, stuck=True)
+    if not np.isfinite(peak.amplitude):
+        return
+    springs = case.stuck_springs(touching=True)
+    q = case.sector.linear.response(2.0 * np.pi * peak.frequency, springs)
+    body = locations[str(response.location)].body
+    largest = 0.0
+    where = ""
+    for name, place in locations.items():
+        if place.kind is not None or place.body != body:
+            continue
+        motion = np.abs(problem.location_modes(name, harmonic=1) @ q)
+        axis = int(motion.argmax())
+        if motion[axis] > largest:
+            largest = float(motion[axis])
+            where = f"'{name}', {AXES[axis]}, with {amount(largest, 'm')}"
+    if peak.amplitude < STILL * largest:
+        warn_implausible(
+            "response",
+            f"a place that moves at the stuck resonance, such as {where}",
+            f"'{response.location}', {response.direction}, with {amount(peak.amplitude, 'm')}",
+        )
 
 
 def peak_interval(

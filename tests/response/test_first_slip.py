@@ -286,3 +286,39 @@ def test_time_integration_keeps_a_locked_shroud():
     found = study.time_response(study.peak(PRELOAD, TOGETHER), seconds=30.0)
     assert found.ok, found.status_text
     assert found.mean == pytest.approx(amplitude, rel=0.02)
+
+
+# ---- a response location that hardly moves ----
+
+
+def shrouded(model, place):
+    return bd.Study(
+        model, bd.Excitation("tip", "axial"), response=bd.Response(place, "axial"), engine_order=4,
+        harmonics=1, constant_loads={"shroud": 500.0}, load_per_preload={"front": 1.0, "rear": 0.6},
+    )  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("ratio", "still"), [(130.0, True), (80.0, False)])
+def test_a_response_location_that_hardly_moves_is_named_with_one_that_moves(ratio, still, recwarn):
+    """A location of the blade that moves ``ratio`` times as far as the tip."""
+    model = bd.reference_model("shrouded_blade")
+    blade = model.bodies["blade"]
+    bases = {
+        diameter: replace(
+            basis, locations={**basis.locations, "mid": ratio * basis.locations["tip"]}
+        )
+        for diameter, basis in blade.bases.items()
+    }
+    locations = {**model.locations, "mid": replace(model.locations["tip"], name="mid")}
+    model = replace(
+        model, bodies={**model.bodies, "blade": replace(blade, bases=bases)}, locations=locations
+    )
+    found = shrouded(model, "tip").first_slip(300.0)
+    texts = [str(warning.message) for warning in recwarn if "response" in str(warning.message)]
+    assert len(texts) == still
+    if still:
+        moves = f"'mid', axial, with {1e3 * ratio * found.amplitude:.3g} mm"
+        assert moves in texts[0] and "found 'tip', axial, with" in texts[0]
+    shrouded(model, "mid").first_slip(300.0)
+    assert len([warning for warning in recwarn if "response" in str(warning.message)]) == still
