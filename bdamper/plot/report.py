@@ -137,7 +137,7 @@ def write_report(
 
 def _answer(curve: OptimalCurve, constants: Check) -> str:
     """Return verdict, quantities and remedies in HTML, without the checks, which follow."""
-    printed = replace(statement(curve, [constants]), checks=())
+    printed = replace(statement(curve, [constants]), checks=(), times=())
     return in_unit_of_response(curve, printed).html
 
 
