@@ -273,7 +273,7 @@ def parser() -> argparse.ArgumentParser:
         questions[name] = commands.add_parser(name, parents=[model, asked, picture, out], help=text)
     _add_question_options(questions)
     decks = commands.add_parser("decks", help="write the files of an import example to this folder")
-    decks.add_argument("name", help="abaqus, ansys, calculix or shroud")
+    decks.add_argument("name", help="abaqus, ansys, calculix, ring, shroud or turbine")
     _add_import_options(
         commands.add_parser(
             "import", help="model, report and picture from decks and their matrices"

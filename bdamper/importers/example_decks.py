@@ -20,10 +20,11 @@ def example_decks(name: str, folder: FilePath = ".") -> list[Path]:
 
     Parameters
     ----------
-    name : {"abaqus", "ansys", "calculix", "ring", "shroud"}
+    name : {"abaqus", "ansys", "calculix", "ring", "shroud", "turbine"}
         Sector with wedge damper: instances of an Abaqus deck, two archives of Ansys, or two decks
         of CalculiX.  The others are decks of CalculiX: "shroud", a sector with tip shroud and two
-        strip dampers, and "ring", one of 24 sectors with a friction ring.
+        strip dampers, "ring", one of 24 sectors with a friction ring, and "turbine", one of 60
+        sectors with a damper of 19 g, whose optimum passes all checks.
     folder : path-like
         Existing folder.
 

@@ -38,6 +38,9 @@ def test_example_decks_are_small_and_never_replace_other_files(tmp_path):
         for path in example_decks(name, tmp_path)
     ]
     assert len(written) == 3 + 4 + 8 + 12 and all(path.is_file() for path in written)
+    turbine = tmp_path / "turbine"
+    turbine.mkdir()
+    assert len(example_decks("turbine", turbine)) == 8
     assert (
         sum(path.stat().st_size for path in Path(bd.__file__).parent.glob("data/decks/*"))
         < 1_000_000
@@ -232,7 +235,7 @@ def test_a_shroud_and_two_dampers_on_the_command_line(tmp_path, monkeypatch):
         (
             ["decks", "nastran"],
             2,
-            "example: expected one of ('abaqus', 'ansys', 'calculix', 'ring', 'shroud'), found 'nastran'",
+            "example: expected one of ('abaqus', 'ansys', 'calculix', 'ring', 'shroud', 'turbine'), found 'nastran'",
         ),
         (["import", "nowhere.inp", "--contact", "a=A,B"], 1, "nowhere.inp"),
         (
