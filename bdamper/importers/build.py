@@ -480,8 +480,13 @@ def _prepared(
 def _node_sets(blade: PreparedBody, sector: Sector, faces: SectorFaces) -> dict[str, NDArray]:
     """Return the positions (n, 3) of the nodes of clamp and sector faces, without empty sets."""
     held = None if sector.fixed is None else blade.node_set(sector.fixed, "fixed")
+    if blade.raw.stiffness is not None:
+        clamp = np.flatnonzero(blade.fixed(held).all(axis=1))
+    else:
+        # modes alone do not show which components have no equation
+        clamp = np.zeros(0, int) if held is None else held
     sets = {
-        "clamp": np.flatnonzero(blade.fixed(held).all(axis=1)),
+        "clamp": clamp,
         "sector faces": faces.nodes,
     }
     return {name: blade.nodes[nodes] for name, nodes in sets.items() if len(nodes)}

@@ -145,7 +145,7 @@ def test_given_rectangles_are_those_of_the_reference(bodies, reference, fe):
 @pytest.mark.slow
 def test_swapped_sector_faces_are_noticed(bodies, built):
     other = built_with(*bodies, faces=("HIGH", "LOW"))
-    assert "the sets were exchanged" in said(other)
+    assert "the sets were exchanged" in said(other.summary())
     assert "the first set lies toward -X" in said(built.summary())
     a, b = (m.model.bodies["blade"].bases[ND] for m in (built, other))
     np.testing.assert_allclose(a.contact_modes, b.contact_modes, atol=1e-12)
@@ -773,7 +773,7 @@ def test_a_comparison_that_fails_warns_and_keeps_the_model(bodies, built):
 def test_expected_frequencies_that_agree(bodies, built):
     expected = {ND: built.frequencies[ND][:4] * 1.002}
     other = built_with(*bodies, expected_frequencies=expected)
-    assert "frequencies agree with expected_frequencies within 0.2 %" in said(other)
+    assert "frequencies agree with expected_frequencies within 0.2 %" in said(other.summary())
 
 
 def scaled(body, length, mass):

@@ -84,7 +84,7 @@ def test_waves_are_put_in_the_agreed_direction_and_length(fe, bodies, built, kin
                 np.outer(u, u.conj()), np.outer(v, v.conj()), atol=1e-7 * np.abs(v).max() ** 2
             )
         assert a.flexibility is None
-    text = said(other)
+    text = said(other.summary())
     if kind == "turned":
         assert f"{COUNT} of them travelled the other way and were reversed" in text
     if kind == "pairs":
