@@ -292,8 +292,11 @@ def _rows_to_compare(
             rows.append(
                 Row(sentence(body.name), amount(body.mass or 0.0, "kg"), ", ".join(remarks))
             )
-    frequency = frequencies_of(model.bodies["blade"].bases[excited])[0]
-    at = f"at nodal diameter {excited}, without contact"
+    bases = model.bodies["blade"].bases
+    # nodal diameters that the user gives need not contain that of the excitation
+    diameter = excited if excited in bases else min(bases)
+    frequency = frequencies_of(bases[diameter])[0]
+    at = f"at nodal diameter {diameter}, without contact"
     rows.append(Row("Mode 1", amount(float(frequency), "Hz"), at))
     for name, face in model.interfaces.items():
         if face.kind == "friction":
