@@ -9,10 +9,11 @@ import pytest
 from scipy.linalg import eigh
 
 from bdamper.importers import example_decks, read_calculix
+from bdamper.response.optimum_checks import checks
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "design.md"
 TEXT = PAGE.read_text()
-N_BLADES, ENGINE_ORDER, FORCE = 36, 10, 100.0  # of the page; N at the tip
+N_BLADES, ENGINE_ORDER, FORCE = 60, 5, 10.0  # of the page; N at the tip
 MM, TONNE = 1e-3, 1e3
 HEXAHEDRON = [(0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)]
 """Tetrahedra of an element with eight corners."""
@@ -27,7 +28,7 @@ def shown(pattern):
 @pytest.fixture(scope="module")
 def decks(tmp_path_factory):
     folder = tmp_path_factory.mktemp("decks")
-    example_decks("calculix", folder)
+    example_decks("turbine", folder)
     return {name: read_calculix(folder / name) for name in ("sector", "damper")}
 
 
@@ -37,7 +38,7 @@ def page(tmp_path_factory):
     pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
     folder = tmp_path_factory.mktemp("page")
     blocks = re.findall(r"```python\n(.*?)```", TEXT, re.S)
-    assert len(blocks) == 8
+    assert len(blocks) == 7
     space = {"__name__": "__main__"}
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
@@ -82,7 +83,7 @@ def mode_of_raw_matrices(sector):
                 tied[k, column[image[node], other]] = factor * phase
     stiffness, mass = (tied.conj().T @ m.toarray() @ tied for m in (sector.stiffness, sector.mass))
     values, vectors = eigh(stiffness, mass, subset_by_index=(0, 0))
-    tip = vectors[column[117, 3], 0]  # Z of the deck is tangential
+    tip = vectors[column[176, 3], 0]  # Z of the deck is tangential
     return np.sqrt(values[0]) / (2.0 * np.pi), abs(tip) / np.sqrt(TONNE)
 
 
@@ -106,105 +107,81 @@ def test_mass_and_radius_are_those_of_the_mesh(decks):
 def test_the_free_blade_is_that_of_the_raw_matrices(decks):
     """A mode of the cyclic matrices without the importer, and its resonance F phi^2/(2 zeta omega^2).
 
-    CalculiX lists 978.2100 Hz for ten nodal diameters at standstill.
+    A cyclic run of CalculiX lists 659.6597 Hz for five nodal diameters.
     """
     frequency, tip = mode_of_raw_matrices(decks["sector"])
-    assert frequency == pytest.approx(978.2100, rel=1e-5)
-    (stated,) = shown(r"([\d.]+) Hz at 10 waves")
-    assert stated == pytest.approx(frequency, rel=1e-3)
+    assert frequency == pytest.approx(659.6597, rel=1e-5)
+    (stated,) = shown(r"([\d.]+) Hz at 5 waves")
+    assert stated == pytest.approx(frequency, rel=1e-5)
     millimetres, hertz = shown(r"would reach ([\d.]+) mm at ([\d.]+) Hz")
     amplitude = FORCE * tip**2 / (2.0 * 0.002 * (2.0 * np.pi * frequency) ** 2)
-    assert hertz == pytest.approx(frequency, rel=1e-3)
+    assert hertz == pytest.approx(frequency, rel=1e-5)
     # other modes add a little
     assert 1e-3 * millimetres == pytest.approx(amplitude, rel=0.01)
 
 
-def test_calculix_at_speed():
-    """Values of CalculiX for ten nodal diameters; stiffening follows the square of the speed."""
-    assert shown(r"CalculiX gives ([\d.]+) Hz at standstill and ([\d,.]+) Hz at 1,000") == [
-        978.21,
-        1013.4,
-    ]
-
-
-@pytest.mark.nightly
-@pytest.mark.slow
-def test_preload_speed_and_mass_belong_together(page):
-    """P = f m r Omega^2 and Omega = 2 pi f / EO, for a preload and each crossing."""
-    mass, radius = 0.0689984, 0.236179
-    newtons, hertz, rpm, full, again, factor = shown(
-        r"design for at least ([\d,]+) N\. Engine order 10 crosses the resonance at this preload "
-        r"\(([\d,.]+) Hz\) at ([\d,]+) rpm, .*? presses with ([\d,]+) N: a preload of ([\d,]+) N "
-        r"requires ([\d.]+) times"
+def test_mass_speed_and_preload_belong_together():
+    """P = f m r Omega^2 and Omega = 2 pi f / EO, from the numbers of the page alone."""
+    (hertz,) = shown(r"Harmonic balance +[\d.]+ \S+ ([\d.]+) Hz;")
+    rpm, full, newtons, factor, grams = shown(
+        r"At ([\d,]+) rpm the damper of the deck presses with ([\d,]+) N, so the preload of "
+        r"([\d,]+) N requires ([\d.]+) times its mass: \*\*([\d.]+) g"
     )
-    enough = page[0]["enough"]
-    assert newtons == again == enough.parameter
-    assert hertz == pytest.approx(enough.frequency, rel=1e-3)
+    mass, radius = shown(r"([\d.]+) g at ([\d.]+) mm")
     assert rpm == pytest.approx(60.0 * hertz / ENGINE_ORDER, rel=1e-3)
-    assert full == pytest.approx(mass * radius * (rpm * np.pi / 30.0) ** 2, rel=2e-3)
-    assert factor == pytest.approx(newtons / full, rel=0.02)
-    rows = re.findall(
-        r"^\| ([\d.]+) g \| ([\d,]+) rpm \| ([\d,]+) N \| ([\d,.]+) Hz \| ([\d.,]+) µm", TEXT, re.M
-    )
-    assert len(rows) == len(page[0]["factors"])
-    amplitudes = page[0]["found"].array("amplitude").ravel()
-    for row, factor, amplitude in zip(rows, page[0]["factors"], amplitudes):
-        grams, rpm, newtons, hertz, micrometres = (float(text.replace(",", "")) for text in row)
-        assert grams == pytest.approx(1e3 * factor * mass, rel=2e-3)
-        assert rpm == pytest.approx(60.0 * hertz / ENGINE_ORDER, rel=1e-3)
-        load = factor * mass * radius * (rpm * np.pi / 30.0) ** 2
-        assert newtons == pytest.approx(load, rel=2e-3)
-        assert 1e-6 * micrometres == pytest.approx(amplitude, rel=0.01)
-
-
-@pytest.mark.slow
-def test_the_margin_is_that_of_goodman(page):
-    """Fatigue limit times (1 - mean/strength) over the amplitude, from the numbers of the page."""
-    amplitude, mean, margin = shown(
-        r"fillet: ([\d.]+) MPa about a mean of ([\d.]+) MPa, a margin of ([\d.]+)"
-    )
-    assert margin == pytest.approx(300.0 * (1.0 - mean / 900.0) / amplitude, rel=5e-3)
-    assert margin == pytest.approx(page[0]["margins"].factor.min(), rel=0.01)
-    (micrometres,) = shown(r"highest peak is ([\d.]+) µm")
-    assert 1e-6 * micrometres == pytest.approx(page[0]["peak"].amplitude, rel=0.01)
+    load = 1e-6 * mass * radius * (rpm * np.pi / 30.0) ** 2
+    assert full == pytest.approx(load, rel=3e-3)
+    assert factor == pytest.approx(newtons / full, rel=5e-3)
+    assert grams == pytest.approx(factor * mass, rel=0.02)
 
 
 @pytest.mark.nightly
 @pytest.mark.slow
-def test_harmonics_agree_where_the_page_says_so(page):
-    """Rows of the table, except for the values of the lowest preload with more harmonics."""
-    study, best = page[0]["study"], page[0]["optimal"].optimum
-    micrometres, newtons = shown(r"lowest amplitude is ([\d,]+) µm at ([\d,]+) N")
-    assert [newtons, micrometres] == pytest.approx([best.preload, 1e6 * best.amplitude], rel=0.01)
-    rows = re.findall(r"^\| ([\d,]+) N \| (\d+) µm \| (\d+) µm \| (\d+) µm", TEXT, re.M)
-    assert [row[0] for row in rows] == ["4,000", "7,500"]
-    for row in rows:
-        newtons, *stated = (float(text.replace(",", "")) for text in row)
-        found = [
-            1e6 * study.replace(harmonics=harmonics).peak(newtons).amplitude
-            for harmonics in (1, 3, 5)
-        ]
-        assert found == pytest.approx(stated, rel=0.01)
-        assert found == sorted(found, reverse=True)
-        assert max(found) / min(found) < 1.13
-    with_more = study.replace(harmonics=3).peak(best.preload).amplitude
-    assert with_more > 2.0 * best.amplitude, "the optimum with one harmonic is not known"
+def test_the_page_has_a_case_with_all_checks(page):
+    """Three harmonics, no check missing or failed, one amplitude, and a mesh for its stress.
+
+    Time integration may be as far below harmonic balance as the page says.
+    """
+    space, folder = page
+    best, study = space["best"], space["study"]
+    assert study.settings.harmonics == 3
+    colours = {check.name: check.colour for check in checks(best)}
+    in_time = colours.pop("Time integration")
+    assert set(colours.values()) == {"green"} and in_time in ("green", "amber")
+    (response,) = best.time_response
+    (below,) = shown(r"is ([\d.]+) % \*below\* harmonic balance")
+    assert 1.0 - response.mean / response.balance == pytest.approx(0.01 * below, abs=0.005)
+    assert 400.0 < best.optimum.preload < 3000.0
+    stated = {
+        float(number) * {"µm": 1e-6, "mm": 1e-3}[unit]
+        for number, unit in re.findall(r"design amplitude of ([\d.]+) (µm|mm)", TEXT)
+    }
+    assert stated == {pytest.approx(best.design_amplitude, rel=5e-3)}
+    margins = space["margins"]
+    critical = int(margins.factor.argmin())
+    assert margins.names[critical] == "fillet node 266"
+    stress = built_stress(space)
+    assert stress.spread[list(stress.nodes).index(266)] < 0.2
+    (factor,) = shown(r"\*\*([\d.]+) at the design amplitude")
+    assert factor == pytest.approx(space["at_design"], abs=0.006)
+    # Goodman: fatigue limit times (1 - mean/strength) over the amplitude
+    amplitude = 1e-6 * margins.amplitude[critical] * best.design_amplitude / space["peak"].amplitude
+    mean = 1e-6 * margins.mean[critical]
+    assert factor == pytest.approx(300.0 * (1.0 - mean / 900.0) / amplitude, rel=0.01)
+    (stated_mean,) = shown(r"mean stress ([\d.]+) MPa")
+    assert stated_mean == pytest.approx(mean, rel=0.01)
+    assert space["peak"].amplitude == pytest.approx(best.optimum.amplitude, rel=0.01)
+    text = (folder / "review.html").read_text()
+    assert "Example stage" in text
+    assert {"model.png", "optimum.png", "haigh.png"} <= {path.name for path in folder.iterdir()}
+    # sets of the picture of the import
+    bore = decks_set(folder, "BORE")
+    assert len(space["built"].node_sets["clamp"]) == bore
 
 
-@pytest.mark.slow
-def test_the_chosen_damper(page):
-    """Peaks at the speed of the chosen damper, and the resonance with a stuck damper."""
-    millimetres, hertz = shown(r"with a stuck one ([\d.]+) mm at ([\d,.]+) Hz")
-    stuck = page[0]["stuck"]
-    assert [millimetres, hertz] == pytest.approx([1e3 * stuck.amplitude, stuck.frequency], rel=5e-3)
-    one, three = shown(r"highest peak is (\d+) µm, with three harmonics (\d+) µm")
-    found = [1e6 * page[0][name].amplitude for name in ("peak", "richer")]
-    assert [one, three] == pytest.approx(found, rel=0.01)
-    assert page[0]["at"].preload > 1.35 * page[0]["enough"].parameter
+def built_stress(space):
+    return space["built"].model.stress["fillet"]
 
 
-@pytest.mark.slow
-def test_the_files_of_the_page(page):
-    names = {path.name for path in page[1].iterdir()}
-    assert {"model.png", "haigh.png", "review.html"} <= names
-    assert "Example stage" in (page[1] / "review.html").read_text()
+def decks_set(folder, name):
+    return len(read_calculix(folder / "sector").node_sets[name])
