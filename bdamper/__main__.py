@@ -121,7 +121,7 @@ def import_decks(given: argparse.Namespace) -> None:
         locations=locations,
         progress=False if given.quiet else None,
     )
-    print(built)
+    print(built.summary())
     stem = given.out or Path(given.blade.partition(":")[0]).stem
     built.save(f"{stem}.h5")
     with file_errors(f"{stem}.txt"):
