@@ -310,7 +310,7 @@ class SweepResult(
     def _rows(self) -> list[tuple[str, ...]]:
         """Return the header and rows of the table, with the particular warning of each point.
 
-        Of columns with the same reasons the first stands for the others.
+        Columns with the same reasons are shown once.
         """
         own = dict(zip(self.warnings, self._own_warnings()))
         rows = [tuple(own.get(cell, cell) for cell in row) for row in self.as_rows()]

@@ -543,7 +543,7 @@ def _corners(coupling: Coupling, name: str, friction: NDArray) -> NDArray:
     """
     face = coupling.model.interfaces[name]
     indices = np.arange(coupling.n_points)[coupling.rows(name)]
-    # no polygon, as the one point of a lumped contact
+    # fewer than three points have no polygon: a lumped contact has a single point
     if len(indices) < 3:
         return indices
     relative = face.points - face.points.mean(axis=0)
@@ -574,7 +574,7 @@ def wedge_friction(
 ) -> WedgeFriction:
     """Compute the interval of the total normal force on each face of rigid free bodies.
 
-    Faces are the interfaces with friction.  Lumped masses without springs are free bodies, too.
+    Faces are the interfaces with friction.  Lumped masses without springs are free bodies.
 
     Parameters
     ----------

@@ -272,7 +272,7 @@ def _fatigue_check(margin: float) -> Row:
 
 
 def _time_check(in_time: bool, call: str) -> Row:
-    """Return whether the vibration is that of time integration, and otherwise the call for it."""
+    """Return whether time integration gave the vibration, and otherwise the call for it."""
     if in_time:
         return Row("Time integration", "run", "the vibration has the largest blade amplitude")
     return Row("Time integration", "not run", call)

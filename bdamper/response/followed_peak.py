@@ -1,4 +1,4 @@
-"""Peaks followed upward in preload, wherever the amplitude falls.
+"""Peaks followed upward in preload from amplitudes that fall.
 
 The search at one preload follows the branches that connect with an end of the frequency interval.
 If the preload rises, the branch of the highest peak can detach and become closed. The highest peak
@@ -7,10 +7,10 @@ damper that is run up under increasing load stays on the detached branch, and ti
 its amplitude: about 70 µm on the difficult disk (friction 0.432, engine order 10, 91.9 N), where
 the remaining branch has 40 µm.
 
-Therefore :func:`followed_peaks` follows the peak of a preload upward wherever the amplitudes fall.
+Therefore :func:`followed_peaks` follows the peak of a preload upward if the amplitude falls.
 If it remains higher than the amplitude at a preload, this amplitude is not known, and the followed
-peak is its lower bound.  How far the amplitude falls from one preload to the next is no criterion:
-it depends on their distance.
+peak is its lower bound.  The decrease from one preload to the next is
+no criterion, because it depends on their distance.
 
 A single preload and the lowest one of a range have no lower neighbour.  If its curve has folds,
 :func:`with_lower_preloads` computes the response at lower preloads as well: a branch detaches at
@@ -164,7 +164,7 @@ def followed_peaks(
 ) -> dict[float, Followed]:
     """Follow peaks to higher preloads to find amplitudes above the highest point found.
 
-    Wherever the amplitude falls from one preload to the next, the peak is followed.  It is followed
+    If the amplitude decreases from one preload to the next, the peak is followed.  It is followed
     further until it vanishes or is no longer the highest.  The result contains each followed peak
     that is higher than the highest point found by more than :data:`HIGHER`.
 

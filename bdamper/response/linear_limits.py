@@ -317,7 +317,7 @@ by 0.02 to 0.5 % of it on two random sectors, and by 1.5 % on an imported stage.
 def warn_of_still_response(case: LoadCase, frequency: tuple[float, float]) -> None:
     """Warn if the response location of a shrouded blade hardly moves at its stuck resonance.
 
-    Other named locations of the same body show where it moves.
+    The warning names a location of the same body that moves more.
     """
     problem = case.problem
     settings = problem.settings

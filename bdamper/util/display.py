@@ -389,7 +389,7 @@ def _kinds(of: type[Any]) -> Iterator[type[Any]]:
 
 
 def _has_own_text(value: object) -> bool:
-    """Return whether the text of a dataclass stands for its fields; the text of Python lists them.
+    """Return whether a dataclass has its own text; the text of Python lists its fields.
 
     A table of the fields is no such text.
     """

@@ -48,9 +48,9 @@ class Statement:
         Header and rows of values that belong together, for example one row for each study; printed
         between rows and checks.
     times : sequence of str
-        Time that each check took, "" if it has none of its own.  Without times there is no column.
+        Time that each check took, "" if unknown.  Without times there is no column.
     further : sequence of str
-        Calls to make, besides those of checks that were not run: "what: call".
+        Calls to make, in addition to checks that were not run: "what: call".
     details : sequence of Row
         Quantities and findings for reference, at the end.
     """
@@ -133,7 +133,7 @@ class Statement:
 
     @property
     def _shown_checks(self) -> list[Row]:
-        """Checks with a row of their own: those that did not pass, and one that passed alone."""
+        """Checks with a row: all that did not pass, and one that passed alone."""
         left_out = {_NOT_RUN, _PASS} if self._counted_checks else {_NOT_RUN}
         shown = []
         for check, taken in self._timed_checks:
@@ -181,7 +181,7 @@ class Statement:
 
     @property
     def _closing_rows(self) -> list[Row]:
-        """Effects that are not covered, and calls to make: those of checks that were not run first."""
+        """Effects that are not covered, and calls to make, first of checks that were not run."""
         rows = self._not_covered_rows
         # one call may run several checks
         names_of_call: dict[str, list[str]] = {}
