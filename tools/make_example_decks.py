@@ -61,11 +61,14 @@ Sector and wedge damper of a bladed disk with 36 blades, in mm, t, s
 def rounded(path):
     """Write numbers of a CalculiX matrix with ten digits, which compress well.
 
-    A mass matrix has no entries between different directions; their zeros are left out.
+    Zeros and rounding errors are left out: they are below 1e-12 of the diagonal entries of their
+    row and column.
     """
     rows = [line.split() for line in path.read_text().splitlines()]
-    if path.suffix == ".mas":
-        rows = [row for row in rows if float(row[2]) != 0.0]
+    diagonal = {i: abs(float(v)) for i, j, v in rows if i == j}
+    rows = [
+        (i, j, v) for i, j, v in rows if abs(float(v)) > 1e-12 * np.sqrt(diagonal[i] * diagonal[j])
+    ]
     path.write_text("".join(f"{i} {j} {float(v):.9e}\n" for i, j, v in rows))
 
 
