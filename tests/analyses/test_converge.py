@@ -312,7 +312,7 @@ class TestOptimalCurve:
         assert more.peaks[0].amplitude == pytest.approx(curve.optimum.amplitude, rel=1e-4)
         assert found.cost.evaluations == curve.cost.evaluations + more.cost.evaluations
         assert more.cost.evaluations > 0 and found.cost.seconds > curve.cost.seconds
-        assert f"{span(*more.range, 'm')} {more.peaks[0].harmonics} to " in said(
+        assert f"{span(*more.range, 'm')} with {more.peaks[0].harmonics} to " in said(
             found
         ) and more.note in said(found)
         found.save(tmp_path / "optimal.h5")
