@@ -31,7 +31,7 @@ ROOT = Path(__file__).resolve().parents[1]
 README, INDEX = ROOT / "README.md", ROOT / "docs" / "index.md"
 ABOVE = 2
 """Paragraphs of the printed optimal curve that the README shows: headline, and rows of values."""
-TIMES = re.compile(r"\s\((?:[a-z ]*\d+ m?s(?:,\s+)?)+\)")
+TIMES = re.compile(r"\s\((?:[a-z\s]*[\d.]+ [mk]?s(?:,\s+)?)+\)")
 """Times of the checks of an optimum."""
 RESULT = re.compile(r"(?<=^```\n)[^`]*?(?=^```$)", re.M)
 """Content of a block without a language: commands, or a printed result."""
