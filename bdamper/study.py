@@ -534,7 +534,7 @@ class Study(Comparable):
         problem = self.problem
         validation.flag("stability", stability)
         check_question(problem, [problem.check_preload(preload)], frequency)
-        linear_limits.warn_of_still_response(problem.at(preload), frequency)
+        linear_limits.warn_of_shroud(problem.at(preload), frequency)
         curve = followed_peak.response_curve(
             problem, preload, frequency, options=options, progress=shows_progress(progress)
         )
@@ -817,7 +817,7 @@ class Study(Comparable):
         frequency = peak_interval(problem.at(preload), frequency, mode)
         check_question(problem, [preload], frequency)
         problem.sizes.check_faces(preload)
-        linear_limits.warn_of_still_response(problem.at(preload), frequency)
+        linear_limits.warn_of_shroud(problem.at(preload), frequency)
         return followed_peak.highest_peak(
             problem,
             preload,

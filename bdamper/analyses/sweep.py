@@ -34,6 +34,7 @@ from bdamper.harmonic_balance.parameters import (
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.study_boundary import StudyLike, in_type_of, problem_of
 from bdamper.response.branches import UNBOUNDED
+from bdamper.response.first_slip import first_slip
 from bdamper.response.followed_peak import followed_peaks, highest_peak
 from bdamper.response.linear_limits import free_and_stuck
 from bdamper.response.optimal_curve import optimal_curve, preload_values
@@ -59,7 +60,6 @@ from bdamper.util.errors import (
     with_reason,
 )
 from bdamper.util.formatting import (
-    UNITS,
     amount,
     counted,
     peak_text,
@@ -67,6 +67,7 @@ from bdamper.util.formatting import (
     short_repr,
     short_text,
     spaced,
+    unit_of,
 )
 from bdamper.util.progress import LongWork, one_thread, shows_progress, with_progress
 from bdamper.util.records import Data, named_fields, names_of, row_of
@@ -138,6 +139,61 @@ class PeakTask(validation.Checked):
             "status": peak.status_text,
             "warning": warning,
             "cost": peak.cost,
+        }
+
+
+@validation.check_arguments
+@dataclass(frozen=True)
+class ShroudTask(PeakTask):
+    """Task of a sweep: find the state of a shroud at rest, its first slip, and the highest peak.
+
+    A sweep over ``"constant_loads.shroud"`` or ``"gap.shroud"`` is the curve from which a designer
+    chooses the interference of a shroud.
+
+    Parameters
+    ----------
+    face : str
+        Interface between neighbouring blades.
+    preload : float, N, optional
+        Centrifugal load of the dampers if the sweep does not vary it, 0 without dampers.
+    frequency, mode, errors
+        See :class:`PeakTask`.
+
+    Notes
+    -----
+    The results are those of :class:`PeakTask` and
+
+    - "shroud_force" (N): normal force on the face at rest;
+    - "interference" (m): the largest one of its points at assembly;
+    - "static_slip" (m): the largest slip of its points from assembly to rest;
+    - "first_slip": excitation of first slip over that of the study (:meth:`bdamper.Study.first_slip`);
+    - "locked_amplitude" (m): amplitude at first slip.
+
+    Below first slip the peak is that of the locked shroud.
+    """
+
+    face: str = "shroud"
+
+    def __call__(self, study: StudyLike | Problem, preload: float | None) -> Values:
+        problem = problem_of(study)
+        load: Any = self.preload if preload is None else preload
+        validation.choice("face", self.face, problem.settings.shrouds)
+        state = problem.static(load)
+        limit = first_slip(problem.at(load), self.frequency, self.mode)
+        remarks = [state.too_far] if state.too_far else []
+        peak = super().__call__(study, load)
+        if peak["warning"]:
+            remarks.append(str(peak["warning"]))
+        return {
+            "amplitude": peak["amplitude"],
+            "frequency": peak["frequency"],
+            "shroud_force": state.normal_force[self.face],
+            "interference": state.largest_interference.get(self.face, np.nan),
+            "static_slip": state.static_slip[self.face],
+            "first_slip": limit.factor,
+            "locked_amplitude": limit.amplitude_at_first_slip,
+            **peak,
+            "warning": SEPARATOR.join(remarks),
         }
 
 
@@ -408,12 +464,12 @@ class SweepResult(
         for name in self.names:
             values = self.points[name].tolist()
             shown = [str(value) if isinstance(value, dict) else value for value in values]
-            columns[name] = Column(np.array(shown), UNITS.get(name, ""))
+            columns[name] = Column(np.array(shown), unit_of(name))
         for name in self.quantities:
             by_point = self.array(name).reshape(len(self), -1)
             # a quantity may have the name of a setting
             key = f"answer_{name}" if name in columns else name
-            unit = UNITS.get(name.removeprefix("curve_"), "")
+            unit = unit_of(name.removeprefix("curve_"))
             if by_point.shape[1] == 1:
                 columns[key] = Column(by_point[:, 0], unit)
             else:
@@ -486,7 +542,7 @@ class SweepResult(
             return Statement([verdict], remarks=further, table=table)
 
         def value_text(i: int) -> str:
-            return amount(values[i], UNITS.get(name, ""))
+            return amount(values[i], unit_of(name))
 
         lowest = int(np.nanargmin(values))
         highest = int(np.nanargmax(values))
@@ -534,7 +590,7 @@ def as_words(point: Mapping[str, Any]) -> str:
     words = []
     for name, value in point.items():
         if isinstance(value, float):
-            text = amount(value, UNITS.get(name, ""), 6)
+            text = amount(value, unit_of(name), 6)
         else:
             text = short_text(value)
         words.append(f"{spaced(name)} {text}")
@@ -642,7 +698,7 @@ def _question(
     task: Task = evaluate
     # a class is callable, but its instances are the tasks
     is_task = callable(task) and not isinstance(task, type)
-    expected = "PeakTask(...), OptimalTask(...) or a function"
+    expected = "PeakTask(...), OptimalTask(...), ShroudTask(...) or a function"
     validation.check_value(is_task, "evaluate", expected, task)
     if isinstance(task, PeakTask) and task.preload is None and "preload" not in names:
         raise SettingError(

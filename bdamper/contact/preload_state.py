@@ -31,6 +31,8 @@ EDGE = 0.3
 """Part of the area of a face below which it touches at an edge.  Faces of the reference models
 touch with 33 to 100 %, those of an imported stage that rotation distorts with 4 to 33 %.
 """
+SMALLEST_SLIP = 1e-9
+"""Slip relative to the interference below which it is a rounding error."""
 
 
 @short_repr
@@ -78,6 +80,9 @@ class PreloadState(
     on_friction_face : (n_points,) bool, optional
         Whether each point lies on a face with a friction law, unlike axial stops; None in states
         from files without it.
+    interference : (n_points,) float, m, optional
+        Interference of the surfaces at assembly by which constant loads and negative gaps press
+        them together; negative for gaps, NaN where nothing but free bodies is pressed on a face.
     """
 
     load: float
@@ -99,6 +104,7 @@ class PreloadState(
     area: SquareMetres | None = None
     friction: PerRow | None = None
     on_friction_face: PerRow | None = None
+    interference: Annotated[Metres | None, Data(derived=True)] = None
     _summary_fields = ("contact_area",)
 
     @property
@@ -141,20 +147,17 @@ class PreloadState(
             )
         ]
         rows += [
-            Row(name, amount(force, "N"), self._contact_text(name, force))
+            Row(name, amount(force, "N"), self._contact_text(name, force) + self._made_by(name))
             for name, force in self.normal_force.items()
         ]
         outcome = "pass" if self.ok else "FAIL"
         checks = [Row("Equilibrium", outcome, f"residual {self.residual:.2g}")]
+        pressed = self.largest_interference
+        if self.ok and pressed:
+            outcome = "FAIL" if self.too_far else "pass"
+            found = self.too_far or "less than the distance of neighbouring points"
+            checks.append(Row("Static slip", outcome, found))
         remarks = [f"Edge contact: {self.edges}"] if self.edges else []
-        if self.ok:
-            for name, slip in self.static_slip.items():
-                if slip > self.point_distance[name]:
-                    remarks.append(
-                        f"{name!r} slips by {amount(slip, 'm')} at rest, farther than neighbouring "
-                        f"points are apart ({amount(self.point_distance[name], 'm')}): the faces "
-                        "would leave each other; choose a smaller load or interference"
-                    )
         remarks.append("Not covered: other states that friction allows")
         subject = f"static state under {amount(self.load, 'N')}"
         return Statement([f"{verdict}: {subject}"], rows, checks, remarks)
@@ -174,6 +177,16 @@ class PreloadState(
             return "normal force"
         pressure = amount(force / area, "Pa")
         return f"normal force, {area_text(area)} in contact, mean pressure {pressure}"
+
+    def _made_by(self, name: str) -> str:
+        """Return the interference that presses an interface, and its slip from assembly, or ""."""
+        interference = self.largest_interference.get(name)
+        if interference is None:
+            return ""
+        slip = self.static_slip.get(name, 0.0)
+        has_slipped = slip > SMALLEST_SLIP * interference
+        slipped = f"slip of {amount(slip, 'm')}" if has_slipped else "no slip"
+        return f"; {amount(interference, 'm')} of interference, {slipped}"
 
     @property
     def edges(self) -> str:
@@ -212,6 +225,36 @@ class PreloadState(
             of_face = slip[(names == name) & closed]
             total[str(name)] = float(of_face.max(initial=0.0))
         return total
+
+    @property
+    def largest_interference(self) -> dict[str, float]:
+        """Largest interference (m) of each interface that has one."""
+        if self.interference is None:
+            return {}
+        names = np.array(self.interface)
+        largest = {}
+        for name in dict.fromkeys(names.tolist()):
+            of_face = self.interference[names == name]
+            if np.any(of_face > 0.0):
+                largest[name] = float(np.nanmax(of_face))
+        return largest
+
+    @property
+    def too_far(self) -> str:
+        """Faces with interference that slip beyond the distance of their points; empty if none does."""
+        if not self.ok:
+            return ""
+        texts = []
+        for name in self.largest_interference:
+            slip = self.static_slip.get(name, 0.0)
+            distance = self.point_distance.get(name, np.inf)
+            if slip > distance:
+                texts.append(
+                    f"{name!r} slips by {amount(slip, 'm')}, farther than neighbouring points are "
+                    f"apart ({amount(distance, 'm')}), so that the faces would leave each other: "
+                    "choose a smaller load or interference"
+                )
+        return "; ".join(texts)
 
     @property
     def point_distance(self) -> dict[str, float]:

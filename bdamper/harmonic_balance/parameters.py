@@ -15,7 +15,8 @@ scale other quantities:
 - ``"gap_factor"``: initial gaps.
 
 A dot selects one interface (``"friction_coefficient.left"``, ``"gap_factor.left"``), one load
-(``"load_per_preload.rear"``, ``"constant_loads.shroud"``), or one free body
+(``"load_per_preload.rear"``, ``"constant_loads.shroud"``), the gap of one interface in m
+(``"gap.shroud"``, negative for interference), or one free body
 (``"damper_inertia_factor.rear"``, ``"damper_mass_factor.rear"``).  Without a rotor speed,
 ``"damper_mass_factor.rear"`` also scales the load of this body per newton of preload;
 ``"damper_mass_factor"`` for all bodies requires a rotor speed.
@@ -61,6 +62,7 @@ FACTORS = (
     "gap_factor",
 )
 OF_LOAD = ("load_per_preload", "constant_loads")
+GAP = "gap"
 RENAMED = {"damper_mass_factor": INERTIA, "damper_mass": MASS}
 """Present names of settings in files of version 3 of the format."""
 SIDES = ("tangential", "normal")
@@ -75,7 +77,7 @@ def setting_names(problem: Problem) -> list[str]:
     of_excitation = [f.name for f in fields(settings.excitation)]
     names += [f"excitation.{name}" for name in of_excitation if name != "beside"]
     names += [f"response.{name}" for name in of_excitation if name in ("location", "direction")]
-    for setting in ("friction_coefficient", "gap_factor"):
+    for setting in ("friction_coefficient", GAP, "gap_factor"):
         names += [f"{setting}.{face.name}" for face in settings.friction_faces]
     for factor in OF_MASS:
         names += [f"{factor}.{body}" for body in settings.free_bodies]
@@ -140,12 +142,12 @@ def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
         response = replace(problem.settings.response_location, **of_response)
         problem = problem.replace(response=response)
 
-    # loads before factors, which may scale them
-    def is_no_load(name: str) -> bool:
+    # loads and gaps before factors, which may scale them
+    def is_factor(name: str) -> bool:
         head, _, _ = name.partition(".")
-        return head not in OF_LOAD
+        return head not in (*OF_LOAD, GAP)
 
-    for name in sorted(settings, key=is_no_load):
+    for name in sorted(settings, key=is_factor):
         value = settings[name]
         head, _, part = name.partition(".")
         if head == "friction_coefficient" and part:
@@ -154,6 +156,8 @@ def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
         elif head in OF_LOAD and part:
             loads = {**problem.settings.given_loads(head), part: value}
             problem = problem.replace(**{head: loads})
+        elif head == GAP and part:
+            problem = problem.replace(gap={**(problem.settings.gap or {}), part: value})
         elif head in FACTORS:
             problem = _scaled(problem, head, part, value)
     return problem

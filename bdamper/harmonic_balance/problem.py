@@ -91,12 +91,15 @@ class Locked(NamedTuple):
         Response at the stuck resonance.
     rounding : (float, float), N kg^-1/2
         Rounding error of the modal forces of the mean, and of the vibration at this resonance.
+    interval : (float, float), Hz
+        Interval whose highest stuck resonance this is.
     """
 
     state: PreloadState
     first_slip: float
     amplitude: float
     rounding: tuple[float, float]
+    interval: tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -531,6 +534,15 @@ class Problem:
         shift = shift + approach(unloaded, loads, touching, "constant_loads")
         return constant + self._padded(force), shift
 
+    @property
+    def interference(self) -> NDArray:
+        """Interference of the surfaces at assembly (n_points,), m: that of constant loads, or minus the
+        gap.  It is NaN at points that are no face between constrained bodies.
+        """
+        _, shift = self.fixed_load
+        constrained = np.isin(self.coupling.interface_of, self.settings.constrained_faces)
+        return np.where(constrained, shift[:, 2] - self.point_gaps, np.nan)
+
     def _padded(self, force: NDArray) -> NDArray:
         """Append zero forces for the residual modes."""
         return np.pad(force, (0, self.static_basis.n_modes - len(force)))
@@ -689,6 +701,7 @@ class Problem:
             "friction": self.friction,
             "on_friction_face": self.friction_points,
             "interface": self.coupling.interface_of,
+            "interference": self.interference,
         }
 
     @one_thread
@@ -870,7 +883,9 @@ class LoadCase:
 
     @property
     def locked(self) -> Locked | None:
-        """Locked state of a shroud whose curve from the static state is incomplete."""
+        """State of a shroud in which nothing slips under the excitation, see
+        :func:`bdamper.response.response_curve.frequency_response`.
+        """
         return self.problem.locked_states.get(self.preload)
 
     @property

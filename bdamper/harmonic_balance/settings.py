@@ -458,6 +458,16 @@ class Settings(validation.Answering):
         )
 
     @property
+    def shrouds(self) -> tuple[str, ...]:
+        """Friction interfaces between neighbouring blades."""
+        of_model = self.model.interfaces
+        return tuple(
+            name
+            for name in self.constrained_faces
+            if of_model[name].sector_a != of_model[name].sector_b
+        )
+
+    @property
     def loaded(self) -> tuple[str, ...]:
         """Names of bodies with a load and of friction interfaces between constrained bodies."""
         bodies = [name for name, body in self.model.bodies.items() if body.load is not None]

@@ -49,7 +49,7 @@ from bdamper.plot.axes import (
 from bdamper.response.sensitivity import Sensitivities
 from bdamper.response.verification import Convergence
 from bdamper.util.errors import SettingError
-from bdamper.util.formatting import UNITS, amount, peak_text, percent, spaced
+from bdamper.util.formatting import amount, peak_text, percent, spaced, unit_of
 from bdamper.util.records import row_of
 from bdamper.util.tables import FEW_ROWS, Tabular, axis_label, quantities
 
@@ -71,7 +71,8 @@ def _with_unit(name: str) -> str:
     """Return the axis label of a setting or a quantity of a sweep."""
     words = _WORDS.get(name, spaced(name))
     label = words[:1].upper() + words[1:]
-    return f"{label} ({UNITS[name]})" if name in UNITS else label
+    unit = unit_of(name)
+    return f"{label} ({unit})" if unit else label
 
 
 @picture(SweepResult)

@@ -41,7 +41,7 @@ from bdamper.contact.laws import (
 )
 from bdamper.contact.preload_state import STICK, PreloadState
 from bdamper.harmonic_balance.problem import LoadCase, Locked
-from bdamper.response.linear_limits import linear_peak, peak_interval, warn_of_still_response
+from bdamper.response.linear_limits import linear_peak, peak_interval, warn_of_shroud
 from bdamper.util import validation
 from bdamper.util.display import Summarised
 from bdamper.util.errors import SettingError
@@ -161,7 +161,7 @@ def first_slip(
             "study without them"
         )
     interval = peak_interval(case, frequency, mode)
-    warn_of_still_response(case, interval)
+    warn_of_shroud(case, interval)
     peak = linear_peak(case, interval, stuck=True)
     validation.check(
         np.isfinite(peak.amplitude),
@@ -237,7 +237,7 @@ def locked(case: LoadCase, frequency: tuple[float, float]) -> Locked | None:
     scale = case.sector.force_scale
     if any(error > FEWEST_DIGITS * force for error, force in zip(rounding, scale)):
         return None
-    return Locked(state, limit.factor, peak.amplitude, rounding)
+    return Locked(state, limit.factor, peak.amplitude, rounding, frequency)
 
 
 def _at_resonance(case: LoadCase, frequency: float) -> _Programme:

@@ -314,7 +314,21 @@ by 0.02 to 0.5 % of it on two random sectors, and by 1.5 % on an imported stage.
 """
 
 
-def warn_of_still_response(case: LoadCase, frequency: tuple[float, float]) -> None:
+def warn_of_shroud(case: LoadCase, frequency: tuple[float, float]) -> None:
+    """Warn of a shroud whose faces would leave each other at rest, and of a response location that
+    hardly moves.
+    """
+    state = case.problem.static(case.preload)
+    if state.too_far:
+        warn_implausible(
+            "constant_loads or gap",
+            "an interference with which the faces stay on each other",
+            f"{state.too_far} (study.static)",
+        )
+    _warn_of_still_response(case, frequency)
+
+
+def _warn_of_still_response(case: LoadCase, frequency: tuple[float, float]) -> None:
     """Warn if the response location of a shrouded blade hardly moves at its stuck resonance.
 
     The warning names a location of the same body that moves more.

@@ -383,8 +383,38 @@ def frequency_response(
             free_response = free_of_contact(problem, frequency, options)
             if free_response is not None:
                 return free_response
+        if problem.settings.shrouds:
+            return _of_shroud(case, frequency, options, progress)
         curve = _covered(case, frequency, options, progress)
         return _locked(case, curve, frequency, options, progress)
+
+
+def _of_shroud(
+    case: LoadCase, frequency: tuple[float, float], options: ContinuationOptions, progress: bool
+) -> ResponseCurve:
+    """Return the curve of a shroud from its locked state if there is one, else from the static state.
+
+    In service a shroud is locked: the vibration has left the mean friction forces that it needs.  All
+    further analyses at this preload start from the same state.
+    """
+    problem = case.problem
+    if not _is_locked_within(case, frequency):
+        case = problem.lock(case.preload, None)
+        case = problem.lock(case.preload, first_slip.locked(case, frequency))
+    curve = _covered(case, frequency, options, progress)
+    has_gaps = not curve.complete or curve.gap is not None
+    if case.locked is None or curve.interrupted or not has_gaps:
+        return curve
+    again = _covered(problem.lock(case.preload, None), frequency, options, progress)
+    return replace(again, cost=curve.cost + again.cost)
+
+
+def _is_locked_within(case: LoadCase, frequency: tuple[float, float]) -> bool:
+    """Return whether the locked state belongs to an interval that contains the given one."""
+    if case.locked is None:
+        return False
+    low, high = case.locked.interval
+    return low <= frequency[0] and frequency[1] <= high
 
 
 def _covered(

@@ -43,6 +43,7 @@ from bdamper.harmonic_balance.effects import MAX_HARMONIC, harmonic_numbers
 from bdamper.harmonic_balance.equations import OK, Condition, Fixed, Plane, norm2
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.model.kinematics import Coordinate
+from bdamper.response import first_slip
 from bdamper.response.peak import (
     Peak,
     amplitude_at,
@@ -178,11 +179,11 @@ def embed(old: Problem, new: Problem, preload: float, y: NDArray) -> NDArray:
     from_static = np.array(y, float)
     n_old_mean = old.system(preload).n_mean
     if n_old_mean:
-        from_static[:n_old_mean] -= old.static(preload).q
+        from_static[:n_old_mean] -= old.at(preload).static.q
     embedded = embed_direction(old, new, preload, from_static)
     n_new_mean = new.system(preload).n_mean
     if n_new_mean:
-        embedded[:n_new_mean] += new.static(preload).q
+        embedded[:n_new_mean] += new.at(preload).static.q
     return embedded
 
 
@@ -262,9 +263,9 @@ def with_motion_of_faces(old: Problem, new: Problem, preload: float, y: NDArray)
         if l == 0:
             # changes from the static states of both studies
             at_rest = np.zeros(old_system.n_unknowns)
-            at_rest[: old_system.n_mean] = old.static(preload).q
+            at_rest[: old_system.n_mean] = old.at(preload).static.q
             wanted_change = wanted[0] - motion_of_elements(at_rest)[0]
-            static = new.static(preload).q
+            static = new.at(preload).static.q
             others = embedded[:n_mean] - static
             others[own] = 0.0
             left = wanted_change - (motion_of @ others).real
@@ -485,6 +486,7 @@ def reach(
     The attempts end with the first peak, or if the iteration stalls near a solution.
     """
     own_system = problem.system(preload)
+    _lock_as(problem, richer, preload)
     system = richer.system(preload)
     sign = sign_of_jacobian(own_system, peak.y)
     refined = with_tangent(own_system, peak)
@@ -525,6 +527,14 @@ def reach(
     amplitude = amplitude_at(system, nearest)
     frequency = float(nearest[-1] / (2.0 * np.pi))
     return Reached(None, amplitude, frequency, least_residual)
+
+
+def _lock_as(problem: Problem, richer: Problem, preload: float) -> None:
+    """Lock the shroud of a richer study if that of a study is locked and its own can be."""
+    locked = problem.at(preload).locked
+    case = richer.at(preload)
+    if locked is not None and case.locked is None:
+        richer.lock(preload, first_slip.locked(case, locked.interval))
 
 
 def _plane(

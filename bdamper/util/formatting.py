@@ -37,6 +37,12 @@ def percent(value: float, sign: bool = False) -> str:
 UNITS = {
     "preload": "N",
     "amplitude": "m",
+    "constant_loads": "N",
+    "gap": "m",
+    "shroud_force": "N",
+    "interference": "m",
+    "static_slip": "m",
+    "locked_amplitude": "m",
     "half_range": "m",
     "lower_bound": "m",
     "frequency": "Hz",
@@ -69,6 +75,14 @@ UNITS = {
     "design_amplitude": "m",
 }
 """Units of settings and results; a name that is not listed is a plain number or a text."""
+
+
+def unit_of(name: str) -> str:
+    """Return the unit of a setting or result, also of a part such as "gap.shroud", or ""."""
+    head, _, _ = name.partition(".")
+    return UNITS.get(name, UNITS.get(head, ""))
+
+
 FITTING = {
     "m": "nµm ",
     "N": "m kM",

@@ -1098,3 +1098,35 @@ def test_answers_do_not_depend_on_order(study):
     assert repr(first.values.tolist()) == repr(again.values[::-1].tolist()), (
         "NaN is not equal to itself"
     )
+
+
+@pytest.mark.slow
+def test_a_shroud_over_its_interference():
+    """The columns are those of single answers, by load and by gap; below first slip the peak is linear."""
+    study = bd.Study(
+        bd.reference_model("shrouded_blade"), bd.Excitation("tip", "axial", 0.2), engine_order=4,
+        harmonics=1, load_per_preload={"front": 1.0, "rear": 0.6}, constant_loads={"shroud": 1.0},
+    )  # fmt: skip
+    loads = (100.0, 500.0)
+    band = (1400.0, 1640.0)
+    task = bd.ShroudTask(preload=300.0, frequency=band, errors=False)
+    swept = bd.sweep(study, {"constant_loads.shroud": loads}, task)
+    for i, load in enumerate(loads):
+        single = study.replace(constant_loads={"shroud": load})
+        state = single.static(300.0)
+        limit = single.first_slip(300.0, band)
+        row = swept.values[i]
+        assert row["shroud_force"] == pytest.approx(state.normal_force["shroud"], rel=1e-9)
+        assert row["interference"] == pytest.approx(state.largest_interference["shroud"], rel=1e-9)
+        assert row["static_slip"] == pytest.approx(state.static_slip["shroud"], abs=1e-15)
+        assert row["first_slip"] == pytest.approx(limit.factor, rel=1e-6)
+        assert row["locked_amplitude"] == pytest.approx(limit.amplitude_at_first_slip, rel=1e-6)
+        if limit.locked:
+            linear = limit.amplitude_at_first_slip / limit.factor
+            assert row["amplitude"] == pytest.approx(linear, rel=1e-6)
+    interference = swept.array("interference")[1]
+    by_gap = study.replace(constant_loads=None)
+    swept_gap = bd.sweep(by_gap, {"gap.shroud": [-interference]}, task)
+    assert swept_gap.array("interference")[0] == pytest.approx(interference, rel=1e-12)
+    with pytest.raises(bd.SettingError, match="face: expected"):
+        task.__class__(preload=300.0, face="tip")(study, None)

@@ -120,3 +120,31 @@ def test_a_face_that_slips_beyond_its_neighbouring_points_is_named():
         assert moved.static_slip["shroud"] == pytest.approx(slip, rel=1e-12)
         text = " ".join(str(moved).split())
         assert ("the faces would leave each other" in text) == named
+
+
+def test_the_interference_of_a_load_in_newtons_makes_the_same_forces():
+    """As gaps of single points it presses the faces of a frictionless shroud with this load."""
+    state = shrouded(50.0, mu=0.0, harmonics=1).static(0.0)
+    of_shroud = np.array(state.interface) == "shroud"
+    assert np.isnan(state.interference[~of_shroud]).all()
+    interference = state.interference[of_shroud]
+    assert state.largest_interference == {"shroud": interference.max()}
+    by_gap = shrouded(50.0, mu=0.0, harmonics=1).replace(
+        constant_loads=None, gap={"shroud": -interference}
+    )
+    pressed = by_gap.static(0.0)
+    assert pressed.normal_force["shroud"] == pytest.approx(50.0, rel=1e-7)
+    np.testing.assert_allclose(pressed.force[of_shroud], state.force[of_shroud], rtol=1e-6)
+    assert pressed.interference[of_shroud] == pytest.approx(interference, rel=1e-12)
+    assert "nm of interference" in " ".join(str(pressed).split())
+
+
+def test_faces_that_would_leave_each_other_are_warned_of_and_fail():
+    study = shrouded(50.0, harmonics=1)
+    state = study.static(0.0)
+    of_shroud = np.array(state.interface) == "shroud"
+    slider = np.where(of_shroud[:, None], np.array([0.6, -0.8]) * 0.011, 0.0)
+    study.problem.static_states[0.0, 1.0] = replace(state, slider=slider)
+    assert "FAIL" in str(study.static(0.0))
+    with pytest.warns(bd.PlausibilityWarning, match="'shroud' slips by 11 mm, farther than"):
+        study.first_slip(0.0)

@@ -267,6 +267,32 @@ def test_the_locked_state_of_a_shroud_vibrates_without_slip():
     assert peak.amplitude == pytest.approx(share * found.amplitude, rel=1e-7)
 
 
+@pytest.mark.slow
+def test_a_shroud_below_first_slip_is_locked_also_where_a_curve_from_rest_is_complete():
+    """The static state leaves less friction to the vibration; its peak is 3 % lower."""
+    excitation = bd.Excitation("tip", "axial", 0.1)
+    study = bd.Study(
+        bd.reference_model("shrouded_blade"), excitation, engine_order=4, harmonics=1,
+        constant_loads={"shroud": 500.0}, load_per_preload={"front": 1.0, "rear": 0.6},
+    )  # fmt: skip
+    found = study.first_slip(300.0)
+    share = 0.9 * found.factor
+    study = study.replace(excitation=replace(excitation, amplitude=share * excitation.amplitude))
+    band = (0.99 * found.frequency, 1.01 * found.frequency)
+    wide = (0.9 * found.frequency, 1.2 * found.frequency)
+    for interval in (band, wide, band):
+        peak = study.peak(300.0, interval)
+        assert peak.ok and peak.shares[1] == 0.0
+        assert peak.amplitude == pytest.approx(share * found.amplitude, rel=1e-7)
+        # with more harmonics it is locked as well
+        of_harmonics = next(source for source in peak.errors if source.source == "harmonics")
+        assert of_harmonics.amplitude == pytest.approx(0.0, abs=1e-6)
+    above = study.replace(excitation=replace(excitation, amplitude=1.2 * found.force))
+    assert above.problem.at(300.0).locked is None
+    above.peak(300.0, band, errors=False)
+    assert above.problem.at(300.0).locked is None
+
+
 def test_a_peak_with_other_friction_forces_is_refused_with_the_remedy():
     """A new study does not know the locked state from which a stored peak was computed."""
     peak = two_masses(0.3 * limit_of_two()).peak(PRELOAD, TOGETHER)
