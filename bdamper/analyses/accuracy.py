@@ -2,12 +2,12 @@
 
 Harmonic convergence
     With ``H`` harmonics a peak solves ``r_H(u, omega) = 0`` and ``phi_H = 0``, the derivative of
-    the amplitude along the curve (``bdamper.response.peak``). The initial guess is the peak with
-    fewer harmonics; new harmonics are zero. Newton's method with line search solves at the phase of
-    that peak, or at its frequency, then the peak is located. It must have the sign of det J of that
-    peak. This sign changes at every fold, so that a different sign indicates a different part of
-    the curve. If this fails, half of the new harmonics are added first; if that fails too, the
-    response curve with all of them is followed near the peak and its highest maximum is taken.
+    the amplitude along the curve (``bdamper.response.peak``). Newton's method continues from the
+    peak with fewer harmonics (:mod:`bdamper.response.richer_peak`), as for the error of every peak.
+    At the new peak det J must have the same sign. This sign changes at every fold, so that a
+    different sign indicates a different part of the curve. If this fails, half of the new harmonics
+    are added first; if that fails too, the response curve with all of them is followed near the
+    peak and its highest maximum is taken.
 
     A few equal results do not prove convergence, because a higher harmonic may be resonant. At its
     optimum the turbine blade has 75.3, 75.0, 75.0, 75.2 and 74.2 um with 3, 5, 7, 9 and 12
@@ -82,10 +82,15 @@ from bdamper.response.highest_peak import NEAR as NEAR_HIGHEST
 from bdamper.response.highest_peak import found_at
 from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimal_curve_result import OptimalCurve
-from bdamper.response.peak import Peak, PeakOptions, check_peak, peak_of_sign, sign_of_jacobian
+from bdamper.response.peak import Peak, PeakOptions, check_peak
 from bdamper.response.peak_error import HarmonicPeak
 from bdamper.response.response_curve_result import ResponseCurve
-from bdamper.response.richer_peak import embed, missing_harmonics, nodal_diameter, with_stand_ins
+from bdamper.response.richer_peak import (
+    missing_harmonics,
+    nodal_diameter,
+    richer_peaks,
+    with_stand_ins,
+)
 from bdamper.response.verification import CONVERGED_SHARE, Convergence, Meeting
 from bdamper.time_domain.time_response import structure_in_time
 from bdamper.util import validation
@@ -419,8 +424,7 @@ def _near_or_highest(previous: Problem, peak: Peak, meter: CostMeter, problem: P
         If both fail, with the reason of the first.
     """
     try:
-        sign = sign_of_jacobian(previous.system(peak.parameter), peak.y)
-        return _richer_peak(previous, peak, sign, meter, problem)
+        return _by_newton(previous, peak, meter, problem)
     except BdamperError as error:
         frequency = ((1.0 - NEARBY) * peak.frequency, (1.0 + NEARBY) * peak.frequency)
         highest = found_at(
@@ -434,34 +438,31 @@ def _near_or_highest(previous: Problem, peak: Peak, meter: CostMeter, problem: P
         return highest.top.peak
 
 
-def _richer_peak(
-    previous: Problem, peak: Peak, sign: int, meter: CostMeter, problem: Problem
-) -> Peak:
-    """Return the peak of a problem with more harmonics, from the peak of the previous problem.
+def _by_newton(previous: Problem, peak: Peak, meter: CostMeter, problem: Problem) -> Peak:
+    """Return the peak of a problem with more harmonics by Newton's method from a previous peak.
 
     Raises
     ------
     BdamperError
-        If Newton's method fails with all new harmonics, and with the first half of them.
+        If the method fails with all new harmonics, and with the first half of them.
     """
     preload = peak.parameter
-    system = problem.system(preload)
-    meter.watch(system)
-    guess = embed(previous, problem, preload, peak.y)
-    solution, iterations = peak_of_sign(system, guess, sign, options=OPTIONS, parameter=preload)
-    meter.count(iterations)
-    if isinstance(solution, Peak):
-        return solution
-    # without a peak, the solution is the reason
+    # without a static state there are no equations
+    if problem.static(preload).ok:
+        meter.watch(problem.system(preload))
+    found = richer_peaks(previous, problem, preload, (peak,))
+    meter.count(found.iterations)
+    if found.peaks:
+        return found.peaks[0]
     new = [l for l in problem.harmonic_numbers if l > previous.harmonic_numbers[-1]]
     if len(new) == 1:
-        raise BdamperError(solution)
+        raise BdamperError(found.change.how)
     # half of the new harmonics first
     highest_of_half = new[len(new) // 2 - 1]
     harmonics = tuple(l for l in problem.harmonic_numbers if l <= highest_of_half)
     half = problem.replace(harmonics=harmonics)
-    peak_of_half = _richer_peak(previous, peak, sign, meter, half)
-    return _richer_peak(half, peak_of_half, sign, meter, problem)
+    peak_of_half = _by_newton(previous, peak, meter, half)
+    return _by_newton(half, peak_of_half, meter, problem)
 
 
 # ---- Cost of accuracy ----

@@ -69,7 +69,6 @@ discontinuous: a corner."""
 DIFFERENCE = 1e-5
 """Relative step of the central differences in sensitivities."""
 FAR = "a peak far from its prediction"
-ANOTHER = "a solution on another part of the curve, by the sign of det J"
 AT_END = "highest at an end of the interval"
 """Reason of a highest point that is no maximum."""
 IN_TIME = "Time integration"
@@ -681,66 +680,6 @@ def phase_row(system: Equations, y: NDArray) -> tuple[NDArray, NDArray]:
     # the frequency does not change the phase at constant unknowns
     row = np.append(phase_gradient, 0.0) * scale
     return row / max(norm2(row), 1e-300), scale
-
-
-def peak_of_sign(
-    system: Equations,
-    guess: NDArray,
-    sign: int,
-    *,
-    options: PeakOptions,
-    parameter: float = np.nan,
-    patient: bool = True,
-) -> tuple[Peak | str, int]:
-    """Compute a peak from a distant guess by Newton's method.
-
-    The first attempt keeps the phase of the guess constant, and the second its frequency.
-
-    The phase of a resonance that shifts hardly changes, whereas its old frequency may be on its
-    flank or on another branch.
-
-    Parameters
-    ----------
-    system, guess, options, parameter
-        See :func:`find_peak`.
-    sign : int
-        Required sign of det J at the peak.
-    patient : bool
-        Whether to try the frequency of the guess, which takes more iterations.
-
-    Returns
-    -------
-    Peak or str
-        Peak, or the reason for the failure.
-    iterations : int
-    """
-    row, scale = phase_row(system, guess)
-    iterations = 0
-    reason = ""
-    # conditions with the largest number of iterations: at constant phase 151 guesses needed up to
-    # 18; at constant frequency with more harmonics up to 37
-    attempts: list[tuple[equations.Condition, int]] = [(equations.Plane(row), 20)]
-    if patient:
-        attempts.append((equations.Fixed(), 40))
-    for condition, max_iterations in attempts:
-        solution = system.solve(
-            guess, condition, scale, options.tolerance, max_iterations, line_search=2
-        )
-        iterations += solution.iterations
-        if solution.status != OK:
-            reason = STATUS_TEXT[solution.status]
-            continue
-        peak = find_peak(
-            system, solution.y, tangent=solution.tangent, options=options, parameter=parameter
-        )
-        iterations += peak.iterations
-        if not peak.ok:
-            reason = peak.status_text
-        elif sign_of_jacobian(system, peak.y) != sign:
-            reason = ANOTHER
-        else:
-            return peak, iterations
-    return reason, iterations
 
 
 def coarse_options() -> ContinuationOptions:

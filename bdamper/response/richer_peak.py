@@ -402,12 +402,14 @@ class Reached(NamedTuple):
         large.
     residual : float
         Smallest residual relative to the excitation; 0 for a peak.
+    iterations : int
     """
 
     peak: Peak | None
     amplitude: float
     frequency: float
     residual: float
+    iterations: int = 0
 
     @property
     def known(self) -> bool:
@@ -425,10 +427,12 @@ class RicherPeaks(NamedTuple):
     peaks : tuple of Peak
         Converged peaks of the richer study in descending order; empty if the change is unknown or
         was read.
+    iterations : int
     """
 
     change: Change
     peaks: tuple[Peak, ...] = ()
+    iterations: int = 0
 
 
 def richer_peaks(
@@ -455,9 +459,11 @@ def richer_peaks(
     highest, *lower = peaks
     reached = [reach(problem, richer, preload, highest)]
     if not reached[0].known:
-        return RicherPeaks(Change(how="no peak near this one by Newton's method"))
+        unknown = Change(how="no peak near this one by Newton's method")
+        return RicherPeaks(unknown, iterations=reached[0].iterations)
     for peak in lower:
         reached.append(reach(problem, richer, preload, peak, ATTEMPTS[:1]))
+    iterations = sum(item.iterations for item in reached)
     best = max((item for item in reached if item.known), key=lambda item: item.amplitude)
     if best.peak is None:
         amplitude_change = best.amplitude / highest.amplitude - 1.0
@@ -467,11 +473,11 @@ def richer_peaks(
             uncertainty=READING_ERROR * abs(amplitude_change),
             how=f"Newton's method stalls at {percent(best.residual)} of the excitation",
         )
-        return RicherPeaks(change)
+        return RicherPeaks(change, iterations=iterations)
     found = [item.peak for item in reached if item.peak is not None]
     descending = sorted(found, key=lambda peak: -peak.amplitude)
     change = Change.between(highest, best.peak, "Newton's method from this peak")
-    return RicherPeaks(change, tuple(descending))
+    return RicherPeaks(change, tuple(descending), iterations)
 
 
 def reach(
@@ -498,6 +504,7 @@ def reach(
     plane = _plane(problem, richer, preload, peak, scale)
     least_residual = np.inf
     nearest = start
+    iterations = 0
     for attempt in attempts:
         condition: Condition = Fixed()
         if not attempt.fixed_frequency:
@@ -513,20 +520,24 @@ def reach(
             max_iterations=attempt.max_iterations,
             line_search=attempt.line_search,
         )
+        iterations += solution.iterations
         if solution.status == OK:
             richer_peak = find_peak(system, solution.y, tangent=solution.tangent, parameter=preload)
+            iterations += richer_peak.iterations
+            # another sign belongs to another part of the curve, beyond a fold
             if richer_peak.ok and sign_of_jacobian(system, richer_peak.y) == sign:
-                return Reached(richer_peak, richer_peak.amplitude, richer_peak.frequency, 0.0)
+                amplitude = richer_peak.amplitude
+                return Reached(richer_peak, amplitude, richer_peak.frequency, 0.0, iterations)
         elif solution.residual < least_residual and np.isfinite(solution.y).all():
             least_residual = solution.residual
             nearest = solution.y
         if least_residual < STALLED or (least_residual > HOPELESS and attempt is ATTEMPTS[0]):
             break
     if least_residual >= READ:
-        return Reached(None, np.nan, np.nan, least_residual)
+        return Reached(None, np.nan, np.nan, least_residual, iterations)
     amplitude = amplitude_at(system, nearest)
     frequency = float(nearest[-1] / (2.0 * np.pi))
-    return Reached(None, amplitude, frequency, least_residual)
+    return Reached(None, amplitude, frequency, least_residual, iterations)
 
 
 def _lock_as(problem: Problem, richer: Problem, preload: float) -> None:

@@ -12,7 +12,9 @@ import pytest
 import bdamper as bd
 from bdamper.analyses import accuracy as room
 from bdamper.lumped_masses import Contact, lumped
-from bdamper.response.peak import ANOTHER, Peak, peak_of_sign, sign_of_jacobian
+from bdamper.response import richer_peak
+from bdamper.response.peak import sign_of_jacobian
+from bdamper.response.richer_peak import Change, RicherPeaks, reach, with_more_harmonics
 from bdamper.response.verification import Convergence, HarmonicPeak, Meeting
 from bdamper.util.formatting import span
 from bdamper.util.progress import raise_if_stopped
@@ -94,13 +96,14 @@ class TestPeaks:
 
     def test_keep_the_sign_of_det_j(self, study, monkeypatch):
         """By the determinant itself, at every peak; a solution of the other sign is refused."""
-        seen, to = [], room._richer_peak
+        seen, to = [], room.richer_peaks
 
-        def recorded(*arguments):
-            seen.append((arguments[-1], to(*arguments)))
-            return seen[-1][1]
+        def recorded(problem, richer, *rest):
+            found = to(problem, richer, *rest)
+            seen.append((richer, found.peaks[0]))
+            return found
 
-        monkeypatch.setattr(room, "_richer_peak", recorded)
+        monkeypatch.setattr(room, "richer_peaks", recorded)
         peak = study.peak(5000.0, INTERVAL)
         study.harmonic_convergence(peak, harmonics=(3, 5))
         signs = [
@@ -110,22 +113,28 @@ class TestPeaks:
         system = study.problem.system(5000.0)
         own = np.linalg.slogdet(system.evaluate(peak.y[:-1], peak.y[-1])[1])[0]
         assert len(seen) == 2 and set(signs) == {own} and sign_of_jacobian(system, peak.y) == own
-        assert peak_of_sign(system, peak.y, -int(own), options=room.OPTIONS)[0] == ANOTHER
-        assert isinstance(peak_of_sign(system, peak.y, int(own), options=room.OPTIONS)[0], Peak)
+        richer = with_more_harmonics(study.problem)
+        assert reach(study.problem, richer, 5000.0, peak).peak is not None
+
+        def of_another_part(equations, y):
+            sign = sign_of_jacobian(equations, y)
+            return -sign if equations is system else sign
+
+        monkeypatch.setattr(richer_peak, "sign_of_jacobian", of_another_part)
+        refused = reach(study.problem, richer, 5000.0, peak)
+        assert refused.peak is None and not refused.known and refused.iterations > 0
 
     def test_half_of_the_harmonics_first_where_newton_fails(self, study, monkeypatch):
         """It fails here by more than two harmonics at once."""
-        beside, asked = peak_of_sign, []
+        to, asked = room.richer_peaks, []
 
-        def near_only(system, y, sign, **ways):
-            missing = sum(
-                not np.any(system.layout.amplitudes(y[:-1], l))
-                for l in range(2, system.n_harmonics + 1)
-            )
-            asked.append((system.n_harmonics, missing))
-            return ("too far", 0) if missing > 2 else beside(system, y, sign, **ways)
+        def near_only(problem, richer, *rest):
+            top = richer.harmonic_numbers[-1]
+            n_new = top - problem.harmonic_numbers[-1]
+            asked.append((top, n_new))
+            return RicherPeaks(Change(how="too far")) if n_new > 2 else to(problem, richer, *rest)
 
-        monkeypatch.setattr(room, "peak_of_sign", near_only)
+        monkeypatch.setattr(room, "richer_peaks", near_only)
         found = study.harmonic_convergence(study.peak(5000.0, INTERVAL), harmonics=(6,))
         assert found.status == "complete" and found.peaks[-1].harmonics == 6
         assert [n for n, _ in asked][:2] == [6, 3] and max(n for _, n in asked[1:]) <= 3
@@ -134,7 +143,8 @@ class TestPeaks:
         """It gives the same peak; Newton's method failed so on a blade of nickel alloy, whose convergence then ended."""
         peak = study.peak(5000.0, INTERVAL)
         by_newton = study.harmonic_convergence(peak, harmonics=(5,)).peaks[-1]
-        monkeypatch.setattr(room, "peak_of_sign", lambda *_, **__: ("too far", 0))
+        too_far = RicherPeaks(Change(how="too far"))
+        monkeypatch.setattr(room, "richer_peaks", lambda *_: too_far)
         found = study.harmonic_convergence(peak, harmonics=(5,))
         assert found.status == "complete" and found.peaks[-1].harmonics == 5
         assert found.peaks[-1].amplitude == pytest.approx(by_newton.amplitude, rel=1e-6)
@@ -149,14 +159,14 @@ class TestPeaks:
         )
 
     def test_after_ctrl_c_with_what_is_known(self, study, monkeypatch):
-        to = room._richer_peak
+        to = room.richer_peaks
 
-        def stops(*arguments):
-            if arguments[-1].harmonic_numbers[-1] == 5:
+        def stops(problem, richer, *rest):
+            if richer.harmonic_numbers[-1] == 5:
                 raise KeyboardInterrupt
-            return to(*arguments)
+            return to(problem, richer, *rest)
 
-        monkeypatch.setattr(room, "_richer_peak", stops)
+        monkeypatch.setattr(room, "richer_peaks", stops)
         found = study.harmonic_convergence(study.peak(5000.0, INTERVAL), harmonics=(3, 5))
         assert found.status == "interrupted" and [p.harmonics for p in found.peaks] == [1, 3]
 

@@ -6,10 +6,17 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.analyses.accuracy import at_optimum
 from bdamper.response import richer_peak
-from bdamper.response.highest_peak import found_at, maxima
+from bdamper.response.highest_peak import found_at, maxima, with_errors
 from bdamper.response.optimum_checks import checks
-from bdamper.response.peak_error import SourceError, amplitude_error, error_rows, error_text
+from bdamper.response.peak_error import (
+    HarmonicPeak,
+    SourceError,
+    amplitude_error,
+    error_rows,
+    error_text,
+)
 from bdamper.response.richer_peak import (
     NEARLY_HIGHEST,
     Reached,
@@ -266,3 +273,51 @@ def test_unknown_errors_are_named():
     rows = error_rows([known, unknown], 528e-6)
     assert rows[0][:2] == ("Harmonics", "+11 %") and rows[0].remark == "586 µm with 5 harmonics"
     assert rows[1][:2] == ("Residual modes", "unknown")
+
+
+def changes_by_harmonics(peaks):
+    """Return the relative change from the first peak for each number of harmonics above its own."""
+    own, *others = peaks
+    return {peak.harmonics: peak.amplitude / own.amplitude - 1.0 for peak in others}
+
+
+@pytest.mark.slow
+@each("model,points,preload,interval", [
+    ("turbine_blade", None, 104.0, (620.0, 700.0)),
+    ("turbine_blade", None, 200.0, (620.0, 720.0)),
+    ("bladed_disk", 9, 100.4, (260.0, 370.0)),
+])  # fmt: skip
+def test_one_change_for_one_question(model, points, preload, interval):
+    """Errors of a peak, error estimates and convergence compare the same two studies."""
+    tip = bd.Excitation("tip", direction="tangential")
+    loaded = bd.reference_model(model, points)
+    study = bd.Study(loaded, tip, engine_order=5, friction_coefficient=0.3)
+    peak = with_errors(study.problem, found_at(study.problem, preload, interval)).top.peak
+    own = HarmonicPeak(3, peak.amplitude, peak.frequency)
+    of_peak = changes_by_harmonics((own, *peak.harmonic_peaks))
+    estimated = study.estimate_errors(peak, sources=["harmonics", "residual flexibility"])
+    of_estimate = changes_by_harmonics(estimated.harmonic_peaks)
+    convergence = study.harmonic_convergence(peak, harmonics=(5, 7), progress=False)
+    of_convergence = changes_by_harmonics(convergence.peaks)
+    assert set(of_estimate) == set(of_convergence) == {5, 7} and 5 in of_peak
+    for harmonics in of_convergence:
+        assert of_estimate[harmonics] == pytest.approx(of_convergence[harmonics], abs=1e-3)
+    for harmonics in set(of_peak) & set(of_convergence):
+        assert of_peak[harmonics] == pytest.approx(of_convergence[harmonics], abs=1e-3)
+    by_vectors = {item.source: item.amplitude for item in estimated.sources}
+    expected = peak.errors[1].amplitude
+    assert by_vectors["residual flexibility"] == pytest.approx(expected, abs=1e-3)
+
+
+def test_the_check_of_an_optimal_curve_has_the_change_of_its_points():
+    """Lumped masses have no other modes in time integration: both compare three with five harmonics."""
+    study = separating()
+    curve = study.optimal_curve((0.1, 0.8), 4, frequency=INTERVAL, check=False, progress=False)
+    optimum = curve.peak_at(curve.optimum.preload)
+    change = changes_by_harmonics(at_optimum(study.problem, curve).peaks)[5]
+    assert change > 0.05
+    assert amplitude_error(optimum.errors) == pytest.approx(change, abs=1e-3)
+    peak = study.peak(curve.optimum.preload, INTERVAL, progress=False)
+    assert peak.harmonic_peaks[0].amplitude / peak.amplitude - 1.0 == pytest.approx(
+        change, abs=1e-3
+    )
