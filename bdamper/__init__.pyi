@@ -48,7 +48,6 @@ from .model.contact_points import face_gap as face_gap
 from .analyses.sweep import compare as compare
 from .analyses.sweep import sweep as sweep
 from .analyses.sweep import PeakTask as PeakTask
-from .analyses.sweep import ShroudTask as ShroudTask
 from .analyses.sweep import OptimalTask as OptimalTask
 from .analyses.robust_optimum import sample as sample
 from .analyses.robust_optimum import optimal_curve_uncertainty as optimal_curve_uncertainty

@@ -104,12 +104,20 @@ class PeakTask(validation.Checked):
     errors : bool
         Estimate the errors by harmonics and residual modes: "harmonic_change", "vector_change", and
         their sum "error", relative to the amplitude.
+    shroud : str
+        Interface between neighbouring blades whose state is added: "shroud_force" (N, the normal
+        force at rest), "interference" (m, the largest one of its points at assembly), "static_slip"
+        (m, the largest one of its points from assembly to rest), "first_slip" (excitation of first
+        slip over that of the study, :meth:`bdamper.Study.first_slip`), and "locked_amplitude" (m, at
+        first slip).  A sweep over ``"constant_loads.shroud"`` or ``"gap.shroud"`` then shows which
+        interference a shroud needs.
     """
 
     preload: validation.Force | None = None
     frequency: validation.Interval | None = None
     mode: validation.Count = 1
     errors: bool = True
+    shroud: str = ""
 
     def __call__(self, study: StudyLike | Problem, preload: float | None) -> Values:
         # the preload of the task, if the sweep does not vary it
@@ -118,17 +126,23 @@ class PeakTask(validation.Checked):
             problem_of(study), load, self.frequency, mode=self.mode, errors=self.errors
         )
         stick, slip, separation = peak.shares
-        warning = ""
+        doubts = []
         search = with_reason(peak.search_status, peak.search_reason)
         if peak.search_reason.startswith(UNBOUNDED):
-            warning = peak.search_reason
+            doubts.append(peak.search_reason)
         elif search != COMPLETE:
-            warning = f"search {search}"
+            doubts.append(f"search {search}")
+        of_shroud: dict[str, Any] = {}
+        if self.shroud:
+            of_shroud, too_far = self._shroud_values(problem_of(study), load)
+            if too_far:
+                doubts.append(too_far)
         return {
             "amplitude": peak.amplitude if peak.ok else np.nan,
             "lower_bound": peak.lower_bound,
             "frequency": peak.frequency if peak.ok else np.nan,
             **({"error": peak.error} if self.errors else {}),
+            **of_shroud,
             "residual": peak.residual,
             "stick": float(stick),
             "slip": float(slip),
@@ -137,64 +151,23 @@ class PeakTask(validation.Checked):
             "search_status": peak.search_status,
             "search_reason": peak.search_reason,
             "status": peak.status_text,
-            "warning": warning,
+            "warning": SEPARATOR.join(doubts),
             "cost": peak.cost,
         }
 
-
-@validation.check_arguments
-@dataclass(frozen=True)
-class ShroudTask(PeakTask):
-    """Task of a sweep: find the state of a shroud at rest, its first slip, and the highest peak.
-
-    A sweep over ``"constant_loads.shroud"`` or ``"gap.shroud"`` is the curve from which a designer
-    chooses the interference of a shroud.
-
-    Parameters
-    ----------
-    face : str
-        Interface between neighbouring blades.
-    preload : float, N, optional
-        Centrifugal load of the dampers if the sweep does not vary it, 0 without dampers.
-    frequency, mode, errors
-        See :class:`PeakTask`.
-
-    Notes
-    -----
-    The results are those of :class:`PeakTask` and
-
-    - "shroud_force" (N): normal force on the face at rest;
-    - "interference" (m): the largest one of its points at assembly;
-    - "static_slip" (m): the largest slip of its points from assembly to rest;
-    - "first_slip": excitation of first slip over that of the study (:meth:`bdamper.Study.first_slip`);
-    - "locked_amplitude" (m): amplitude at first slip.
-
-    Below first slip the peak is that of the locked shroud.
-    """
-
-    face: str = "shroud"
-
-    def __call__(self, study: StudyLike | Problem, preload: float | None) -> Values:
-        problem = problem_of(study)
-        load: Any = self.preload if preload is None else preload
-        validation.choice("face", self.face, problem.settings.shrouds)
-        state = problem.static(load)
-        limit = first_slip(problem.at(load), self.frequency, self.mode)
-        remarks = [state.too_far] if state.too_far else []
-        peak = super().__call__(study, load)
-        if peak["warning"]:
-            remarks.append(str(peak["warning"]))
-        return {
-            "amplitude": peak["amplitude"],
-            "frequency": peak["frequency"],
-            "shroud_force": state.normal_force[self.face],
-            "interference": state.largest_interference.get(self.face, np.nan),
-            "static_slip": state.static_slip[self.face],
+    def _shroud_values(self, problem: Problem, preload: float) -> tuple[dict[str, Any], str]:
+        """Return the state of the shroud at rest and its first slip, and why they are not realistic."""
+        validation.choice("shroud", self.shroud, problem.settings.shrouds)
+        state = problem.static(preload)
+        limit = first_slip(problem.at(preload), self.frequency, self.mode)
+        values = {
+            "shroud_force": state.normal_force[self.shroud],
+            "interference": state.largest_interference.get(self.shroud, np.nan),
+            "static_slip": state.static_slip[self.shroud],
             "first_slip": limit.factor,
             "locked_amplitude": limit.amplitude_at_first_slip,
-            **peak,
-            "warning": SEPARATOR.join(remarks),
         }
+        return values, state.too_far
 
 
 @validation.check_arguments
@@ -698,7 +671,7 @@ def _question(
     task: Task = evaluate
     # a class is callable, but its instances are the tasks
     is_task = callable(task) and not isinstance(task, type)
-    expected = "PeakTask(...), OptimalTask(...), ShroudTask(...) or a function"
+    expected = "PeakTask(...), OptimalTask(...) or a function"
     validation.check_value(is_task, "evaluate", expected, task)
     if isinstance(task, PeakTask) and task.preload is None and "preload" not in names:
         raise SettingError(

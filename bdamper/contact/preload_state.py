@@ -184,8 +184,7 @@ class PreloadState(
         if interference is None:
             return ""
         slip = self.static_slip.get(name, 0.0)
-        has_slipped = slip > SMALLEST_SLIP * interference
-        slipped = f"slip of {amount(slip, 'm')}" if has_slipped else "no slip"
+        slipped = f"slip of {amount(slip, 'm')}" if slip > 0.0 else "no slip"
         return f"; {amount(interference, 'm')} of interference, {slipped}"
 
     @property
@@ -220,10 +219,14 @@ class PreloadState(
         names = np.array(self.interface)
         slip = np.linalg.norm(self.slider, axis=1)
         closed = (self.status != OPEN).all(axis=1)
+        rounding = {
+            name: SMALLEST_SLIP * interference
+            for name, interference in self.largest_interference.items()
+        }
         total = {}
-        for name in dict.fromkeys(names[np.asarray(self.on_friction_face, bool)]):
-            of_face = slip[(names == name) & closed]
-            total[str(name)] = float(of_face.max(initial=0.0))
+        for name in dict.fromkeys(names[np.asarray(self.on_friction_face, bool)].tolist()):
+            largest = float(slip[(names == name) & closed].max(initial=0.0))
+            total[name] = largest if largest > rounding.get(name, 0.0) else 0.0
         return total
 
     @property

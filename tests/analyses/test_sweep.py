@@ -1109,7 +1109,7 @@ def test_a_shroud_over_its_interference():
     )  # fmt: skip
     loads = (100.0, 500.0)
     band = (1400.0, 1640.0)
-    task = bd.ShroudTask(preload=300.0, frequency=band, errors=False)
+    task = bd.PeakTask(preload=300.0, frequency=band, errors=False, shroud="shroud")
     swept = bd.sweep(study, {"constant_loads.shroud": loads}, task)
     for i, load in enumerate(loads):
         single = study.replace(constant_loads={"shroud": load})
@@ -1128,5 +1128,5 @@ def test_a_shroud_over_its_interference():
     by_gap = study.replace(constant_loads=None)
     swept_gap = bd.sweep(by_gap, {"gap.shroud": [-interference]}, task)
     assert swept_gap.array("interference")[0] == pytest.approx(interference, rel=1e-12)
-    with pytest.raises(bd.SettingError, match="face: expected"):
-        task.__class__(preload=300.0, face="tip")(study, None)
+    with pytest.raises(bd.SettingError, match="shroud: expected"):
+        bd.PeakTask(preload=300.0, frequency=band, shroud="tip")(study, None)
