@@ -841,6 +841,7 @@ class Study(Comparable):
         options: PeakOptions | None = None,
         executor: Executor | None = None,
         check: str | bool = "time",
+        seconds: float = in_time.SECONDS,
         progress: bool | None = None,
         resume: str | Path | None = None,
         quantity: str = "amplitude",
@@ -860,7 +861,7 @@ class Study(Comparable):
             See :meth:`peak`.
         executor : concurrent.futures.Executor, optional
             Executor that computes the response curves; threads by default.
-        check : {"time", "neighbours", "range", False}
+        check : {"time", "harmonics", "neighbours", "range", False}
             "time": compute the peak at the optimum with up to 16 harmonics (``curve.convergence``)
             and the amplitude by time integration there (``curve.time_response``).  If this
             integration is not complete or differs from harmonic balance by more than 20 %, 1.35
@@ -868,10 +869,14 @@ class Study(Comparable):
             recommended preload, compute the peaks with 0.7 and 1.3 times the friction coefficients
             (``curve.other_friction``).  Then find out whether the amplitude doubles with 1/1.5 or
             1.5 times the friction coefficients, and if so, at which factor
-            (``curve.friction_range``, 5 to 7 peaks).  With "neighbours" the time integration always
+            (``curve.friction_range``, 5 to 7 peaks).  "harmonics" omits the time integration, which
+            takes most of the time.  With "neighbours" the time integration always
             includes the preload of the optimum times 1.35 and divided by 1.35.  With "range" it
             includes 1.35 times this preload, and both ends of ``curve.near_best``, the range in
             which the harmonic-balance amplitude is at most 1.2 times the lowest one.
+        seconds : float, s
+            Most processor time of the time integration at one preload.  After it the motions that
+            are known are returned as incomplete, with the time that is missing.
         progress : bool, optional
             Show the current step and the remaining time; on by default.
         resume : path, optional
@@ -894,9 +899,10 @@ class Study(Comparable):
         """
         problem = self.problem
         # all arguments are checked before the first curve is computed
-        checks = ("time", "neighbours", "range", False)
+        checks = ("time", "harmonics", "neighbours", "range", False)
         is_known = isinstance(check, str | bool) and check in checks
         validation.check_value(is_known, "check", f"one of {checks}", check)
+        seconds = validation.number("seconds", seconds, above=0.0, unit="s")
         check_executor(executor)
         progress = shows_progress(progress)
         values = optimal.preload_values(preload, n, call="optimal_curve")
@@ -926,7 +932,7 @@ class Study(Comparable):
         )
         problem.sizes.check_optimum(curve.optimum.preload, values)
         problem.sizes.check_faces(curve.optimum.preload)
-        return check_optimum(problem, curve, check, margin_material, progress)
+        return check_optimum(problem, curve, check, margin_material, progress, seconds)
 
     @partial(validation.check_arguments, name="peak_sensitivities")
     @needs_contacts
@@ -993,6 +999,7 @@ class Study(Comparable):
         curve: OptimalCurve,
         preload: Sequence[float] | NDArray | None = None,
         *,
+        seconds: float = in_time.SECONDS,
         progress: bool | None = None,
     ) -> OptimalCurve:
         """Return the optimal curve with time integrations at some preloads.
@@ -1004,6 +1011,8 @@ class Study(Comparable):
         preload : sequence of float, N, optional
             By default, the preload of the optimum, and 1.35 times this preload if the integration
             at the optimum is not complete or differs from harmonic balance by more than 20 %.
+        seconds : float, s
+            Most processor time at each preload, see :meth:`time_response`.
         progress : bool, optional
             Show the progress at each preload; on by default.
 
@@ -1020,7 +1029,9 @@ class Study(Comparable):
         SettingError
             If the curve belongs to another model.
         """
-        return in_time.with_time_response(self.problem, curve, preload, progress=progress)
+        return in_time.with_time_response(
+            self.problem, curve, preload, seconds=seconds, progress=progress
+        )
 
     # free vibration
 

@@ -42,6 +42,7 @@ def check_optimum(
     check: str | bool = "time",
     material: Material | None = None,
     progress: bool = False,
+    seconds: float = time_response.SECONDS,
 ) -> OptimalCurve:
     """Return an optimal curve with the checks of its optimum.
 
@@ -50,17 +51,19 @@ def check_optimum(
     problem : Problem
     curve : OptimalCurve
         Curve of this problem without checks.
-    check : {"time", "neighbours", "range", False}
-        Preloads of the time integration, see :meth:`bdamper.Study.optimal_curve`.  If False, only
-        the margins are computed.
+    check : {"time", "harmonics", "neighbours", "range", False}
+        Preloads of the time integration, see :meth:`bdamper.Study.optimal_curve`; "harmonics" omits
+        it.  If False, only the margins are computed.
     material : Material, optional
         Fatigue strength; without it there are no margins.
     progress : bool
         Show a progress bar.
+    seconds : float, s
+        Most processor time of the time integration at one preload.
     """
     try:
         if check and not curve.interrupted:
-            curve = _with_time_and_harmonics(problem, curve, str(check), progress)
+            curve = _with_time_and_harmonics(problem, curve, str(check), progress, seconds)
         # the friction is changed at the better of the preloads that were integrated in time
         if check and not curve.interrupted:
             curve = robust_optimum.with_other_friction(problem, curve, progress)
@@ -76,12 +79,16 @@ def check_optimum(
 
 
 def _with_time_and_harmonics(
-    problem: Problem, curve: OptimalCurve, check: str, progress: bool
+    problem: Problem, curve: OptimalCurve, check: str, progress: bool, seconds: float
 ) -> OptimalCurve:
     """Integrate in time while the peak at the optimum is computed with more harmonics."""
     preloads = preloads_in_time(curve, check)
 
     def integrate() -> OptimalCurve:
-        return time_response.with_time_response(problem, curve, preloads, progress=progress)
+        if check == "harmonics":
+            return curve
+        return time_response.with_time_response(
+            problem, curve, preloads, seconds=seconds, progress=progress
+        )
 
     return accuracy.with_convergence(problem, curve, integrate, progress)

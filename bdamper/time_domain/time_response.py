@@ -762,6 +762,7 @@ def with_time_response(
     curve: OptimalCurve,
     preload: Sequence[float] | NDArray | None = None,
     *,
+    seconds: float = SECONDS,
     progress: bool | None = None,
 ) -> OptimalCurve:
     """See :meth:`bdamper.Study.with_time_response`."""
@@ -790,7 +791,7 @@ def with_time_response(
                 tracked = with_verdict(problem, tracked, curve.settings["frequency"])
             tracked = uninterrupted(tracked)
             costs[load] = tracked.cost
-            responses[load] = time_response(problem, tracked, progress=progress)
+            responses[load] = time_response(problem, tracked, seconds=seconds, progress=progress)
             costs[load] += responses[load].cost
         except InterruptedResponse as interruption:
             costs[load] += interruption.response.cost
@@ -816,13 +817,13 @@ def with_time_response(
             # another preload may be better
             integrate_all([NEIGHBOUR * p for p in preloads])
     # the preloads share the time, so their seconds do not add up
-    seconds = curve.cost.seconds + time.perf_counter() - start
+    elapsed = curve.cost.seconds + time.perf_counter() - start
     cost = sum((costs[p] for p in sorted(costs)), curve.cost)
     in_order = tuple(responses[p] for p in sorted(responses))
     return replace(
         curve,
         time_response=in_order,
-        cost=replace(cost, seconds=seconds),
+        cost=replace(cost, seconds=elapsed),
         # an interrupt may come when all integrations have ended
         checks_interrupted=curve.checks_interrupted or work.interrupted,
     )

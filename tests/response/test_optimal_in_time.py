@@ -35,7 +35,7 @@ def curve(study):
     return study.optimal_curve((1000.0, 5000.0), 3, frequency=(280.0, 370.0), check=False)
 
 
-def keeps(problem, tracked, progress=None):
+def keeps(problem, tracked, seconds=None, progress=None):
     """In place of the time integration: nine tenths of the peak, more at lower preloads."""
     top, p = tracked.peak.amplitude, tracked.preload
     mean = 0.9 * top * (1.0 + 1e-6 * (5000.0 - p))
@@ -52,7 +52,7 @@ def test_a_second_preload_follows_if_the_first_does_not_confirm_the_optimum(
 ):
     """A difference of more than 20 % from harmonic balance fails the check at the optimum."""
 
-    def response(problem, tracked, progress=None):
+    def response(problem, tracked, seconds=None, progress=None):
         kept = keeps(problem, tracked)
         return replace(kept, mean=share * kept.balance, status=status)
 
@@ -160,6 +160,27 @@ def test_by_default_it_is_computed_at_the_optimum(study, curve, monkeypatch, tmp
 
 
 @pytest.mark.slow
+def test_the_checks_without_time_integration_and_its_budget(study, monkeypatch):
+    """ "harmonics" has all other checks; the time of one integration is passed on."""
+    budgets = []
+
+    def response(problem, tracked, seconds=None, progress=None):
+        budgets.append(seconds)
+        return keeps(problem, tracked)
+
+    monkeypatch.setattr(in_time, "time_response", response)
+    asked = {"frequency": (280.0, 370.0), "errors": False}
+    by_harmonics = study.optimal_curve((1000.0, 5000.0), 3, check="harmonics", **asked)
+    assert not budgets and not by_harmonics.time_response
+    assert by_harmonics.convergence is not None and by_harmonics.other_friction
+    assert "with_time_response(curve)" in said(by_harmonics)
+    study.optimal_curve((1000.0, 5000.0), 3, seconds=12.0, **asked)
+    assert set(budgets) == {12.0}
+    with pytest.raises(bd.SettingError, match="seconds: expected"):
+        study.optimal_curve((1000.0, 5000.0), 3, seconds=0.0, **asked)
+
+
+@pytest.mark.slow
 def test_neighbours_on_request(study, curve, monkeypatch):
     monkeypatch.setattr(in_time, "time_response", keeps)
     found = study.optimal_curve((1000.0, 5000.0), 3, frequency=(280.0, 370.0), check="neighbours")
@@ -201,7 +222,7 @@ def test_neighbours_on_request(study, curve, monkeypatch):
 def test_the_ends_of_the_range_on_request(study, monkeypatch, tmp_path):
     """In time the amplitude rises with the distance from the optimum, by another amount than by harmonic balance."""
 
-    def rises(problem, tracked, progress=None):
+    def rises(problem, tracked, seconds=None, progress=None):
         mean = 1e-4 * (1.0 + 0.5 * abs(np.log(tracked.preload / rises.best)))
         values = (
             mean,
@@ -276,8 +297,8 @@ def test_what_cannot_be_integrated_says_why(study, curve):
         and "fundamental_modes_only" in found.reason
         and np.isnan(found.mean)
     )
-    with pytest.raises(bd.SettingError, match=r"^check: expected .*, found 'harmonics'"):
-        study.optimal_curve((1000.0, 5000.0), 3, check="harmonics")
+    with pytest.raises(bd.SettingError, match=r"^check: expected .*, found 'sometimes'"):
+        study.optimal_curve((1000.0, 5000.0), 3, check="sometimes")
 
 
 def test_the_bottom_line_says_what_is_open(study, curve):

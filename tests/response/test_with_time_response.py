@@ -205,7 +205,7 @@ def test_what_cannot_be_integrated_says_why_beside_what_can(found, monkeypatch):
     at_optimum = study.frequency_response(curve.optimum.preload, curve.settings["frequency"])
     expected = study.time_response(at_optimum).mean
 
-    def failing(problem, tracked, progress=None):
+    def failing(problem, tracked, seconds=None, progress=None):
         if tracked.preload == 70.0:
             raise bd.SettingError("no structure in time")
         return own(problem, tracked, progress=progress)

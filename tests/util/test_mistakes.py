@@ -538,7 +538,9 @@ VALUES = {
                 "n: expected a whole number >= 2": [1, -3, 2.5],
             },
             "check": {
-                "check: expected one of ('time', 'neighbours', 'range', False)": ["yes"],
+                "check: expected one of ('time', 'harmonics', 'neighbours', 'range', False)": [
+                    "yes"
+                ],
             },
             "quantity": {
                 "quantity: expected one of ('amplitude', 'margin')": ["stress"],
