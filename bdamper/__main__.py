@@ -19,7 +19,7 @@ import bdamper as bd
 from bdamper.fatigue.criteria import Material
 from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimum_checks import known_in_time
-from bdamper.util.display import SUMMARY
+from bdamper.util.display import SUMMARY_CALL
 
 OPTION_FOR_ALL_VALUES = "--details"
 """The same remark for the command line."""
@@ -541,7 +541,7 @@ def answer(given: argparse.Namespace) -> int:
         return 0
     model = bd.reference_model("turbine_blade") if given.demo else bd.load_model(given.model)
     if given.command == "info":
-        print(str(model).replace(SUMMARY, OPTION_FOR_ALL_VALUES))
+        print(SUMMARY_CALL.sub(OPTION_FOR_ALL_VALUES, str(model)))
         _write_picture(model, given.png)
         return 0
 
@@ -553,7 +553,7 @@ def answer(given: argparse.Namespace) -> int:
     if given.details:
         print(result.summary())
     else:
-        print(str(result).replace(SUMMARY, OPTION_FOR_ALL_VALUES))
+        print(SUMMARY_CALL.sub(OPTION_FOR_ALL_VALUES, str(result)))
     # files are written last, because the disk can be full
     if given.csv:
         result.to_csv(given.csv)

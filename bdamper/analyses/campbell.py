@@ -165,7 +165,7 @@ class Campbell(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-cam
         )
 
     def _statement(self) -> Statement:
-        table = [("Order and mode", "Free", "Stuck")]
+        table = [("Order and mode", "Without contact", "Stuck")]
         for order, mode, free, stuck in self.met:
             if np.isfinite([free, stuck]).any():
                 table.append((f"{order:g}, mode {mode:g}", _place(free), _place(stuck)))

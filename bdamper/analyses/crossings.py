@@ -57,7 +57,15 @@ from bdamper.util.errors import (
     Ending,
     SettingError,
 )
-from bdamper.util.formatting import amount, counted, extent, peak_text, percent, short_repr
+from bdamper.util.formatting import (
+    amount,
+    beyond,
+    counted,
+    extent,
+    peak_text,
+    percent,
+    short_repr,
+)
 from bdamper.util.progress import Cost, CostMeter
 from bdamper.util.records import named_fields, numbers_of, row_of
 from bdamper.util.statement import Row, Statement
@@ -281,16 +289,19 @@ class Crossings(SweepResult, kind="bdamper-crossings"):
             return Statement([f"No crossing: {'; '.join(dict.fromkeys(reasons))}"])
         highest = self._highest_by_mass()
         best = "Highest crossing"
-        at_end = False
+        end = ""
         among = np.full(len(self), True)
         rows = []
         if len(highest) > 1:
             mass = min(highest, key=lambda mass: highest[mass])
             among = self.points[MASS] == mass
             masses = np.unique(self.points[MASS])
-            at_end = mass in (masses[0], masses[-1])
+            if mass == masses[0]:
+                end = "lower"
+            elif mass == masses[-1]:
+                end = "upper"
             best = f"Lowest crossing peak with {mass:g} times the damper mass"
-            best += ", at an end of the range:" if at_end else ":"
+            best += f", at the {end} end of the range:" if end else ":"
             others = [value for other, value in highest.items() if other != mass]
             reached = extent(min(others), max(others), "m")
             rows.append(Row("Other masses", reached, "highest crossing peak of each"))
@@ -307,7 +318,7 @@ class Crossings(SweepResult, kind="bdamper-crossings"):
         speed = Row("Speed", f"{top['speed'] * RPM:.0f} rpm", f"{top['speed']:.5g} rad/s")
         rows = [speed, Row("Preload", amount(top["preload"], "N")), *rows]
         rows += self._margin_rows(among)
-        remarks = [f"Remedy: include {MASS} outside the range"] if at_end else []
+        remarks = [f"Remedy: include {MASS} {beyond(end)} {mass:g}"] if end else []
         if top["warning"]:
             doubt = "Note" if top["kind"] == COMPLETE else "There may be a higher point"
             remarks.append(f"{doubt}: {top['warning']}")

@@ -35,7 +35,7 @@ from bdamper.response.richer_peak import Change, embed
 from bdamper.util import validation
 from bdamper.util.display import Plottable, Result
 from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.formatting import amount, percent, sentence, short_repr
+from bdamper.util.formatting import amount, counted, percent, sentence, short_repr
 from bdamper.util.progress import one_thread, progress_stages, shows_progress
 from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import Storable
@@ -150,13 +150,11 @@ class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-eff
         return tuple(effect.name for effect in self.effects if not effect.significant)
 
     def _statement(self) -> Statement:
-        n = len(self.effects)
-        n_kept = n - len(self.negligible)
-        verdict = f"Keep {n_kept} of {n} effects" if self.negligible else f"Keep all {n} effects"
+        verdict = self._advice
         rows = []
         if self.negligible:
             rows = [
-                Row("Omitted effects", str(n - n_kept), ", ".join(self.negligible)),
+                Row("Omitted effects", str(len(self.negligible)), ", ".join(self.negligible)),
                 Row(
                     "Change in peak",
                     percent(self.amplitude_change, sign=True),
@@ -173,8 +171,28 @@ class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-eff
             n_small = str(len(kept_although_small))
             rows.append(Row("Kept although small", n_small, ", ".join(kept_although_small)))
         subject = f"preload {amount(self.preload, 'N')}, tolerance {percent(self.tolerance)}"
-        remarks = [sentence(note) for note in self.notes]
+        remarks = [
+            f"Each row omits one effect; changes and effort are relative to all {len(self.effects)}"
+        ]
+        remarks += [sentence(note) for note in self.notes]
         return Statement([f"{verdict}: {subject}"], rows, remarks=remarks, table=self._rows())
+
+    @property
+    def _advice(self) -> str:
+        """Numbers of effects to keep, to switch on, to omit, and to leave off."""
+        verdicts = [effect.verdict for effect in self.effects]
+        parts = []
+        n_kept = verdicts.count("keep")
+        if n_kept:
+            parts.append(f"keep {counted(n_kept, 'effect')}")
+        for verdict, words in (
+            ("switch on", "switch on"),
+            ("omit", "omit"),
+            ("stays off", "leave off"),
+        ):
+            if verdict in verdicts:
+                parts.append(f"{words} {verdicts.count(verdict)}")
+        return sentence(", ".join(parts))
 
     def _rows(self) -> list[tuple[str, ...]]:
         """Return the printed table: its head, and a row for each effect and for all omitted ones."""
@@ -186,7 +204,7 @@ class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-eff
                 "Frequency",
                 "Method",
                 "Effort",
-                "Now",
+                "In study",
                 "Advice",
             )
         )

@@ -114,23 +114,23 @@ class ExcitationCurve(
         known = np.isfinite(self.amplitude)
         low, high = amount(self.excitation[0], unit), amount(self.excitation[-1], unit)
         preload = amount(self.preload, "N")
-        verdict = f"Resonance amplitude over the excitation, {low} to {high}: preload {preload}"
+        verdict = f"Resonances with {low} to {high} of excitation: preload {preload}"
         rows = []
         if known.any():
             first, last = np.flatnonzero(known)[[0, -1]]
             ends = (first, last)
             amplitudes = " and ".join(amount(self.amplitude[i], "m") for i in ends)
             frequencies = " and ".join(amount(self.frequency[i], "Hz") for i in ends)
-            rows.append(Row("Amplitude", amplitudes, "at both ends"))
-            rows.append(Row("Frequency", frequencies, "at both ends"))
+            at_ends = " and ".join(f"at {amount(self.excitation[i], unit)}" for i in ends)
+            rows.append(Row("Amplitude", amplitudes, at_ends))
+            rows.append(Row("Frequency", frequencies, at_ends))
+            best = int(np.nanargmin(self.amplitude / self.excitation))
+            ratio = amount(self.amplitude[best] / self.excitation[best], "m")
+            where = f"lowest of all excitations, at {amount(self.excitation[best], unit)}"
+            rows.append(Row(f"Amplitude per {unit}", ratio, where))
             top = int(np.nanargmax(self.damping_ratio))
-            where = f"at {amount(self.excitation[top], unit)}"
-            rows.append(Row("Damping ratio", percent(self.damping_ratio[top]), f"highest, {where}"))
-            rows.append(
-                Row(
-                    "Friction damps best", amount(self.best, unit), "least amplitude per excitation"
-                )
-            )
+            where = f"highest of all excitations, at {amount(self.excitation[top], unit)}"
+            rows.append(Row("Damping ratio", percent(self.damping_ratio[top]), where))
         n_known = "all" if known.all() else str(int(known.sum()))
         rows.append(Row("Excitations", str(len(known)), f"{n_known} with a known amplitude"))
         remarks = []
@@ -138,8 +138,42 @@ class ExcitationCurve(
             remarks.append(
                 "Scaled from an optimal curve: only the ratio of excitation and preload matters."
             )
-        table, further = self._few_rows()
+        table, further = self._first_rows(self._printed_table())
+        if not self.requested.all():
+            remarks.append(f"{_ADDED}: between the requested excitations")
         return Statement([verdict], rows, remarks=(*remarks, *further), table=table)
+
+    def _printed_table(self) -> list[tuple[str, ...]]:
+        """Return a header, and a row for each excitation."""
+        head = (
+            "Excitation",
+            "Amplitude",
+            "Frequency",
+            "Damping ratio",
+            "Dissipated",
+            "By contacts",
+        )
+        rows: list[tuple[str, ...]] = [(*head, "Remark")]
+        for i, excitation in enumerate(self.excitation):
+            remarks = [] if self.requested[i] else [_ADDED]
+            if self.statuses[i] != COMPLETE:
+                remarks.append(self.statuses[i])
+            rows.append(
+                (
+                    amount(excitation, self.unit),
+                    amount(self.amplitude[i], "m"),
+                    amount(self.frequency[i], "Hz"),
+                    percent(self.damping_ratio[i]),
+                    amount(self.dissipated[i], "J"),
+                    amount(self.by_contacts[i], "J"),
+                    ", ".join(remarks),
+                )
+            )
+        return rows
+
+
+_ADDED = "added"
+"""Remark on excitations that the search has added."""
 
 
 class _Level(NamedTuple):

@@ -286,7 +286,10 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
             verdict = f"Incomplete fit: {self.doubts}; misfit {size}"
         else:
             verdict = f"Fitted with a misfit of {size}"
-        finding = f"{size}, largest for '{self.tests[worst]}' ({misfits[worst]:.2g})"
+        finding = (
+            f"{size}, fails above {EXCEEDS_NOISE:g}; largest for '{self.tests[worst]}' "
+            f"({misfits[worst]:.2g})"
+        )
         checks = [Row("Misfit", "FAIL" if model_is_wrong else "pass", finding)]
         if np.isfinite(self.predictions).any():
             checks.append(Row("Prediction", "run", self._prediction_text()))
@@ -308,7 +311,7 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
         for i, name in enumerate(self.names):
             value = f"{self.values[i]:.3g}" if np.isfinite(self.deviation[i]) else UNKNOWN
             interval = f"{self.low[i]:.3g} to {self.high[i]:.3g}"
-            rows.append(Row(sentence(spaced(name)), value, f"95 %: {interval}"))
+            rows.append(Row(sentence(spaced(name)), value, f"95 % confidence interval: {interval}"))
         return rows
 
     def _prediction_text(self) -> str:

@@ -132,7 +132,10 @@ class Flutter(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-flut
             lowest = amount(safe[elsewhere].min(), "m")
             rows.insert(0, Row("Flutter above", lowest, f"or more: {self._where(elsewhere)}"))
         table, further = self._few_rows()
-        return Statement([verdict], rows, remarks=further, table=table)
+        remarks = list(further)
+        if np.any(self.amplitude == 0.0):
+            remarks.append("Rows with amplitude 0 are the state of rest")
+        return Statement([verdict], rows, remarks=remarks, table=table)
 
     def _where(self, rows: NDArray) -> str:
         """Return the preloads and nodal diameters of some rows (n,) bool."""

@@ -138,12 +138,17 @@ class FittedLoop(Result, Plottable):
                 amount(self.kt, "N/m"),
                 f"standard error {amount(kt, 'N/m')}",
             ),
-            Row("Spread of slip limits", f"{self.spread:.2g}", f"standard error {spread:.2g}"),
+            Row(
+                "Spread of slip limits",
+                f"± {percent(self.spread)}",
+                f"of their mean, standard error {percent(spread)}",
+            ),
         ]
         if self.backlash:
             deviation = f"standard error {amount(clearance, 'm')}"
             rows.append(Row("Backlash", amount(self.backlash, "m"), deviation))
-        rows.append(Row("Misfit", percent(self.misfit), "beyond the measurement noise"))
+        misfit_of = "mean distance of the points from the loop, without the measurement noise"
+        rows.append(Row("Misfit", percent(self.misfit), misfit_of))
         found = f"friction coefficient {self.mu:.3g}, stiffness {amount(self.kt, 'N/m')}"
         verdict = f"Fitted with a misfit of {percent(self.misfit)}: {found}"
         if self.reason:
@@ -224,7 +229,7 @@ def fit_loop(
     reason = ""
     if misfit > POOR:
         reason = (
-            f"the model does not describe this loop (misfit {percent(misfit)} beyond the noise)"
+            f"the model does not describe this loop (misfit {percent(misfit)} without the noise)"
         )
     return FittedLoop(
         kt=float(np.exp(best.log_kt)),

@@ -67,7 +67,15 @@ from bdamper.util.errors import (
     all_complete,
     one_line,
 )
-from bdamper.util.formatting import amount, counted, ordinal, percent, short_repr, spaced
+from bdamper.util.formatting import (
+    amount,
+    beyond,
+    counted,
+    ordinal,
+    percent,
+    short_repr,
+    spaced,
+)
 from bdamper.util.progress import Cost, LongWork, one_thread, progress_stages
 from bdamper.util.records import Data
 from bdamper.util.statement import Row, Statement
@@ -222,8 +230,16 @@ def _invalid_draws(
     return reasons
 
 
-END_REMEDY = "Remedy: include preloads outside the range"
-"""Remark on a best preload at an end of the range."""
+def _end_remedy(end: str, preload: float) -> str:
+    """Return the remark on a best preload (N) at an end of the range."""
+    return f"Remedy: include preloads {beyond(end)} {amount(preload, 'N')}"
+
+
+def _end(preload: float, low: float, high: float) -> str:
+    """Return at which end of a range (N) a preload lies: "lower", "upper", or "" inside."""
+    if preload == low:
+        return "lower"
+    return "upper" if preload == high else ""
 
 
 @short_repr
@@ -242,6 +258,8 @@ class RobustOptimum(Result):
         Relative half-width of the last bracket of the preload.
     kind : {"interior", "end"}
         Whether the preload is inside the range or at one of its ends.
+    end : {"", "lower", "upper"}
+        End of the range at which the preload lies.
     warnings : int
         Number of peaks in the last grid that are lower bounds.
     status : str
@@ -265,23 +283,23 @@ class RobustOptimum(Result):
     reason: str = ""
     draws: int = 0
     failed: Mapping[int, str] = field(default_factory=dict)
+    end: str = ""
 
     def _statement(self) -> Statement:
-        at_end = self.kind == "end"
-        edge = ", at an end of the range" if at_end else ""
+        edge = f", at the {self.end} end of the range" if self.end else ""
         draws = _draws_text(self.percentile, self.draws)
         too_few = _too_few_text(self.percentile, self.draws)
         at_most = f"at most {amount(self.amplitude, 'm')} in {draws}{too_few}"
         verdict = f"Best preload {amount(self.preload, 'N')}{edge}: {at_most}"
-        half_width = "half-width of the last search interval"
+        half_width = "half of the last search interval"
         rows = [Row("Uncertainty of the preload", f"± {percent(self.uncertainty)}", half_width)]
         remarks = [_failed_text(self.failed, self.draws + len(self.failed))]
         if not self.ok:
             remarks.append(f"The search is {self.status_text}")
         if self.warnings:
             remarks.append(f"{self.warnings} of the last peaks are lower bounds")
-        if at_end:
-            remarks.append(END_REMEDY)
+        if self.end:
+            remarks.append(_end_remedy(self.end, self.preload))
         return Statement([verdict], rows, remarks=[text for text in remarks if text])
 
 
@@ -417,11 +435,11 @@ class OptimalCurveUncertainty(
             return Statement([verdict], remarks=remarks, table=table)
         best = int(np.argmin(high))
         at_most = f"at most {amount(high[best], 'm')} in {draws}"
-        at_end = best in (0, len(self.preload) - 1)
-        edge = ", at an end of the range" if at_end else ""
+        end = _end(self.preload[best], self.preload[0], self.preload[-1])
+        edge = f", at the {end} end of the range" if end else ""
         verdict = f"Best preload {amount(self.preload[best], 'N')}{edge}: {at_most}"
-        if at_end:
-            remarks.append(END_REMEDY)
+        if end:
+            remarks.append(_end_remedy(end, self.preload[best]))
         rows = [Row("Sample", counted(n_counted, "draw"), f"random {settings}{too_few}")]
         return Statement([verdict], rows, remarks=remarks, table=table)
 
@@ -926,6 +944,7 @@ def robust_optimum(
             percentile=float(percentile),
             uncertainty=float(np.log(high / low)) / 2.0,
             kind="end" if best in limits else "interior",
+            end=_end(best, *limits),
             warnings=sum(draws.unknown(p) for p in grid),
             status=INCOMPLETE if reason else COMPLETE,
             reason=reason,

@@ -139,13 +139,9 @@ class PreloadState(
             verdict = f"All {points} {verbs[of_all[0]]}"
         else:
             verdict = f"{counts[1]} of {points} slip"
-        rows = [
-            Row(
-                f"{self._kind_of_points.capitalize()} points",
-                ", ".join(map(str, counts)),
-                "stick, slip, open",
-            )
-        ]
+        named_counts = zip(("stick", "slip", "open"), counts)
+        value = ", ".join(f"{name} {count}" for name, count in named_counts)
+        rows = [Row(f"{self._kind_of_points.capitalize()} points", value)]
         rows += [
             Row(name, amount(force, "N"), self._contact_text(name, force) + self._made_by(name))
             for name, force in self.normal_force.items()

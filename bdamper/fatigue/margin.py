@@ -25,7 +25,7 @@ from bdamper.harmonic_balance.subject import about
 from bdamper.util import validation
 from bdamper.util.display import Plottable, Result, draw
 from bdamper.util.errors import COMPLETE, BdamperError
-from bdamper.util.formatting import UNITS, amount, counted, percent, sentence, short_repr
+from bdamper.util.formatting import UNITS, amount, counted, percent, sentence, short_repr, spaced
 from bdamper.util.records import Data, Reason
 from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import FilePath, Recorded, Storable
@@ -220,7 +220,7 @@ class Margins(
     def _statement(self) -> Statement:
         i = self.critical
         in_time = any(note.startswith(over_cycle.SCALED) for note in self.notes)
-        margin = f"margin against fatigue {self.least:.3g} at {self.names[i]}"
+        margin = f"fatigue safety factor {self.least:.3g} at {self.names[i]}"
         load_check = over_cycle.load_check(self.notes)
         if load_check:
             verdict = over_cycle.OTHER_SPEED
@@ -236,12 +236,13 @@ class Margins(
             *_error_rows(self.error),
         ]
         if load_check:
-            rows.insert(0, Row("Margin", f"{self.least:.3g}", f"at {self.names[i]}"))
+            name = "Fatigue safety factor"
+            rows.insert(0, Row(name, f"{self.least:.3g}", f"at {self.names[i]}"))
         checks = [_fatigue_check(self.least), self._yield_check(), *load_check]
         call = "study.margin(peak, material, time_response=study.time_response(peak))"
         checks.append(_time_check(in_time, call))
         subject = about(self.settings, self.preload, amount(self.frequency, "Hz"))
-        table, further = self._few_rows()
+        table, further = self._first_rows(self._printed_table())
         remarks = [*further, *over_cycle.doubts(self.notes), NOT_COVERED]
         if load_check:
             remarks.append(over_cycle.load_remedy(self.preload, self.centrifugal_load, self.speed))
@@ -249,11 +250,39 @@ class Margins(
             remarks.append(REMEDY)
         return Statement([f"{verdict}{subject}"], rows, checks, remarks, table)
 
+    def _printed_table(self) -> list[tuple[str, ...]]:
+        """Return a header, and a row for each point: the lowest fatigue safety factor first."""
+        rows: list[tuple[str, ...]] = [
+            (
+                "Point",
+                "x, y, z (mm)",
+                "Amplitude",
+                "Mean",
+                "Fatigue factor",
+                "Yield factor",
+                "Remark",
+            )
+        ]
+        for i in self._order():
+            rows.append(
+                (
+                    self.names[i],
+                    ", ".join(f"{1e3 * x:.1f}" for x in self.points[i]),
+                    amount(self.amplitude[i], "Pa"),
+                    amount(self.mean[i], "Pa"),
+                    f"{self.factor[i]:.3g}",
+                    f"{self.yield_factor[i]:.3g}",
+                    "" if self.counted[i] else "not used",
+                )
+            )
+        return rows
+
     def _yield_check(self) -> Row:
         """Return the check of the largest stress of the first cycle."""
         factor = float(np.where(self.counted, self.yield_factor, np.inf).min())
         outcome = "FAIL" if self.yields else "pass"
-        return Row("Yield", outcome, f"factor {factor:.3g} in the first cycle, at least 1 required")
+        finding = f"safety factor {factor:.3g} in the first cycle, at least 1 required"
+        return Row("Yield", outcome, finding)
 
 
 def _error_rows(error: float) -> list[Row]:
@@ -268,7 +297,7 @@ def _error_rows(error: float) -> list[Row]:
 def _fatigue_check(margin: float) -> Row:
     """Return the check of the smallest margin."""
     outcome = "pass" if margin >= 1.0 else "FAIL"
-    return Row("Fatigue", outcome, f"margin {margin:.3g}, at least 1 required")
+    return Row("Fatigue", outcome, f"safety factor {margin:.3g}, at least 1 required")
 
 
 def _time_check(in_time: bool, call: str) -> Row:
@@ -421,7 +450,7 @@ class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-
     def _statement(self) -> Statement:
         if np.isnan(self.margin).all():
             places = f"{len(self)} values of {self.over}"
-            return Statement([f"No margin against fatigue was found at any of {places}"])
+            return Statement([f"No fatigue safety factor was found at any of {places}"])
         least = self.least
         best_value, best_margin = self.best_value, self.best_margin
         if np.isnan(best_value):
@@ -433,28 +462,34 @@ class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-
             value, margin = best_value, best_margin
         point = self.names[self.critical[least]]
         name = "largest" if is_chosen else "smallest"
-        text = f"{name} margin against fatigue {margin:.3g} at {amount(value, self.unit)}"
+        text = f"{name} fatigue safety factor {margin:.3g} at {amount(value, self.unit)}"
         if not is_chosen:
             text += f", {point}"
         failed = margin < 1.0 or any(margins.least < 1.0 for margins in self.in_time)
         if is_chosen:
             place = f"at {amount(self.values[least], self.unit)}, {point}"
-            other = Row("Smallest margin", f"{self.margin[least]:.3g}", place)
+            other = Row("Smallest safety factor", f"{self.margin[least]:.3g}", place)
         else:
-            other = Row("Largest margin", f"{best_margin:.3g}", amount(best_value, self.unit))
+            place = f"at {amount(best_value, self.unit)}"
+            other = Row("Largest safety factor", f"{best_margin:.3g}", place)
         rows = [other, *self._rows_in_time()]
         rows += _error_rows(self._error_at(value))
         lowest = min([self.margin[least], *(margins.least for margins in self.in_time)])
         load_check = over_cycle.load_check(self.notes)
-        checks = [_fatigue_check(lowest), *load_check]
+        fatigue = _fatigue_check(lowest)
+        checks = [fatigue._replace(remark=f"{fatigue.remark}; {self._sufficient}"), *load_check]
         checks.append(_time_check(bool(self.in_time), self._call_in_time))
         verdict = f"Not for design: {text}" if failed else sentence(text)
+        if is_chosen and margin < 1.0:
+            below = f"the fatigue safety factor is below 1 at every {self.over}"
+            best = f"the largest is {margin:.3g} at {amount(value, self.unit)}"
+            verdict = f"Not for design: {below}; {best}"
         if load_check:
             verdict = over_cycle.OTHER_SPEED
             place = f"at {amount(value, self.unit)}"
             if not is_chosen:
                 place += f", {point}"
-            rows.insert(0, Row(f"{sentence(name)} margin", f"{margin:.3g}", place))
+            rows.insert(0, Row(f"{sentence(name)} safety factor", f"{margin:.3g}", place))
         rows += [_named("Criterion", str(self.rule)), _named("Material", self.material.name)]
         remarks = [*over_cycle.doubts(self.notes), NOT_COVERED]
         if load_check:
@@ -462,6 +497,13 @@ class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-
         elif lowest < 1.0:
             remarks = [*remarks, self._remedy(failed)]
         return Statement([f"{verdict}{about(self.settings)}"], rows, checks, remarks)
+
+    @property
+    def _sufficient(self) -> str:
+        """At how many values of the abscissa the safety factor is at least 1, in words."""
+        n_sufficient = int(np.count_nonzero(self.margin >= 1.0))
+        n_known = int(np.count_nonzero(np.isfinite(self.margin)))
+        return f"{n_sufficient} of {counted(n_known, spaced(self.over))} reach it"
 
     def _error_at(self, value: float) -> float:
         """Return the error of the amplitude at the computed value nearest to a value of the

@@ -149,7 +149,7 @@ class StressCycle(
             checks=check,
             remarks=[*further, *doubts(self.notes)],
             table=table,
-            further=["margin against fatigue: study.margin(stress, material)"],
+            further=["fatigue safety factor: study.margin(stress, material)"],
         )
 
 

@@ -8,6 +8,7 @@ by 0.12 % at 5 %.)  Blade ``n`` of an array is sector ``n``, counted toward +X.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -237,6 +238,16 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         return text
 
     @property
+    def _source_text(self) -> str:
+        """The origin, with the distribution in words and its standard deviation in per cent."""
+
+        def in_percent(found: re.Match[str]) -> str:
+            return f"standard deviation {100.0 * float(found[1]):g} %"
+
+        text = re.sub(r"standard deviation ([\d.e-]*\d)", in_percent, self.origin)
+        return re.sub(r"^(normal|uniform),", r"\1 distribution of frequencies,", text)
+
+    @property
     def record_text(self) -> str:
         """Text in the settings of results, the same as in files of earlier versions."""
         modes = ""
@@ -261,13 +272,16 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         of_blade = percents.reshape(self.n_blades, -1)
         lowest = int(of_blade.min(axis=1).argmin())
         highest = int(of_blade.max(axis=1).argmax())
-        blades = f"blade {lowest} lowest, blade {highest} highest"
+        blades = f"blade {lowest} lowest, blade {highest} highest (counted from 0)"
         verdict = (
-            f"Standard deviation {percents.std():.3g} %: frequencies of "
-            f"{counted(self.n_blades, 'blade')} clamped at the root"
+            f"Frequencies of {counted(self.n_blades, 'blade')} clamped at the root deviate by "
+            f"{percents.std():.3g} % (standard deviation)"
         )
+        source = self._source_text
+        if self.seed:
+            source += "; a drawn sample has another one"
         rows = [
-            Row("Source", "", self.origin),
+            Row("Source", "", source),
             Row("Mean", f"{mean:.3g} %", "shifts all blades equally"),
             Row("Range", f"{percents.min():.3g} to {percents.max():.3g} %", blades),
         ]

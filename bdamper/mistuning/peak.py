@@ -168,7 +168,7 @@ class DiskPeak(Result, Plottable, Recorded, Storable, kind="bdamper-wheel-peak")
         if not np.isfinite(self.amplitude):
             return Statement([f"No peak of the bladed disk: {preload}, {self.reason}"])
         peak = peak_text(self.amplitude, self.frequency)
-        subject = f"blade {self.blade} of {len(self.response)}, {preload}"
+        subject = f"blade {self.blade} (counted from 0) of {len(self.response)}, {preload}"
         is_lower_bound = self.status == INCOMPLETE
         if is_lower_bound:
             verdict = f"Not for design: a blade may have a larger amplitude than {peak}: {subject}"

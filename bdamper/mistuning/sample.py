@@ -48,7 +48,7 @@ from bdamper.util.errors import (
     WithRowStatus,
     all_complete,
 )
-from bdamper.util.formatting import amount, ordinal, short_repr
+from bdamper.util.formatting import amount, beyond, counted, ordinal, short_repr
 from bdamper.util.progress import one_thread, shows_progress
 from bdamper.util.records import Data, numbers_of
 from bdamper.util.statement import Row, Statement
@@ -195,6 +195,8 @@ class BestPreload(Summarised):
         The best of the same preloads for the tuned disk.
     disks : int
         Number of disks with a peak at every preload; only these are used.
+    end : {"", "lower", "upper"}
+        End of the range at which the preload lies.
     """
 
     percentile: float
@@ -207,6 +209,7 @@ class BestPreload(Summarised):
     tuned_preload: float
     tuned_amplitude: float
     disks: int
+    end: str = ""
 
     def _statement(self) -> Statement:
         preload = amount(self.preload, "N")
@@ -215,13 +218,14 @@ class BestPreload(Summarised):
         rows = [
             Row(
                 "Amplitude",
-                self.amplitude.to_text("m"),
-                f"{ordinal(self.percentile)} percentile of the disks, with 95 % confidence limits",
+                amount(self.amplitude.value, "m", 4),
+                f"{ordinal(self.percentile)} percentile of the disks; 95 % confidence: "
+                f"{self.amplitude.ends_text('m')}",
             ),
             Row(
                 "Tuned disk",
                 amount(self.tuned_amplitude, "m"),
-                f"{amount(self.tuned_preload, 'N')}",
+                f"lowest of the same preloads, at {amount(self.tuned_preload, 'N')}",
             ),
         ]
         deviation = f"standard deviation {100.0 * self.standard_deviation:g} %"
@@ -229,8 +233,11 @@ class BestPreload(Summarised):
         if self.kind == "interior":
             return Statement([f"Best preload {preload}: {subject}"], rows)
         best = amount(self.preload, "N")
-        verdict = f"Not for design: the best preload, {best}, is at an end of the range ({subject})"
-        remarks = ["Remedy: include preloads outside this range in the sample"]
+        verdict = (
+            f"Not for design: the best preload, {best}, is at the {self.end} end of the range "
+            f"({subject})"
+        )
+        remarks = [f"Remedy: include preloads {beyond(self.end)} {best} in the sample"]
         return Statement([verdict], rows, remarks=remarks)
 
 
@@ -436,7 +443,11 @@ class MistunedSample(
         low = np.quantile(lowest_best, 0.025, method="nearest")
         high = np.quantile(highest_best, 0.975, method="nearest")
 
-        at_end = self.preload[best] in (self.preload.min(), self.preload.max())
+        end = ""
+        if self.preload[best] == self.preload.min():
+            end = "lower"
+        elif self.preload[best] == self.preload.max():
+            end = "upper"
         tuned_best = int(np.argmin(np.nan_to_num(self.tuned_amplitude, nan=np.inf)))
         return BestPreload(
             percentile=q,
@@ -445,10 +456,11 @@ class MistunedSample(
             amplitude=intervals[best],
             low=float(low),
             high=float(high),
-            kind="end" if at_end else "interior",
+            kind="end" if end else "interior",
             tuned_preload=float(self.preload[tuned_best]),
             tuned_amplitude=float(self.tuned_amplitude[tuned_best]),
             disks=n,
+            end=end,
         )
 
     def audit(self, tail: bool = False, tolerance: float = 0.01) -> Audit:
@@ -536,11 +548,16 @@ class MistunedSample(
             ends = f"{low:.3g} to {high:.3g}"
         raised = f"raises the largest amplitude by a factor of {median:.3g}"
         verdict = f"Mistuning of {deviation} {raised} (median of {n_disks}): {subject}"
-        rows = [Row("95 % of the disks", f"{upper:.3g} or less", f"confidence interval: {ends}")]
+        rows = [
+            Row("95 % of the disks", f"{upper:.3g} or less", f"95 % confidence interval: {ends}")
+        ]
         n_failed = self.status.count(FAILED)
         rows.append(Row("Peaks", str(self.amplitude.size), f"{n_failed} not found"))
         checks = []
-        for audit in (self.audit(), self.audit(tail=True)):
+        for name, audit in (
+            ("Random disks searched again", self.audit()),
+            ("Highest disks searched again", self.audit(tail=True)),
+        ):
             n_missed = int(audit.missed.sum())
             if n_missed:
                 outcome = "uncertain"
@@ -548,17 +565,26 @@ class MistunedSample(
                 outcome = "pass"
             else:
                 outcome = "not run"
-            found = f"higher peak in {n_missed} of {len(audit.disk)} ({audit.kind})"
-            checks.append(Row("Thorough search", outcome, found))
+            found = (
+                f"{n_missed} of {counted(len(audit.disk), 'thorough search')} found a higher peak"
+            )
+            checks.append(Row(name, outcome, found))
         missed = any(check.value == "uncertain" for check in checks)
-        remarks = [MISSED_REMEDY] if missed else []
+        in_brackets = "In brackets: 95 % confidence interval"
+        if not np.isfinite(self.percentile(95.0)).all():
+            in_brackets += "; without an upper limit the sample has too few disks"
+        remarks = [in_brackets]
+        if missed:
+            remarks.append(MISSED_REMEDY)
         return Statement([verdict], rows, checks, remarks, table=self._cell_table())
 
     def _cell_table(self) -> list[tuple[str, ...]]:
         """Return median and upper percentile of the amplification in each cell."""
         _, middle, _ = self.percentile(50.0)
         upper = self.percentile(95.0)
-        table: list[tuple[str, ...]] = [("Deviation", "Preload", "Median", "95th percentile")]
+        table: list[tuple[str, ...]] = [
+            ("Mistuning", "Preload", "Median factor", "95th percentile")
+        ]
         for i, deviation in enumerate(self.standard_deviation):
             for j, preload in enumerate(self.preload):
                 low_end, estimate, high_end = upper[:, i, j]

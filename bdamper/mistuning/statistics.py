@@ -38,18 +38,21 @@ class Interval(NamedTuple):
         """Return the value and the ends with four digits and the unit."""
         if np.isnan(self.value):
             return "not known"
-        value = amount(self.value, unit, 4)
+        return f"{amount(self.value, unit, 4)} ({self.ends_text(unit)})"
+
+    def ends_text(self, unit: str) -> str:
+        """Return the ends with four digits and the unit."""
         low = amount(self.low, unit, 4)
         high = amount(self.high, unit, 4)
         has_low = np.isfinite(self.low)
         has_high = np.isfinite(self.high)
         if has_low and has_high:
-            return f"{value} ({low} to {high})"
+            return f"{low} to {high}"
         if has_low:
-            return f"{value} (at least {low})"
+            return f"at least {low}, no upper limit"
         if has_high:
-            return f"{value} (at most {high})"
-        return f"{value} (no bounds)"
+            return f"at most {high}, no lower limit"
+        return "no limits"
 
 
 def percentile(values: NDArray, q: float, error: NDArray | float = 0.0) -> Interval:
@@ -164,12 +167,14 @@ class WeibullTail(Summarised):
     def _statement(self) -> Statement:
         values = f"{self.n_tail} of {self.n} values above {self.threshold:.4g}"
         return Statement(
-            [f"Estimated upper bound of the maxima {self.bound:.4g}: Weibull fit to {values}"],
+            [f"Estimated upper bound of all values {self.bound:.4g}: Weibull fit to {values}"],
             [
                 Row("Shape", f"{self.shape:.3g}"),
                 Row("Scale", f"{self.scale:.4g}"),
                 Row(
-                    "Fit", f"{self.distance:.2g}", "largest distance from the sample's distribution"
+                    "Fit",
+                    f"{self.distance:.2g}",
+                    "largest difference from the sample in probability, which is 0 to 1",
                 ),
             ],
             remarks=["Not covered: confidence limits of the bound, values below the threshold"],

@@ -17,9 +17,10 @@ from bdamper.harmonic_balance.study_boundary import StudyLike
 from bdamper.response.linear_limits import Limit
 from bdamper.response.motion_range import exceeds
 from bdamper.response.optimum_checks import (
-    ENDS,
+    EDGE,
     NEAR_BEST,
     checked_amplitudes,
+    end_text,
     failed,
     known_in_time,
 )
@@ -56,7 +57,8 @@ KINDS = {
     "unknown": "not located",
     "flat": "none, the preload has no effect",
     "none": "none",
-    **ENDS,
+    "end": "at an end of the range; a lower amplitude may lie outside",
+    "edge": EDGE,
 }
 """Words for the kinds of an optimum."""
 
@@ -288,6 +290,7 @@ class OptimalCurve(
     reason: Annotated[tuple[str, ...], Data(derived=True), Quantity()] = ()
     harmonic_change: Annotated[NDArray, Quantity()] | None = None
     vector_change: Annotated[NDArray, Quantity()] | None = None
+    _called = "curve"
     _summary_fields = (
         "optimum.preload",
         "optimum.amplitude",
@@ -353,8 +356,8 @@ class OptimalCurve(
             if status not in (COMPLETE, not_steady):
                 texts.append(f"{preload:.6g} N: {status}")
         best = self.optimum
-        if best.kind in ENDS:
-            texts.append(f"optimum: lowest amplitude {ENDS[best.kind]}")
+        if end_text(self):
+            texts.append(f"optimum: lowest amplitude {end_text(self)}")
         if best.kind != "flat" and not best.ok:
             uncertainty = f", {best.known_to}" if best.known_to else ""
             texts.append(f"optimum {best.status_text}{uncertainty}")

@@ -19,10 +19,8 @@ from bdamper.util.formatting import amount, percent
 
 OptimalCurve = Any
 """Optimal curve; its module imports this one."""
-ENDS = {
-    "end": "at an end of the range; a lower amplitude may lie outside",
-    "edge": "at the lowest preload with a steady response",
-}
+EDGE = "at the lowest preload with a steady response"
+"""Place of an optimum below which no response is steady."""
 WITH_CHECKS = 'study.optimal_curve(..., check="time")'
 """Call that runs the checks of a curve."""
 NEAR_BEST = 1.2
@@ -50,8 +48,8 @@ class Check(NamedTuple):
         Meaning of the colours.
     failure, remedy : str
         Texts for a failed check; the remedy also helps if the check is uncertain.
-    limit : str
-        Largest value of a green check.
+    limits : str
+        Values up to which the check passes, and above which it fails.
     seconds : float
         Elapsed time of the check; NaN if it is part of the curves or was not run.
     """
@@ -62,15 +60,15 @@ class Check(NamedTuple):
     rule: str
     failure: str = ""
     remedy: str = ""
-    limit: str = ""
+    limits: str = ""
     seconds: float = float("nan")
 
     @property
     def finding(self) -> str:
-        """Result of the check; with limit and remedy if it is uncertain, with the limit if it failed."""
+        """Result of the check; with limits and remedy if it is uncertain, with the limits if it failed."""
         parts = [self.found]
-        if self.colour in ("amber", "red") and self.limit:
-            parts.append(f"limit {self.limit}")
+        if self.colour in ("amber", "red") and self.limits:
+            parts.append(self.limits)
         if self.colour == "amber" and self.remedy:
             parts.append(self.remedy)
         return "; ".join(parts)
@@ -87,6 +85,14 @@ def graded(value: float, good: float, fair: float) -> str:
     if value <= fair:
         return "amber"
     return "red"
+
+
+CHANGE_LIMITS = f"passes up to {percent(GOOD)}, fails above {percent(FAIR)}"
+"""Limits of a check of a relative difference."""
+ESTIMATE_LIMITS = f"passes up to {percent(GOOD)}, uncertain above"
+"""Limits of a check by an estimate, which alone refutes nothing."""
+ONE_HARMONIC_LIMITS = "always uncertain with one harmonic alone"
+"""Limits of an estimate from one harmonic."""
 
 
 def checks(curve: OptimalCurve) -> list[Check]:
@@ -135,7 +141,7 @@ def _model(curve: OptimalCurve) -> Check:
 def _within_range(curve: OptimalCurve) -> Check:
     """Report an optimum at an end of the range of preloads, or of the steady responses."""
     kind = curve.optimum.kind
-    end = ENDS.get(kind, "")
+    end = end_text(curve)
     return Check(
         colour="red" if end else "green",
         name="Optimum within the range",
@@ -146,19 +152,43 @@ def _within_range(curve: OptimalCurve) -> Check:
     )
 
 
-def _beyond(curve: OptimalCurve) -> str:
-    """Return the remedy for an optimum at an end: a wider range, or a value at the next preload."""
-    row = int(np.abs(curve.preload - curve.optimum.preload).argmin())
+def end_text(curve: OptimalCurve) -> str:
+    """Return in words at which end of the range the optimum lies; "" inside."""
+    kind = curve.optimum.kind
+    if kind == "edge":
+        return EDGE
+    if kind != "end":
+        return ""
+    preload = amount(curve.optimum.preload, "N")
+    if _next_unknown(curve):
+        return f"at {preload}, next to a preload without a value; a lower amplitude may lie there"
+    end, side = ("upper", "above") if _at_upper_end(curve) else ("lower", "below")
+    return f"at the {end} end of the range, {preload}; a lower amplitude may lie {side} it"
+
+
+def _next_unknown(curve: OptimalCurve) -> bool:
+    """Return whether the amplitude at a preload next to the optimum is unknown."""
+    row = _row_of_optimum(curve)
     known = np.isfinite(curve.amplitude)
     # the optimum and the preloads next to it
     neighbours = slice(max(row - 1, 0), row + 2)
-    if not known[neighbours].all():
+    return not known[neighbours].all()
+
+
+def _at_upper_end(curve: OptimalCurve) -> bool:
+    """Return whether the optimum is the last of several preloads."""
+    row = _row_of_optimum(curve)
+    return row > 0 and row == len(curve) - 1
+
+
+def _beyond(curve: OptimalCurve) -> str:
+    """Return the remedy for an optimum at an end: a wider range, or a value at the next preload."""
+    if _next_unknown(curve):
         return (
             "find a value at the next preload first, with other contact_points or "
             'contact_stiffness="unit_traction"'
         )
-    at_upper_end = row > 0 and row == len(curve) - 1
-    side = "above" if at_upper_end else "below"
+    side = "above" if _at_upper_end(curve) else "below"
     return f"include preloads {side} {amount(curve.optimum.preload, 'N')}"
 
 
@@ -217,11 +247,17 @@ def _in_time(curve: OptimalCurve) -> Check:
         remedy = "integrate at other preloads, study.with_time_response(curve, preloads)"
         return Check("red", name, nearest.status_text, rule, failure, remedy)
     remedy = "add harmonics and blade modes until both agree, or choose another preload"
-    found = f"{nearest.text}, by harmonic balance {amount(nearest.balance, 'm')}"
     change = nearest.mean / nearest.balance - 1.0
+    balance = amount(nearest.balance, "m")
+    found = f"{nearest.text}, {changed_by(change)} than the {balance} by harmonic balance"
     failure = f"harmonic balance and time integration differ by {abs(100.0 * change):.0f} %"
     colour = graded(abs(change), GOOD, FAIR)
-    return Check(colour, name, found, rule, failure, remedy, percent(GOOD))
+    return Check(colour, name, found, rule, failure, remedy, CHANGE_LIMITS)
+
+
+def changed_by(change: float) -> str:
+    """Return a relative change in words: "6.2 % lower"."""
+    return f"{percent(abs(change))} {'lower' if change < 0.0 else 'higher'}"
 
 
 def _seconds_in_time(curve: OptimalCurve) -> float:
@@ -269,7 +305,7 @@ def _more_harmonics(curve: OptimalCurve) -> Check:
     if is_settled and settled[0].harmonics > first.harmonics:
         remedy = convergence.settings_text(settled[0])
     failure = f"more harmonics may be needed, {convergence.verdict}"
-    return Check(colour, "More harmonics", convergence.note, rule, failure, remedy, percent(GOOD))
+    return Check(colour, "More harmonics", convergence.note, rule, failure, remedy, CHANGE_LIMITS)
 
 
 def _seconds_of_harmonics(curve: OptimalCurve) -> float:
@@ -294,15 +330,14 @@ def _two_more_harmonics(curve: OptimalCurve) -> Check:
     change = float(changes[_row_of_optimum(curve)])
     highest = max(_harmonics(curve))
     if np.isnan(change):
-        found = f"no peak with {highest + 2} near this one"
+        found = f"no peak with harmonics up to {highest + 2} near this one"
     else:
         changed = amount((1.0 + change) * curve.optimum.amplitude, "m")
-        found = f"{changed} with {highest + 2}, {percent(change, sign=True)}"
+        found = f"{changed} with harmonics up to {highest + 2}, {changed_by(change)}"
+    limits = ONE_HARMONIC_LIMITS if _one_harmonic(curve) else ESTIMATE_LIMITS
     is_small = abs(change) <= GOOD and not _one_harmonic(curve)
     remedy = f"study.replace(harmonics={highest + 2})"
-    return Check(
-        "green" if is_small else "amber", name, found, rule, remedy=remedy, limit=percent(GOOD)
-    )
+    return Check("green" if is_small else "amber", name, found, rule, remedy=remedy, limits=limits)
 
 
 def _row_of_optimum(curve: OptimalCurve) -> int:
@@ -341,8 +376,8 @@ def _other_friction(curve: OptimalCurve) -> Check:
     factors = " and ".join(f"{peak.factor:g}" for peak in changed)
     found = f"{sizes} with {factors} times the friction, by harmonic balance"
     failure = f"at {amount(nominal.preload, 'N')} the amplitude is {found}"
-    limit = f"{percent(NEAR_BEST - 1.0)} higher"
-    return Check(colour, name, found, rule, failure, _friction_remedy(curve), limit)
+    limits = f"passes up to {NEAR_BEST:g} times the amplitude, fails above {MUCH:g} times"
+    return Check(colour, name, found, rule, failure, _friction_remedy(curve), limits)
 
 
 def _friction_range(curve: OptimalCurve) -> Check:
@@ -449,11 +484,12 @@ def _fatigue_margins(curve: OptimalCurve) -> list[Check]:
             Check(
                 # a margin is better the larger it is, and 1 is the limit
                 colour=graded(-least, good=-SAFE, fair=-1.0),
-                name="Margin against fatigue",
+                name="Fatigue safety factor",
                 found=found,
                 rule=f"red below 1, amber below {SAFE:g}",
-                failure=f"the margin against fatigue is {found}",
+                failure=f"the fatigue safety factor is {found}",
                 remedy="reduce the excitation or the stress",
+                limits=f"passes from {SAFE:g}, fails below 1",
             )
         )
     return rated
@@ -467,7 +503,7 @@ def _errors_by_source(curve: OptimalCurve) -> Check:
         rule = f"green below {percent(GOOD)} at the optimum, amber above or if unknown"
         colour = "green" if error <= GOOD else "amber"
         remedy = estimate_call(curve)
-        return Check(colour, ERRORS, text, rule, remedy=remedy, limit=percent(GOOD))
+        return Check(colour, ERRORS, text, rule, remedy=remedy, limits=ESTIMATE_LIMITS)
     return Check("white", ERRORS, estimate_call(curve), "white if errors=False left them out")
 
 
@@ -483,7 +519,7 @@ def error_summary(curve: OptimalCurve) -> str:
     """
     if curve.harmonic_change is None and curve.vector_change is None:
         return ""
-    texts = [f"{error_text(curve.errors_at(curve.optimum.preload))} at the optimum"]
+    texts = [f"at the optimum {error_text(curve.errors_at(curve.optimum.preload))}"]
     errors = curve.error
     has_value = np.isfinite(curve.amplitude)
     if np.isfinite(errors).any():

@@ -66,7 +66,7 @@ def statement(curve: OptimalCurve, further: Sequence[Check] = ()) -> Statement:
     if remedies:
         remarks.append(f"Remedy: {remedies}")
     return Statement(
-        verdict=[f"Not for design: {check.failure}" for check in failures] or [_verdict(curve)],
+        verdict=[*(f"Not for design: {check.failure}" for check in failures), _answer(curve)],
         rows=[*_preload_rows(curve), *_amplitude_rows(curve, bool(failures))],
         checks=[Row(check.name, RESULTS[check.colour], check.finding) for check in checks(curve)],
         times=[
@@ -88,8 +88,10 @@ def _calls(curve: OptimalCurve) -> list[str]:
     ]
 
 
-def _verdict(curve: OptimalCurve) -> str:
-    """Return the verdict with its subject: engine order, excitation, friction coefficient."""
+def _answer(curve: OptimalCurve) -> str:
+    """Return preload and amplitude with their subject: engine order, excitation, friction
+    coefficient.
+    """
     settings = curve.settings
     subject = []
     if settings.get("engine_order"):
@@ -103,10 +105,13 @@ def _verdict(curve: OptimalCurve) -> str:
     answer = f"Lowest amplitude at {amount(curve.recommended_preload, 'N')}"
     in_time = curve.recommended_response
     if in_time is None or not known_in_time(in_time):
-        answer += ", by harmonic balance alone"
+        answer += f", {amount(curve.optimum.amplitude, 'm')} by harmonic balance alone"
     elif np.isfinite(curve.design_amplitude):
         answer += f", design amplitude {amount(curve.design_amplitude, 'm')}"
-    answer += _uncertain(curve)
+    else:
+        answer += f", up to {amount(in_time.largest, 'm')} by time integration"
+    if not failed(curve):
+        answer += _uncertain(curve)
     answer += _drop(curve)
     return f"{answer}: {', '.join(subject)}" if subject else answer
 

@@ -198,6 +198,7 @@ class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
     notes: Annotated[tuple[str, ...], Data(derived=True)] = ()
     errors: Annotated[tuple[SourceError, ...], Data(derived=True)] = ()
     harmonic_peaks: Annotated[tuple[HarmonicPeak, ...], Data(derived=True)] = ()
+    _called = "peak"
     _summary_fields = (
         "parameter",
         "amplitude",
@@ -257,7 +258,7 @@ class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
             return Statement([verdict], rows, remarks=remarks)
         limit = self.settings.get("limit", "")
         preload = np.nan if limit else self.parameter
-        kind = f"{limit} resonance peak".strip().capitalize()
+        kind = RESONANCES[limit]
         peak = peak_text(self.amplitude, self.frequency)
         peak += first_harmonic_text(self.half_range, self.amplitude)
         if self.errors:
@@ -289,6 +290,12 @@ class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
         return [f"with more harmonics: {call}"]
 
 
+RESONANCES = {
+    "": "Resonance peak",
+    "free": "Resonance peak without contact",
+    "stuck": "Resonance peak with stuck contacts",
+}
+"""Name of a peak by its linear limit."""
 CHANGED_MUCH = 0.05
 """Relative change by more harmonics above which a peak names the call that computes with them."""
 
@@ -323,8 +330,9 @@ def contact_rows(shares: NDArray) -> list[Row]:
         return []
     # a share that rounds to zero has no sign
     per_cent = (100.0 * np.asarray(shares)).round(1) + 0.0
-    value = f"{', '.join(f'{share:.3g}' for share in per_cent)} %"
-    return [Row("Contact states", value, "stick, slip, open")]
+    states = zip(("stick", "slip", "open"), per_cent)
+    value = ", ".join(f"{state} {share:.3g} %" for state, share in states)
+    return [Row("Contact states", f"{value} of the period")]
 
 
 def interval_rows(settings: Mapping[str, Any], finding: str) -> list[Row]:
@@ -344,9 +352,8 @@ def unchecked(name: str, preload: float, has_errors: bool = False) -> list[Row]:
     rows = [Row(IN_TIME, "not run", f"study.time_response({name})")]
     if preload > 0.0:
         lowest = LOWEST_SHARE * preload
-        rows.append(
-            Row("Lower preloads", "not run", f"study.optimal_curve(({lowest:.3g}, {preload:.3g}))")
-        )
+        low, high = (f"{float(f'{value:.3g}'):g}" for value in (lowest, preload))
+        rows.append(Row("Lower preloads", "not run", f"study.optimal_curve(({low}, {high}))"))
     if not has_errors:
         rows.append(Row("More harmonics", "not run", f"study.harmonic_convergence({name})"))
     return rows

@@ -16,6 +16,8 @@ VECTORS = "residual modes"
 """Source of error: contact forces that the residual modes do not describe."""
 ROW_NAMES = {HARMONICS: "Harmonics", VECTORS: "Residual modes"}
 """Names of the sources in printed rows."""
+ADDED = {HARMONICS: "two more harmonics", VECTORS: "more residual modes"}
+"""What shows the error from a source in a peak or curve."""
 
 
 @dataclass(frozen=True)
@@ -119,8 +121,8 @@ LARGE_SHARE = 1.0 / 3.0
 
 
 def error_text(errors: Sequence[SourceError]) -> str:
-    """Return the error of an amplitude with its main sources, such as "error about 11 %, from
-    harmonics"; "" without estimates.
+    """Return the error of an amplitude with its main sources, such as "error about 11 %, by two
+    more harmonics"; "" without estimates.
     """
     if not errors:
         return ""
@@ -132,7 +134,8 @@ def error_text(errors: Sequence[SourceError]) -> str:
         texts.append(f"error below {percent(NEGLIGIBLE)}")
     elif known:
         large = [item.source for item in known if abs(item.amplitude) > LARGE_SHARE * total]
-        texts.append(f"error about {percent(total)}, from {listed(large)}")
+        shown_by = [ADDED.get(source, source) for source in large]
+        texts.append(f"error about {percent(total)}, by {listed(shown_by)}")
     if unknown:
         texts.append(f"error from {listed(unknown)} unknown")
     return ", ".join(texts)

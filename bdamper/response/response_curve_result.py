@@ -24,6 +24,7 @@ from bdamper.response.motion_range import exceeds, half_range
 from bdamper.response.peak import (
     AT_END,
     IN_TIME,
+    RESONANCES,
     Peak,
     contact_rows,
     first_harmonic_text,
@@ -54,9 +55,9 @@ from bdamper.util.tables import (
 NO_STEADY = "no steady periodic response"
 """Reason at preloads at which the damper rattles."""
 HIGHEST_POINT = {
-    "response": "Resonance peak",
-    "free": "Free resonance peak",
-    "stuck": "Stuck resonance peak",
+    "response": RESONANCES[""],
+    "free": RESONANCES["free"],
+    "stuck": RESONANCES["stuck"],
     "run-up": "Highest response",
 }
 """Name of the highest point by the kind of a curve."""
@@ -163,6 +164,7 @@ class ResponseCurve(
     closed: tuple[int, ...] = ()
     speed: RadiansPerSecond | None = None
     blades: Annotated[NDArray, Quantity("m", dims=(ROW, "blade", "harmonic"))] | None = None
+    _called = "curve"
     _summary_fields = (
         "preload",
         "kind",

@@ -45,7 +45,7 @@ from bdamper.util.formatting import (
 from bdamper.util.progress import Cost
 from bdamper.util.records import names_of
 from bdamper.util.statement import Checks, Statement
-from bdamper.util.tables import FEW_ROWS, Quantity, Tabular, is_strain, quantities
+from bdamper.util.tables import EXTREMES, FEW_ROWS, Quantity, Tabular, is_strain, quantities
 
 # ---- Summaries and figures ----
 
@@ -130,10 +130,8 @@ class Fact(NamedTuple):
         return f"{self.value} {self.unit}".rstrip()
 
 
-SUMMARY = "result.summary()"
-"""Call that returns all values of a result."""
-ALL_VALUES = f"all values: {SUMMARY}"
-"""Call to make after a printed result that does not contain all of its values."""
+SUMMARY_CALL = re.compile(r"\b\w+\.summary\(\)")
+"""Call in a printed result that returns all of its values."""
 SHOWN_ROWS = 8
 """Rows of a table that ``print`` shows; ``summary()`` shows all."""
 
@@ -147,6 +145,8 @@ class Summarised:
     """
 
     _summary_fields: tuple[str, ...] = ()
+    _called: ClassVar[str] = "result"
+    """Name of the object in the calls that it prints."""
     _states_all: ClassVar[bool] = False
     """Whether the statement contains all values, so that ``print`` need not mention ``summary``."""
 
@@ -158,6 +158,11 @@ class Summarised:
     def _statement(self) -> Statement | None:
         """Return the printed statement; None prints headline and values."""
         return None
+
+    @property
+    def _all_values(self) -> str:
+        """Call to make after a printed result that does not contain all of its values."""
+        return f"all values: {self._called}.summary()"
 
     def _facts(self) -> tuple[Fact, ...]:
         """Return the most important values: the fields of ``_summary_fields``, in order."""
@@ -272,7 +277,7 @@ class Summarised:
         if statement is not None and self._states_all:
             return statement.text
         if statement is not None:
-            return statement.with_next(ALL_VALUES).text
+            return statement.with_next(self._all_values).text
         headline = self._in_unit_of_response(self._headline())
         # a null character, at which no line is broken, holds a number and its unit together
         with_nulls = re.sub(r"(\d) (?=(?:\S{1,2}|[kMG]Pa|rad/s)\b)", "\\1\0", headline)
@@ -283,7 +288,7 @@ class Summarised:
         is_tabular = bool(rows) and len(rows[0]) > 2
         # the header of a table and the first rows
         n_shown = SHOWN_ROWS + 1
-        last = sentence(ALL_VALUES)
+        last = sentence(self._all_values)
         if len(rows) > n_shown:
             last = f"{counted(len(rows) - n_shown, 'further row')}; {last}"
         lines = table_lines(rows[:n_shown]) if is_tabular else aligned(rows[:n_shown])
@@ -298,11 +303,19 @@ class Summarised:
 
     def _few_rows(self) -> tuple[list[tuple[str, ...]], list[str]]:
         """Return the header and the first rows, and a remark that counts the others."""
-        rows = self._rows()
+        return self._first_rows(self._rows())
+
+    def _first_rows(self, rows: list[tuple[str, ...]]) -> tuple[list[tuple[str, ...]], list[str]]:
+        """Return the header and the first rows of a table, and a remark that counts the others."""
         shown = rows[: SHOWN_ROWS + 1]
-        if len(shown) == len(rows):
-            return shown, []
-        return shown, [f"{counted(len(rows) - len(shown), 'further row')} in {SUMMARY}"]
+        remarks = []
+        # a long table is reduced to the extremes of its columns
+        if rows and rows[0][1:] == EXTREMES:
+            remarks.append("Smallest and largest values belong to different points")
+        if len(shown) < len(rows):
+            n_further = counted(len(rows) - len(shown), "further row")
+            remarks.append(f"{n_further} in {self._called}.summary()")
+        return shown, remarks
 
     def _rows(self) -> list[tuple[str, ...]]:
         """Return the header and rows of the table of a tabular result; otherwise an empty list."""

@@ -200,7 +200,7 @@ def listed(texts: Iterable[str]) -> str:
 
 
 def _plural(noun: str) -> str:
-    if noun.endswith("s"):
+    if noun.endswith(("s", "ch")):
         return f"{noun}es"
     if noun.endswith("cy"):
         return f"{noun[:-1]}ies"
@@ -257,6 +257,11 @@ def table_lines(rows: Sequence[Sequence[str]], indent: str = "", width: int = WI
 def _width(columns: Sequence[Sequence[str]]) -> int:
     """Return the characters of a printed row of a table with these columns."""
     return sum(max(map(len, column)) + 2 for column in columns) - 2
+
+
+def beyond(end: str) -> str:
+    """Return the side on which values lie beyond the lower or upper end of a range."""
+    return "below" if end == "lower" else "above"
 
 
 def sentence(text: str) -> str:

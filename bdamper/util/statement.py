@@ -188,7 +188,10 @@ class Statement:
         for check in self.checks:
             if check.value == _NOT_RUN:
                 names_of_call.setdefault(check.remark, []).append(_in_sentence(check.name))
-        calls = [f"{listed(names)}: {call}" for call, names in names_of_call.items()]
+        calls = []
+        for call, names in names_of_call.items():
+            together = ", by one call" if len(names) > 1 else ""
+            calls.append(f"{listed(names)}{together}: {call}")
         for i, call in enumerate([*calls, *self.further]):
             rows.append(Row("" if i else NEXT, call))
         return rows

@@ -59,6 +59,8 @@ PRINTED_HEADS = {"counted": "used"}
 """Columns whose printed head differs from their name."""
 FEW_ROWS = 30
 """Largest number of rows that ``summary()`` prints."""
+EXTREMES = ("smallest", "largest")
+"""Head of a table that is reduced to the extremes of its columns."""
 ROW = ""
 """Placeholder for the name of the dimension of the rows."""
 
@@ -381,7 +383,7 @@ class Tabular:
             rows = list(zip(*cells.values()))
             return [tuple(heads.values()), *(rows[i] for i in self._order())]
 
-        rows = [(counted(n_rows, spaced(self._dimension())), "smallest", "largest")]
+        rows = [(counted(n_rows, spaced(self._dimension())), *EXTREMES)]
         for name, column_values in values.items():
             numbers = _numbers_in(column_values)
             if numbers:

@@ -197,10 +197,12 @@ def test_a_study_over_the_mass_names_the_best_mass(found, name):
     )  # fmt: skip
     first = "Highest crossing"
     if best:
-        end = "" if best == "2" else ", at an end of the range"
+        end = {"1": ", at the lower end of the range", "3": ", at the upper end of the range"}
+        end = end.get(best, "")
         first = f"Lowest crossing peak with {best} times the damper mass{end}:"
     assert made._headline().startswith(f"{first} {highest} at ")
-    assert ("Remedy: include damper_mass_factor outside" in said(made)) == (best in ("1", "3"))
+    assert ("Remedy: include damper_mass_factor below 1" in said(made)) == (best == "1")
+    assert ("Remedy: include damper_mass_factor above 3" in said(made)) == (best == "3")
     assert others in said(made)
 
 
@@ -210,8 +212,9 @@ def test_the_best_mass_has_the_lower_of_two_crossings(study):
     heights = dict(zip((0.5, 1.0), found.array("amplitude")[:, 0].tolist()))
     best = min(heights, key=heights.get)
     amplitude = amount(heights[best], "m")
+    end = "lower" if best == 0.5 else "upper"
     assert found._headline().startswith(
-        f"Lowest crossing peak with {best:g} times the damper mass, at an end of the range: {amplitude} "
+        f"Lowest crossing peak with {best:g} times the damper mass, at the {end} end of the range: {amplitude} "
     )
 
 

@@ -755,7 +755,10 @@ class TestMistakes:
         assert [found.low[0], found.high[0]] == pytest.approx([0.1, 0.9]) and np.isinf(
             found.deviation[0]
         )
-        assert "Friction coefficient not determined by these data 95 %: 0.1 to 0.9" in said(found)
+        assert (
+            "Friction coefficient not determined by these data 95 % confidence interval: 0.1 to 0.9"
+            in said(found)
+        )
         assert "friction coefficient not determined by these data" in found.reason
         assert 1.1 < found.low[1] < 1.2 < found.high[1] < 1.3  # damping is known
 

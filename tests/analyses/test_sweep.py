@@ -612,8 +612,8 @@ class TestWarnings:
         assert result.values[0]["optimum_reason"] == "lost"
         assert result.values[0]["optimum_uncertainty"] == 0.1
         expected = (
-            "500 N: scan incomplete (lost); optimum: lowest amplitude at an end of the range; "
-            "a lower amplitude may lie outside; "
+            "500 N: scan incomplete (lost); optimum: lowest amplitude at the lower end of the "
+            "range, 500 N; a lower amplitude may lie below it; "
             "optimum incomplete: lost, preload uncertain by 10 %"
         )
         assert result.warnings == (expected,)
@@ -819,7 +819,7 @@ class TestUncertainty:
         assert not found.complete
         text = said(found)
         assert text.startswith(
-            "Best preload 1 N, at an end of the range: at most 8 m in all 8 draws Sample 8 draws random "
+            "Best preload 1 N, at the lower end of the range: at most 8 m in all 8 draws Sample 8 draws random "
             "friction coefficient (the 95th percentile requires 21 draws)"
         )
         assert " 1 N 5 m 8 m 2 N no peak no peak " in text
@@ -984,7 +984,7 @@ class TestUncertainty:
         assert "friction coefficients outside 0.7 to 1.3 times 0.3" in said(found)
         moved = said(replace(found, time_response=tuple(times[:1])))
         call = 'study.optimal_curve(..., check="time"), so far run at 900 N only'
-        assert f"other friction coefficients and friction range: {call}" in moved
+        assert f"other friction coefficients and friction range, by one call: {call}" in moved
         assert "friction coefficients other than 0.3" in moved
         lost = stands_in(peak, bd.BdamperError("why"), rattling).other_friction
         assert [k.status_text for k in lost[1:]] == [

@@ -38,7 +38,7 @@ def page(tmp_path_factory):
     pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
     folder = tmp_path_factory.mktemp("page")
     blocks = re.findall(r"```python\n(.*?)```", TEXT, re.S)
-    assert len(blocks) == 7
+    assert len(blocks) == 8
     space = {"__name__": "__main__"}
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
@@ -171,6 +171,16 @@ def test_the_page_has_a_case_with_all_checks(page):
     (stated_mean,) = shown(r"mean stress ([\d.]+) MPa")
     assert stated_mean == pytest.approx(mean, rel=0.01)
     assert space["peak"].amplitude == pytest.approx(best.optimum.amplitude, rel=0.01)
+    # among some masses the estimate is the one with the lowest crossing
+    crossings = space["crossings"]
+    masses = crossings.points["damper_mass_factor"]
+    lowest = int(np.argmin(crossings.array("amplitude")))
+    assert masses[lowest] == pytest.approx(space["factor"], rel=5e-3)
+    # the report is that of the chosen damper, which presses with its best preload
+    final, chosen = space["final"], space["chosen"]
+    assert chosen.preload == pytest.approx(final.optimum.preload, rel=0.02)
+    (micrometres,) = shown(r"([\d.]+) µm instead of")
+    assert 1e-6 * micrometres == pytest.approx(final.design_amplitude, rel=5e-3)
     text = (folder / "review.html").read_text()
     assert "Example stage" in text
     assert {"model.png", "optimum.png", "haigh.png"} <= {path.name for path in folder.iterdir()}

@@ -373,7 +373,7 @@ def test_a_curve_without_any_margin_says_so(study, curve, tmp_path):
     assert "found at any" in str(none) and not any(
         "margin" in fact.name for fact in none._facts() if fact.known
     )
-    assert none._headline().startswith("No margin against fatigue was found at any of")
+    assert none._headline().startswith("No fatigue safety factor was found at any of")
     for place in ("least", "greatest"):
         with pytest.raises(
             BdamperError, match=f"^no margin found at any of {len(curve)} values of frequency$"

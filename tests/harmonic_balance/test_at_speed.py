@@ -373,7 +373,7 @@ def test_a_preload_that_contradicts_the_speed_of_the_engine_order_is_in_the_answ
     mass = f"2 kN requires {LOW / load:.2g} times its mass"
     for result in results[:2]:
         assert f"Remedy: use study.at_speed({turning:.4g}), {presses}{mass}" in said(result)
-    assert "Largest margin" in said(results[2]) and "times its mass" in said(results[2])
+    assert "Largest safety factor" in said(results[2]) and "times its mass" in said(results[2])
     with pytest.warns(PlausibilityWarning):
         given = quick.margin(peak, AISI_1050, speed=1.05 * turning)
     assert said(given).startswith(verdict), "also at a speed that the user gives"

@@ -123,7 +123,8 @@ def test_deviations_print_as_rows():
     one = Mistuning([0.05, -0.02, 0.0], source="bench")
     shown = said(one)
     mean, deviation = 0.01, np.std([5.0, -2.0, 0.0])
-    assert shown.startswith(f"Standard deviation {deviation:.3g} %: frequencies of 3 blades")
+    beginning = "Frequencies of 3 blades clamped at the root deviate by"
+    assert shown.startswith(f"{beginning} {deviation:.3g} % (standard deviation) Source bench")
     assert f"Mean {100.0 * mean:g} % " in shown
     assert "Range -2 to 5 % blade 1 lowest, blade 0 highest" in shown
     assert "seed 4, 2 modes of each blade" in said(

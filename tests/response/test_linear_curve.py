@@ -10,6 +10,7 @@ import bdamper as bd
 from bdamper.response.linear_limits import resonance_interval
 from bdamper.util.errors import BdamperWarning
 from tests.plain import plain_study
+from tests.printed import said
 
 K0 = (2.0 * np.pi * 221.0) ** 2
 """Stiffness (N/m) of a blade of 1 kg."""
@@ -104,7 +105,10 @@ def test_a_limit_prints_no_preload():
     """The preload of the stuck limit closes the points; its size, by default 1 N, is not one of the response."""
     study = plain_study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, harmonics=1)
     band = resonance_interval(study.problem.at(200.0), 1)
-    for name, limit in (("Stuck", study.stuck(band)), ("Free", study.free(band))):
+    for name, limit in (
+        ("with stuck contacts", study.stuck(band)),
+        ("without contact", study.free(band)),
+    ):
         for text in (
             str(limit),
             str(limit.peak),
@@ -112,9 +116,9 @@ def test_a_limit_prints_no_preload():
             limit._repr_html_(),
             limit.peak._headline(),
         ):
-            assert "preload" not in text and f"{name} resonance peak " in text
+            assert "preload" not in text and f"Resonance peak {name} " in text
     peak = study.peak(200.0, band)
-    assert ": preload 200 N," in str(peak) and "\n  preload" in peak.summary()
+    assert ": preload 200 N," in said(peak) and "\n  preload" in peak.summary()
 
 
 def test_limits_have_the_interval_of_a_peak_by_default():

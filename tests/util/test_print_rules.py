@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bdamper.util.display import ALL_VALUES
 from bdamper.util.formatting import counted, percent, spaced, without_rounding
 from bdamper.util.statement import Row, Statement
 from tests.every_result import BAND, RESULTS, VARIANTS, result
@@ -24,7 +23,7 @@ CHECKS = [
 def test_passed_checks_are_one_line_and_those_not_run_are_calls_to_make():
     statement = Statement(
         ["Verdict"], checks=CHECKS, remarks=["Not covered: wear", "Remedy: none"]
-    ).with_next(ALL_VALUES)
+    ).with_next("all values: result.summary()")
     assert statement.text.split("\n") == [
         "Verdict",
         "",
@@ -34,7 +33,7 @@ def test_passed_checks_are_one_line_and_those_not_run_are_calls_to_make():
         "Remedy: none",
         "",
         "Not covered  wear",
-        "Next         time integration and energy: study.time_response(peak)",
+        "Next         time integration and energy, by one call: study.time_response(peak)",
         "             all values: result.summary()",
     ]
     for shown in (statement.full_text, statement.html):
