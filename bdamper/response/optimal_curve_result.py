@@ -249,8 +249,8 @@ class OptimalCurve(
         Half of the largest peak-to-peak response on the response curve of each preload, with all
         harmonics.
     harmonic_change, vector_change : (n,) float, or None
-        Relative change of the amplitude with two more harmonics, and with six more residual modes;
-        NaN if unknown.  None if the errors were left out (``errors=False``), without residual
+        Relative change of the amplitude with two more harmonics, and the further change with six
+        more residual modes; NaN if unknown.  None if the errors were left out (``errors=False``), without residual
         modes, and in files of earlier versions.
     checks_interrupted : bool
         Whether Ctrl-C ended the checks or the computation of the margins.
@@ -373,8 +373,8 @@ class OptimalCurve(
 
     @property
     def error(self) -> Annotated[NDArray, Quantity()]:
-        """Relative error (n,) of each amplitude, the sum of both changes; NaN if one is unknown, or
-        without estimates.
+        """Relative error (n,) of each amplitude, the sum of the sizes of both changes; NaN if one is
+        unknown, or without estimates.
         """
         sizes = np.full(len(self), np.nan)
         if self.harmonic_change is not None:

@@ -93,9 +93,10 @@ class SourceError:
 
 
 def amplitude_error(errors: Sequence[SourceError]) -> float:
-    """Return the relative error of the amplitude, the sum over all sources.
+    """Return the relative error of the amplitude, the sum of the sizes over all sources.
 
-    NaN if a source is unknown, or if there is none.
+    NaN if a source is unknown, or if there is none.  Changes of opposite signs do not cancel,
+    because further harmonics and residual modes may change one alone.
     """
     if not errors:
         return float("nan")
@@ -154,12 +155,16 @@ def error_rows(
         if not item.known:
             rows.append(Row(name, "unknown", item.against))
             continue
-        changed = amount((1.0 + item.amplitude) * amplitude, "m")
         is_reading = item.uncertainty > 0.0
         about = "about " if is_reading else ""
         value = f"{about}{percent(item.amplitude, sign=True)}"
+        remark = f"with {item.against}"
+        # residual modes change a peak with more harmonics
+        if item.source == HARMONICS:
+            changed = amount((1.0 + item.amplitude) * amplitude, "m")
+            remark = f"{changed} {remark}"
         seconds = f", {amount(item.seconds, 's', 2)}" if item.seconds else ""
-        rows.append(Row(name, value, f"{changed} with {item.against}{seconds}"))
+        rows.append(Row(name, value, f"{remark}{seconds}"))
         if item.source == HARMONICS and len(harmonic_peaks) > 1:
             rows.append(Row("", "", further_text(harmonic_peaks[1:])))
     return rows

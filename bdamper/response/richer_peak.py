@@ -635,16 +635,24 @@ def peak_errors(
     Returns
     -------
     PeakErrors
-        The error by harmonics is the largest change of all steps.
+        The error by harmonics is the largest change of all steps.  Residual modes are added to the
+        study with two more harmonics, if its peak is known, so that both changes add up to the
+        change by both.  With the harmonics of the study they may change another amount: on the
+        disk at its optimum (engine order 5) -0.3 instead of +6.6 %.
     """
     ladder = _Ladder(problem, preload, tuple(peaks), meter)
+    ladder.step()
+    base, base_peaks = problem, tuple(peaks)
+    too_few_harmonics = problem.harmonic_numbers[-1] < LEAST_HARMONICS
+    if ladder.peaks or too_few_harmonics:
+        base, base_peaks = ladder.problem, ladder.peaks
     while ladder.goes_on(most_steps):
         ladder.step()
     errors = [ladder.error]
-    base, base_peaks = problem, tuple(peaks)
-    if problem.harmonic_numbers[-1] < LEAST_HARMONICS:
-        base, base_peaks = ladder.problem, ladder.peaks
     vectors = _vector_error(base, preload, base_peaks, meter)
+    if vectors is not None and base is not problem and base_peaks:
+        number = base.harmonic_numbers[-1]
+        vectors = _relative_to(peaks[0], base_peaks[0], number, vectors)
     if vectors is not None:
         errors.append(vectors)
     return PeakErrors(tuple(errors), tuple(ladder.steps))
@@ -744,6 +752,23 @@ def _vector_error(
         uncertainty=change.uncertainty,
         against=_against(text, change, "study.estimate_errors(peak)"),
         seconds=seconds,
+    )
+
+
+def _relative_to(own: Peak, base: Peak, number: int, error: SourceError) -> SourceError:
+    """Return the error of a peak with more harmonics relative to the peak of the study.
+
+    ``number`` is the highest harmonic of the former.
+    """
+    if not error.known:
+        return error
+    height = base.amplitude / own.amplitude
+    return replace(
+        error,
+        amplitude=height * error.amplitude,
+        frequency=base.frequency / own.frequency * error.frequency,
+        uncertainty=height * error.uncertainty,
+        against=f"{counted(number, 'harmonic')} and {error.against}",
     )
 
 
