@@ -688,6 +688,10 @@ class AccuracyCost(Result, Plottable, Tabular, Storable, kind="bdamper-accuracy"
 
     def _statement(self) -> Statement:
         remarks = [self._reference_text()]
+        if np.isfinite(self.uncertainty):
+            remarks.append(
+                "The error of other settings is this error and their difference together"
+            )
         if not self.reached and np.isfinite(self.uncertainty):
             remarks.append(self._forecast_text())
         if self.interrupted:

@@ -40,7 +40,7 @@ from bdamper.response.sensitivity import amplitude_sensitivity, setting_family
 from bdamper.util import validation
 from bdamper.util.display import Plottable, Result
 from bdamper.util.errors import COMPLETE, FAILURES_AT_ONE_PRELOAD, INCOMPLETE
-from bdamper.util.formatting import amount, counted, percent, short_repr
+from bdamper.util.formatting import amount, counted, percent, sentence, short_repr
 from bdamper.util.progress import one_thread, progress_stages, shows_progress
 from bdamper.util.records import Data
 from bdamper.util.statement import Row, Statement
@@ -133,14 +133,14 @@ class ExcitationCurve(
             rows.append(Row("Damping ratio", percent(self.damping_ratio[top]), where))
         n_known = "all" if known.all() else str(int(known.sum()))
         rows.append(Row("Excitations", str(len(known)), f"{n_known} with a known amplitude"))
-        remarks = []
+        remarks = ["Dissipated: by the contacts and the modal damping of one sector in a period."]
         if self.scaled:
             remarks.append(
                 "Scaled from an optimal curve: only the ratio of excitation and preload matters."
             )
         table, further = self._first_rows(self._printed_table())
         if not self.requested.all():
-            remarks.append(f"{_ADDED}: between the requested excitations")
+            remarks.append(f"{sentence(_ADDED)} excitations lie between the requested ones.")
         return Statement([verdict], rows, remarks=(*remarks, *further), table=table)
 
     def _printed_table(self) -> list[tuple[str, ...]]:

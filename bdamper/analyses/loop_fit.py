@@ -147,7 +147,7 @@ class FittedLoop(Result, Plottable):
         if self.backlash:
             deviation = f"standard error {amount(clearance, 'm')}"
             rows.append(Row("Backlash", amount(self.backlash, "m"), deviation))
-        misfit_of = "mean distance of the points from the loop, without the measurement noise"
+        misfit_of = "distance of points and loop relative to its size, without the noise"
         rows.append(Row("Misfit", percent(self.misfit), misfit_of))
         found = f"friction coefficient {self.mu:.3g}, stiffness {amount(self.kt, 'N/m')}"
         verdict = f"Fitted with a misfit of {percent(self.misfit)}: {found}"

@@ -194,7 +194,7 @@ class NonlinearMode(
         subject = f"mode {self.mode}, preload {amount(self.preload, 'N')}"
         place = amount(self.amplitude[highest], "m")
         frequency = f"{amount(self.frequency[highest], 'Hz')} at the largest damping"
-        edge = "largest damping at an end" if at_end else ""
+        edge = "largest damping at an end" if at_end else "range of the computed mode"
         rows = [
             Row("Amplitude", span(self.amplitude.min(), self.amplitude.max(), "m"), edge),
             Row("Frequency", span(self.frequency.min(), self.frequency.max(), "Hz"), frequency),

@@ -279,7 +279,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         )
         source = self._source_text
         if self.seed:
-            source += "; a drawn sample has another one"
+            source += f"; these {self.n_blades} draws have {percents.std():.3g} %"
         rows = [
             Row("Source", "", source),
             Row("Mean", f"{mean:.3g} %", "shifts all blades equally"),

@@ -174,7 +174,7 @@ class WeibullTail(Summarised):
                 Row(
                     "Fit",
                     f"{self.distance:.2g}",
-                    "largest difference from the sample in probability, which is 0 to 1",
+                    "largest difference between the fitted probability and that of the sample",
                 ),
             ],
             remarks=["Not covered: confidence limits of the bound, values below the threshold"],

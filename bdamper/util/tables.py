@@ -53,7 +53,18 @@ class Column(NamedTuple):
     dims: tuple[str, ...] = ()
 
 
-SHOWN_IN_PER_CENT = frozenset({"stick", "slip", "open", "damping_ratio", "error", "difference"})
+SHOWN_IN_PER_CENT = frozenset(
+    {
+        "stick",
+        "slip",
+        "open",
+        "damping_ratio",
+        "error",
+        "difference",
+        "harmonic_change",
+        "vector_change",
+    }
+)
 """Columns with fractions, which printed tables show in per cent."""
 PRINTED_HEADS = {"counted": "used"}
 """Columns whose printed head differs from their name."""
