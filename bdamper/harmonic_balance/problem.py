@@ -78,13 +78,13 @@ a random sector, which moves by 1.3 m if it is pressed with 14.8 kN.
 """
 
 
-class Locked(NamedTuple):
-    """State of a shroud whose contacts stick, at one preload.
+class Residual(NamedTuple):
+    """Residual friction forces with which a vibration slips last, at one preload.
 
     Parameters
     ----------
     state : PreloadState
-        State at rest with the residual friction forces that allow most.
+        State at rest with these forces.
     first_slip : float
         Excitation of first slip over that of the study.
     amplitude : float, m
@@ -219,7 +219,7 @@ class Problem:
         """
         derived = dict(vars(self))
         # sizes and load cases refer to this problem
-        for name in ("settings", "sizes", "locked_states", "_load_cases"):
+        for name in ("settings", "sizes", "residual_states", "_load_cases"):
             derived.pop(name, None)
         return Problem(self.settings, derived | parts)
 
@@ -231,7 +231,7 @@ class Problem:
         return {}
 
     @made_once
-    def locked_states(self) -> dict[float, Locked]:
+    def residual_states(self) -> dict[float, Residual]:
         """Locked states that replace the static ones in response curves, by preload."""
         return {}
 
@@ -846,11 +846,11 @@ class Problem:
             self._load_cases[preload] = LoadCase(self, preload)
         return self._load_cases[preload]
 
-    def lock(self, preload: float, locked: Locked | None) -> LoadCase:
-        """Return the problem under a preload (N), from now on with a locked state or without one."""
-        self.locked_states.pop(preload, None)
-        if locked is not None:
-            self.locked_states[preload] = locked
+    def start_from(self, preload: float, residual: Residual | None) -> LoadCase:
+        """Return the problem under a preload (N), from now on with residual forces or without."""
+        self.residual_states.pop(preload, None)
+        if residual is not None:
+            self.residual_states[preload] = residual
         self._load_cases.pop(preload, None)
         return self.at(preload)
 
@@ -874,19 +874,19 @@ class LoadCase:
 
     @made_once
     def static(self) -> PreloadState:
-        """State from which the vibration starts: a locked state, or else the static state, which may
-        not have converged.
+        """State from which the vibration starts: that with residual forces, or else the static state,
+        which may not have converged.
         """
-        if self.locked is not None:
-            return self.locked.state
+        if self.residual is not None:
+            return self.residual.state
         return self.problem.static(self.preload)
 
     @property
-    def locked(self) -> Locked | None:
-        """State of a shroud in which nothing slips under the excitation, see
+    def residual(self) -> Residual | None:
+        """Residual forces from which the vibration starts, if they differ from those at rest, see
         :func:`bdamper.response.response_curve.frequency_response`.
         """
-        return self.problem.locked_states.get(self.preload)
+        return self.problem.residual_states.get(self.preload)
 
     @property
     def equilibrium(self) -> PreloadState:
@@ -979,8 +979,8 @@ class LoadCase:
             f"static forces on the modes up to {most:g}",
             f"{static:.3g}",
         )
-        if self.locked is not None:
-            rounding_static, rounding_vibration = self.locked.rounding
+        if self.residual is not None:
+            rounding_static, rounding_vibration = self.residual.rounding
             static = max(static, rounding_static / ROUNDING)
             vibration = max(vibration, rounding_vibration / ROUNDING)
         return SectorData(

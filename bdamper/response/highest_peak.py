@@ -712,7 +712,7 @@ def as_peak(problem: Problem, response: AtPreload, frequency: tuple[float, float
         search_reason=of_search.reason,
         status=end.status,
         reason=end.reason,
-        notes=(*response.curve.self_locking, *response.curve.sticks),
+        notes=(*response.curve.self_locking, *response.curve.residual_forces),
         settings=settings,
         model_hash=problem.model.hash,
     )

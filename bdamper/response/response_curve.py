@@ -62,6 +62,7 @@ from bdamper.response.resolution import unresolved_resonance
 from bdamper.response.response_curve_result import (
     LOCKED,
     NO_STEADY,
+    SLIPS,
     STICKS,
     ResponseCurve,
     crossed,
@@ -392,35 +393,36 @@ def frequency_response(
 def _of_shroud(
     case: LoadCase, frequency: tuple[float, float], options: ContinuationOptions, progress: bool
 ) -> ResponseCurve:
-    """Return the curve of a shroud from its locked state if there is one, else from the static state.
+    """Return the curve of a shroud from the residual forces that allow most, else from those at rest.
 
-    In service a shroud is locked: the vibration has left the mean friction forces that it needs.  All
-    further analyses at this preload start from the same state.
+    In service a vibration that slips at first changes the mean friction forces until it slips least
+    or not at all: the shroud is locked.  All further analyses at this preload start from the same
+    state.
     """
     problem = case.problem
-    if not _is_locked_within(case, frequency):
-        case = problem.lock(case.preload, None)
-        case = problem.lock(case.preload, first_slip.locked(case, frequency))
+    if not _holds_within(case, frequency):
+        case = problem.start_from(case.preload, None)
+        case = problem.start_from(case.preload, first_slip.residual_state(case, frequency))
     curve = _covered(case, frequency, options, progress)
     has_gaps = not curve.complete or curve.gap is not None
-    if case.locked is None or curve.interrupted or not has_gaps:
+    if case.residual is None or curve.interrupted or not has_gaps:
         return curve
-    again = _covered(problem.lock(case.preload, None), frequency, options, progress)
+    again = _covered(problem.start_from(case.preload, None), frequency, options, progress)
     return replace(again, cost=curve.cost + again.cost)
 
 
-def _is_locked_within(case: LoadCase, frequency: tuple[float, float]) -> bool:
-    """Return whether the locked state belongs to an interval that contains the given one."""
-    if case.locked is None:
+def _holds_within(case: LoadCase, frequency: tuple[float, float]) -> bool:
+    """Return whether the residual forces belong to an interval that contains the given one."""
+    if case.residual is None:
         return False
-    low, high = case.locked.interval
+    low, high = case.residual.interval
     return low <= frequency[0] and frequency[1] <= high
 
 
 def _covered(
     case: LoadCase, frequency: tuple[float, float], options: ContinuationOptions, progress: bool
 ) -> ResponseCurve:
-    """Return the curve of all branches that start at the static or locked state of a load case."""
+    """Return the curve of all branches that start at the static state of a load case or at residual forces."""
     problem = case.problem
     search = _search(case, frequency, options)
     find_start = partial(_start, case, search)
@@ -445,8 +447,9 @@ def _covered(
     if len(curve):
         warn_of_small_slip(problem, search.system, curve.peak.y[:-1])
     remarks = [f"{name} {LOCKED}" for name in self_locking(problem)]
-    if case.locked is not None:
-        remarks.append(STICKS.format(case.locked.first_slip))
+    if case.residual is not None:
+        factor = case.residual.first_slip
+        remarks.append((STICKS if factor >= 1.0 else SLIPS).format(factor))
     return replace(
         curve,
         reason=_reason(case, search, curve),
@@ -472,15 +475,17 @@ def _locked(
     # narrow gaps of a complete curve may contain its peak
     has_gaps = curve.status == NOT_FOUND or curve.gap is not None
     no_answer = curve.interrupted or curve.without_amplitude is not None
-    if case.locked is not None or no_answer or not has_gaps:
+    if case.residual is not None or no_answer or not has_gaps:
         return curve
-    locked = first_slip.locked(case, frequency)
+    locked = first_slip.residual_state(case, frequency)
     # if another solution is higher, the locked one is not the highest
-    if locked is None or curve.amplitude.max(initial=0.0) > locked.amplitude:
+    if locked is None or locked.first_slip < 1.0:
         return curve
-    again = _covered(problem.lock(case.preload, locked), frequency, options, progress)
+    if curve.amplitude.max(initial=0.0) > locked.amplitude:
+        return curve
+    again = _covered(problem.start_from(case.preload, locked), frequency, options, progress)
     if not again.complete or again.gap is not None:
-        problem.lock(case.preload, None)
+        problem.start_from(case.preload, None)
         if again.interrupted:
             return replace(curve, status=again.status, reason=again.reason)
         return curve

@@ -68,6 +68,11 @@ STICKS = (
     "forces give less, and a vibration that starts in another way may slip"
 )
 """Note on a curve that starts at the locked state of a shroud."""
+SLIPS = (
+    "starts from the residual friction forces with which the shroud slips last, at {:.3g} times the "
+    "excitation; other residual forces may give more or less"
+)
+"""Note on a curve above first slip that starts from the same residual forces as a locked shroud."""
 
 
 @short_repr
@@ -200,7 +205,16 @@ class ResponseCurve(
     @property
     def sticks(self) -> tuple[str, ...]:
         """Note on a curve that starts at the locked state of a shroud, if it does."""
-        begins, _, _ = STICKS.partition(":")
+        return self._notes_like(STICKS)
+
+    @property
+    def residual_forces(self) -> tuple[str, ...]:
+        """Note on a curve of a shroud that starts from other friction forces than those at rest."""
+        return (*self.sticks, *self._notes_like(SLIPS))
+
+    def _notes_like(self, text: str) -> tuple[str, ...]:
+        """Return the notes that begin as a text before its first value."""
+        begins, _, _ = text.partition("{")
         return tuple(note for note in self.notes if note.startswith(begins))
 
     @property
@@ -501,7 +515,7 @@ class ResponseCurve(
         higher = self.higher(float(self.amplitude[self.peak_index]))
         if higher:
             remarks.append(f"The response is {higher}")
-        remarks += [sentence(note) for note in (*self.self_locking, *self.sticks)]
+        remarks += [sentence(note) for note in (*self.self_locking, *self.residual_forces)]
         if self.without_steady:
             remarks.append(f"The curve is {self.status}: {self.reason}")
             remarks.append("Remedy: study.time_response(curve), the highest steady amplitude")

@@ -492,7 +492,7 @@ def reach(
     The attempts end with the first peak, or if the iteration stalls near a solution.
     """
     own_system = problem.system(preload)
-    _lock_as(problem, richer, preload)
+    _start_as(problem, richer, preload)
     system = richer.system(preload)
     sign = sign_of_jacobian(own_system, peak.y)
     refined = with_tangent(own_system, peak)
@@ -540,12 +540,12 @@ def reach(
     return Reached(None, amplitude, frequency, least_residual, iterations)
 
 
-def _lock_as(problem: Problem, richer: Problem, preload: float) -> None:
-    """Lock the shroud of a richer study if that of a study is locked and its own can be."""
-    locked = problem.at(preload).locked
+def _start_as(problem: Problem, richer: Problem, preload: float) -> None:
+    """Start a richer study from its own residual forces if a study starts from such forces."""
+    own = problem.at(preload).residual
     case = richer.at(preload)
-    if locked is not None and case.locked is None:
-        richer.lock(preload, first_slip.locked(case, locked.interval))
+    if own is not None and case.residual is None:
+        richer.start_from(preload, first_slip.residual_state(case, own.interval))
 
 
 def _plane(
