@@ -1799,6 +1799,7 @@ class Study(Comparable):
         *,
         tolerance: float = 0.05,
         maximum: float = refinement.MAXIMUM,
+        sources: Sequence[str] = error_estimates.SOURCES,
         progress: bool | None = None,
     ) -> Refinement:
         """Refine the study until the estimated error of a peak is within a tolerance.
@@ -1815,6 +1816,9 @@ class Study(Comparable):
             Relative tolerance of amplitude and frequency.
         maximum : float
             Maximum time (s) of all steps together.
+        sources : sequence of str
+            Sources of error that are estimated and reduced, as in :meth:`estimate_errors`; others
+            remain.  With "harmonics" alone, the peak gets the harmonics that it needs.
         progress : bool, optional
             Show a progress bar; by default in a terminal and a notebook.
 
@@ -1833,7 +1837,12 @@ class Study(Comparable):
             If the peak has not converged or belongs to another study.
         """
         return refinement.refine(
-            self, peak, tolerance=tolerance, maximum=maximum, progress=progress
+            self,
+            peak,
+            tolerance=tolerance,
+            maximum=maximum,
+            sources=sources,
+            progress=progress,
         )
 
     def save(self, path: FilePath, *, include_model: bool = True) -> None:

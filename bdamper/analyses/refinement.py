@@ -129,6 +129,8 @@ class Refinement(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-r
         Settings or model that would reach the tolerance, or "".
     needed_seconds : float
         Estimated time of the remaining steps; NaN if unknown.
+    examined : tuple of str
+        Sources whose errors were estimated.
     study : Study, optional
         Last study. It is not saved; :func:`bdamper.load_study` restores it from the file and the
         model.
@@ -143,6 +145,7 @@ class Refinement(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-r
     reason: Reason = ""
     needed: str = ""
     needed_seconds: float = float("nan")
+    examined: tuple[str, ...] = SOURCES
     # a file contains the settings of the study, and not the study
     study: Annotated[Any, Data(file=".")] = field(default=None, compare=False, repr=False)
 
@@ -182,7 +185,8 @@ class Refinement(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-r
             if np.isfinite(self.needed_seconds):
                 seconds = f", in about {amount(self.needed_seconds, 's', 2)}"
             remarks.append(f"Needed: {self.needed}{seconds}")
-        remarks.append("Not covered: time integration")
+        left_out = [source for source in SOURCES if source not in self.examined]
+        remarks.append(f"Not covered: {', '.join(['time integration', *left_out])}")
         unknown = [
             Row(item.source, "not estimated", item.against)
             for item in self.sources
@@ -218,6 +222,7 @@ def refine(
     *,
     tolerance: float = 0.05,
     maximum: float = MAXIMUM,
+    sources: Sequence[str] = SOURCES,
     progress: bool | None = None,
 ) -> Refinement:
     """See :meth:`bdamper.Study.refine`."""
@@ -225,7 +230,8 @@ def refine(
     check_peak(problem, peak)
     tolerance = validation.number("tolerance", tolerance, above=0.0, below=1.0)
     maximum = validation.number("maximum", maximum, above=0.0)
-    search = _Search(problem, peak, tolerance, maximum)
+    sources = validation.names("sources", sources, SOURCES)
+    search = _Search(problem, peak, tolerance, maximum, tuple(sources))
     show = shows_progress(progress)
     too_late = Event()
     timer = Timer(maximum, too_late.set)
@@ -255,12 +261,15 @@ class _Search:
     problem, peak : Problem, Peak
         Study and peak of the next or the last step.
     tolerance, maximum : float
+    examined : tuple of str
+        Sources of error.
     """
 
     problem: Problem
     peak: Peak
     tolerance: float
     maximum: float
+    examined: tuple[str, ...]
 
     change: str = ""
     steps: list[RefinementStep] = field(default_factory=list)
@@ -298,6 +307,7 @@ class _Search:
             reason=ending.reason,
             needed=self.needed.text,
             needed_seconds=self.needed.seconds,
+            examined=self.examined,
             study=in_type_of(study, self.problem),
             **self.problem.recorded(),
         )
@@ -305,7 +315,7 @@ class _Search:
     def step(self) -> None:
         """Estimate the errors of the peak, then take the study of the largest or end."""
         self.meter = CostMeter()
-        estimates, enriched = examine(self.problem, self.peak, SOURCES, self.meter)
+        estimates, enriched = examine(self.problem, self.peak, self.examined, self.meter)
         self.sources = self._with_remainders(estimates)
         sizes = {item.source: item.size for item in self.sources if item.known}
         error = float(sum(sizes.values()))

@@ -27,7 +27,6 @@ from numpy.typing import NDArray
 
 from bdamper.harmonic_balance import equations
 from bdamper.harmonic_balance.checks import check_result, check_solution
-from bdamper.harmonic_balance.effects import harmonic_numbers
 from bdamper.harmonic_balance.equations import (
     NOT_CONVERGED,
     OK,
@@ -281,13 +280,11 @@ class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
 
     @property
     def _calls(self) -> list[str]:
-        """The call for a peak with two more harmonics, if these change it much."""
+        """The call for a peak with the harmonics that it needs, if more change it much."""
         changes = changes_by_source(self.errors)
         if not abs(changes["harmonic_change"]) > CHANGED_MUCH or "harmonics" not in self.settings:
             return []
-        more = max(harmonic_numbers(self.settings["harmonics"])) + 2
-        call = f"study.replace(harmonics={more}).peak({self.parameter:.6g})"
-        return [f"with more harmonics: {call}"]
+        return ['with more harmonics: study.refine(peak, sources=["harmonics"])']
 
 
 RESONANCES = {

@@ -212,3 +212,26 @@ def test_wrong_arguments_are_named(masses):
         study.refine(peak, maximum=0.0)
     with pytest.raises(SettingError, match="of this study"):
         study.replace(harmonics=3).refine(peak)
+
+
+def test_harmonics_alone_are_added_on_request(masses):
+    study, peak = masses
+    result = study.refine(peak, tolerance=0.005, sources=["harmonics"])
+    assert result.reached and result.examined == ("harmonics",)
+    finer = study.replace(harmonics=21).peak(1.0, BAND)
+    assert abs(peak.amplitude / finer.amplitude - 1.0) > 0.005
+    assert result.peak.amplitude == pytest.approx(finer.amplitude, rel=0.005)
+    assert result.study.problem.harmonic_numbers[-1] > 1
+    assert [item.source for item in result.sources] == ["harmonics"]
+    assert "Not covered  time integration, contact_forces, contact points" in str(result)
+    with pytest.raises(SettingError, match=r"^sources"):
+        study.refine(peak, sources=["time"])
+    # the peak names this call
+    assert 'study.refine(peak, sources=["harmonics"])' in str(peak)
+
+
+def test_other_settings_stay_with_harmonics_alone():
+    study = wedge(5)
+    peak = study.peak(5.0)
+    result = study.refine(peak, tolerance=0.005, sources=["harmonics"])
+    assert result.study.problem.settings.blade_modes == study.problem.settings.blade_modes
