@@ -77,6 +77,7 @@ nightly:
 
 bench: $(VENV)/test.stamp
 	$(call step,times of typical works into docs/evidence/times.md,$(PY) -m benchmarks.bench_works)
+	$(call step,times of the checks of two default optima,$(PY) -m benchmarks.bench_checks)
 
 peers: $(VENV)/dev.stamp $(VENV)-peers/peers.stamp
 	$(call step,beside a published package,$(PY) -m benchmarks.peers $(VENV)-peers/bin/python)
