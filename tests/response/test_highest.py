@@ -299,6 +299,10 @@ def test_among_folds_a_search_does_not_leave_the_curve():
         bd.reference_model("bladed_disk", 24), bd.Excitation("tip", "tangential"), 10, harmonics=2, friction_coefficient=0.6
     )  # fmt: skip
     peak, curve = study.peak(65.6), study.frequency_response(65.6, (231.1673, 412.9133))
+    if peak.search_reason.startswith("no steady periodic response is expected"):
+        # the contacts are open for most of the cycle: no amplitude is stated
+        assert np.isnan(peak.amplitude)
+        return
     complete = peak.search_status == "complete"
     assert complete or peak.search_reason.startswith(
         "the continuation of a branch was stopped among many folds from"
