@@ -228,10 +228,3 @@ def test_harmonics_alone_are_added_on_request(masses):
         study.refine(peak, sources=["time"])
     # the peak names this call
     assert 'study.refine(peak, sources=["harmonics"])' in str(peak)
-
-
-def test_other_settings_stay_with_harmonics_alone():
-    study = wedge(5)
-    peak = study.peak(5.0)
-    result = study.refine(peak, tolerance=0.005, sources=["harmonics"])
-    assert result.study.problem.settings.blade_modes == study.problem.settings.blade_modes
