@@ -199,8 +199,7 @@ class Statement:
     @property
     def html(self) -> str:
         """The same as paragraphs and tables of a notebook."""
-        verdict = "<br>".join(html.escape(text) for text in self.verdict)
-        parts = [f"<p><b>{verdict}</b></p>"]
+        parts = [f"<p><b>{html.escape(text)}</b></p>" for text in self.verdict]
         parts += [_html_table(table) for table in (self.rows, self.table) if table]
         parts += [f"<p>{html.escape(text)}</p>" for text in self._counted_checks]
         if self._shown_checks:
