@@ -105,12 +105,16 @@ class PeakTask(validation.Checked):
         Estimate the errors by harmonics and residual modes: "harmonic_change", "vector_change", and
         their sum "error", relative to the amplitude.
     shroud : str
-        Interface between neighbouring blades whose state is added: "shroud_force" (N, the normal
-        force at rest), "interference" (m, the largest one of its points at assembly), "static_slip"
-        (m, the largest one of its points from assembly to rest), "first_slip" (excitation of first
-        slip over that of the study, :meth:`bdamper.Study.first_slip`), and "locked_amplitude" (m, at
-        first slip).  A sweep over ``"constant_loads.shroud"`` or ``"gap.shroud"`` then shows which
+        Name of an interface between neighbouring blades.  It adds its state at rest and its first
+        slip; a sweep over ``"constant_loads.shroud"`` or ``"gap.shroud"`` then shows which
         interference a shroud needs.
+
+        - "shroud_force", N: normal force at rest
+        - "interference", m: largest one of its points at assembly
+        - "static_slip", m: largest one of its points from assembly to rest
+        - "first_slip": excitation of first slip over that of the study
+          (:meth:`bdamper.Study.first_slip`)
+        - "locked_amplitude", m: amplitude at first slip
     """
 
     preload: validation.Force | None = None

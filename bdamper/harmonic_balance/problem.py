@@ -874,8 +874,8 @@ class LoadCase:
 
     @made_once
     def static(self) -> PreloadState:
-        """State from which the vibration starts: that with residual forces, or else the static state,
-        which may not have converged.
+        """State from which the vibration starts.  It has residual forces, or is the static state and
+        then may not have converged.
         """
         if self.residual is not None:
             return self.residual.state
@@ -883,7 +883,7 @@ class LoadCase:
 
     @property
     def residual(self) -> Residual | None:
-        """Residual forces from which the vibration starts, if they differ from those at rest, see
+        """Residual forces from which the vibration starts, unless it starts from rest, see
         :func:`bdamper.response.response_curve.frequency_response`.
         """
         return self.problem.residual_states.get(self.preload)

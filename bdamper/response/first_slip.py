@@ -40,7 +40,7 @@ from bdamper.contact.laws import (
     refuse,
 )
 from bdamper.contact.preload_state import STICK, PreloadState
-from bdamper.harmonic_balance.problem import LoadCase, Residual
+from bdamper.harmonic_balance.problem import LoadCase, Problem, Residual
 from bdamper.response.linear_limits import linear_peak, peak_interval, warn_of_shroud
 from bdamper.util import validation
 from bdamper.util.display import Summarised
@@ -126,7 +126,7 @@ class FirstSlip(Summarised):
         own = amount(self.excitation, self.unit)
         subject = f"preload {amount(self.preload, 'N')}, stuck resonance {self.frequency:.4g} Hz"
         if np.isinf(self.factor):
-            verdict = f"Locked under any excitation: {subject}"
+            verdict = f"Friction can lock it under any excitation: {subject}"
         elif self.locked:
             verdict = f"Locked below {amount(self.force, self.unit)}: {subject}"
         else:
@@ -244,6 +244,14 @@ def residual_state(case: LoadCase, frequency: tuple[float, float]) -> Residual |
     if any(error > FEWEST_DIGITS * force for error, force in zip(rounding, scale)):
         return None
     return Residual(state, limit.factor, peak.amplitude, rounding, frequency)
+
+
+def start_as(problem: Problem, other: Problem, preload: float) -> None:
+    """Start another study of a structure from its own residual forces if a study starts from such."""
+    own = problem.at(preload).residual
+    case = other.at(preload)
+    if own is not None and case.residual is None:
+        other.start_from(preload, residual_state(case, own.interval))
 
 
 def _at_resonance(case: LoadCase, frequency: float) -> _Programme:

@@ -393,7 +393,7 @@ def frequency_response(
 def _of_shroud(
     case: LoadCase, frequency: tuple[float, float], options: ContinuationOptions, progress: bool
 ) -> ResponseCurve:
-    """Return the curve of a shroud from the residual forces that allow most, else from those at rest.
+    """Return the curve of a shroud from the residual forces that allow most, else from rest.
 
     In service a vibration that slips at first changes the mean friction forces until it slips least
     or not at all: the shroud is locked.  All further analyses at this preload start from the same

@@ -209,7 +209,7 @@ class ResponseCurve(
 
     @property
     def residual_forces(self) -> tuple[str, ...]:
-        """Note on a curve of a shroud that starts from other friction forces than those at rest."""
+        """Note on a curve of a shroud that starts from residual friction forces."""
         return (*self.sticks, *self._notes_like(SLIPS))
 
     def _notes_like(self, text: str) -> tuple[str, ...]:

@@ -492,7 +492,7 @@ def reach(
     The attempts end with the first peak, or if the iteration stalls near a solution.
     """
     own_system = problem.system(preload)
-    _start_as(problem, richer, preload)
+    first_slip.start_as(problem, richer, preload)
     system = richer.system(preload)
     sign = sign_of_jacobian(own_system, peak.y)
     refined = with_tangent(own_system, peak)
@@ -538,14 +538,6 @@ def reach(
     amplitude = amplitude_at(system, nearest)
     frequency = float(nearest[-1] / (2.0 * np.pi))
     return Reached(None, amplitude, frequency, least_residual, iterations)
-
-
-def _start_as(problem: Problem, richer: Problem, preload: float) -> None:
-    """Start a richer study from its own residual forces if a study starts from such forces."""
-    own = problem.at(preload).residual
-    case = richer.at(preload)
-    if own is not None and case.residual is None:
-        richer.start_from(preload, first_slip.residual_state(case, own.interval))
 
 
 def _plane(

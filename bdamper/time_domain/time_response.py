@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 from bdamper.contact.residual_flexibility import ResidualModes
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.model.kinematics import RIGID_NAMES
+from bdamper.response import first_slip
 from bdamper.response.continuation import TWO_PI
 from bdamper.response.followed_peak import with_verdict
 from bdamper.response.optimal_curve_result import OptimalCurve
@@ -275,6 +276,7 @@ def time_response(
     preload = result.preload
     with limit.counted():
         structure, text = structure_in_time(problem, result.peak.frequency)
+        first_slip.start_as(problem, structure, preload)
     without_amplitude = TimeResponse(
         mean=np.nan,
         lowest=np.nan,
@@ -409,6 +411,7 @@ def _integrate(
                 structure_and_name = richer_structure(structure)
                 if structure_and_name is not None:
                     richer_problem, name = structure_and_name
+                    first_slip.start_as(structure, richer_problem, preload)
                     of_richer = all_sectors(richer_problem, preload, blades, search.sectors.limit)
                     richer = _RicherRing(name, of_richer)
                 _add_refinements(search, best, richer, starts, runs, others)
