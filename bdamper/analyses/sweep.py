@@ -123,6 +123,11 @@ class PeakTask(validation.Checked):
     errors: bool = True
     shroud: str = ""
 
+    def __post_init__(self) -> None:
+        expected = "the name of an interface between blades, or an empty text"
+        validation.check_value(isinstance(self.shroud, str), "shroud", expected, self.shroud)
+        super().__post_init__()
+
     def __call__(self, study: StudyLike | Problem, preload: float | None) -> Values:
         # the preload of the task, if the sweep does not vary it
         load: Any = self.preload if preload is None else preload
