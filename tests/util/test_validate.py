@@ -185,7 +185,7 @@ OPTIONS = (
     Rule(), Units(), DiskPeakOptions(), Sector(), Placement(), Reduction(), Checks(), Geometry(),
     HaighTable((2e8,), (0.0,), (20.0,), (0.5,)),
 )  # fmt: skip
-FREE = {"name", "source", "location", "beside", "fixed", "blade_nodes", "stress"}
+FREE = {"name", "source", "location", "shroud", "beside", "fixed", "blade_nodes", "stress"}
 """Texts, names that the model knows, further excitations, and node sets, which are checked with the mesh."""
 
 
