@@ -296,11 +296,12 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
         remarks = [sentence(note) for note in self.notes if note.startswith("correlated")]
         if model_is_wrong:
             remarks.append(
-                "Remedy: fit again with more harmonics, modes and contact points, and pass that fit "
-                "to fitted.widen"
+                "Remedy: fit again with a finer model; fitted.widen(finer_fit) then widens the "
+                "intervals, since the true constants may lie outside the intervals of this fit"
             )
-            remarks.append("The true constants may lie outside the intervals")
-        remarks.append(f"Use these values only with {self._settings_text()}")
+            remarks.append(f"Fitted with {self._settings_text()}")
+        else:
+            remarks.append(f"Use these values only with {self._settings_text()}")
         if self.doubts and model_is_wrong:
             remarks.append(f"The fit is incomplete: {self.doubts}")
         return Statement([verdict], self._estimate_rows(), checks, remarks)

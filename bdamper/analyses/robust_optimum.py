@@ -230,6 +230,14 @@ def _invalid_draws(
     return reasons
 
 
+def _best_text(preload: float, end: str, at_most: str) -> str:
+    """Return the verdict on a best preload (N), which an end of the range does not show."""
+    if not end:
+        return f"Best preload {amount(preload, 'N')}: {at_most}"
+    place = f"the {end} end of the range, {amount(preload, 'N')}"
+    return f"Not for design: the largest amplitude is lowest at {place}: {at_most}"
+
+
 def _end_remedy(end: str, preload: float) -> str:
     """Return the remark on a best preload (N) at an end of the range."""
     return f"Remedy: include preloads {beyond(end)} {amount(preload, 'N')}"
@@ -286,13 +294,17 @@ class RobustOptimum(Result):
     end: str = ""
 
     def _statement(self) -> Statement:
-        edge = f", at the {self.end} end of the range" if self.end else ""
         draws = _draws_text(self.percentile, self.draws)
         too_few = _too_few_text(self.percentile, self.draws)
         at_most = f"at most {amount(self.amplitude, 'm')} in {draws}{too_few}"
-        verdict = f"Best preload {amount(self.preload, 'N')}{edge}: {at_most}"
-        half_width = "half of the last search interval"
-        rows = [Row("Uncertainty of the preload", f"± {percent(self.uncertainty)}", half_width)]
+        verdict = _best_text(self.preload, self.end, at_most)
+        rows = []
+        # at an end of the range the best preload is not known
+        if not self.end:
+            half_width = "half of the last search interval"
+            rows.append(
+                Row("Uncertainty of the preload", f"± {percent(self.uncertainty)}", half_width)
+            )
         remarks = [_failed_text(self.failed, self.draws + len(self.failed))]
         if not self.ok:
             remarks.append(f"The search is {self.status_text}")
@@ -436,8 +448,7 @@ class OptimalCurveUncertainty(
         best = int(np.argmin(high))
         at_most = f"at most {amount(high[best], 'm')} in {draws}"
         end = _end(self.preload[best], self.preload[0], self.preload[-1])
-        edge = f", at the {end} end of the range" if end else ""
-        verdict = f"Best preload {amount(self.preload[best], 'N')}{edge}: {at_most}"
+        verdict = _best_text(float(self.preload[best]), end, at_most)
         if end:
             remarks.append(_end_remedy(end, self.preload[best]))
         rows = [Row("Sample", counted(n_counted, "draw"), f"random {settings}{too_few}")]

@@ -572,7 +572,10 @@ class MistunedSample(
         missed = any(check.value == "uncertain" for check in checks)
         in_brackets = "In brackets: 95 % confidence interval"
         if not np.isfinite(self.percentile(95.0)).all():
-            in_brackets += "; without an upper limit the sample has too few disks"
+            in_brackets += (
+                "; a disk whose peak was not found counts as any amplitude, so that too few others "
+                "leave no upper limit"
+            )
         remarks = [in_brackets]
         if missed:
             remarks.append(MISSED_REMEDY)
@@ -583,7 +586,7 @@ class MistunedSample(
         _, middle, _ = self.percentile(50.0)
         upper = self.percentile(95.0)
         table: list[tuple[str, ...]] = [
-            ("Mistuning", "Preload", "Median factor", "95th percentile")
+            ("Mistuning", "Preload", "Median factor", "95th percentile", "Not found")
         ]
         for i, deviation in enumerate(self.standard_deviation):
             for j, preload in enumerate(self.preload):
@@ -593,6 +596,7 @@ class MistunedSample(
                     amount(preload, "N"),
                     f"{middle[i, j]:.4g}",
                     str(Interval(low=low_end, value=estimate, high=high_end)),
+                    str(int(np.isnan(self.amplitude[:, i, j]).sum())),
                 )
                 table.append(cells)
         return table

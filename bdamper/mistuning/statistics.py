@@ -165,19 +165,19 @@ class WeibullTail(Summarised):
     _states_all = True
 
     def _statement(self) -> Statement:
-        values = f"{self.n_tail} of {self.n} values above {self.threshold:.4g}"
+        values = f"the highest {self.n_tail} of {self.n} values, from {self.threshold:.4g} on"
         return Statement(
-            [f"Estimated upper bound of all values {self.bound:.4g}: Weibull fit to {values}"],
+            [f"Estimated upper bound of the sample {self.bound:.4g}: Weibull fit to {values}"],
             [
                 Row("Shape", f"{self.shape:.3g}"),
                 Row("Scale", f"{self.scale:.4g}"),
                 Row(
                     "Fit",
                     f"{self.distance:.2g}",
-                    "largest difference between the fitted probability and that of the sample",
+                    "largest difference between the probabilities of fit and sample, 0 to 1",
                 ),
             ],
-            remarks=["Not covered: confidence limits of the bound, values below the threshold"],
+            remarks=["Not covered: confidence limits of the bound, lower values"],
         )
 
 

@@ -819,7 +819,8 @@ class TestUncertainty:
         assert not found.complete
         text = said(found)
         assert text.startswith(
-            "Best preload 1 N, at the lower end of the range: at most 8 m in all 8 draws Sample 8 draws random "
+            "Not for design: the largest amplitude is lowest at the lower end of the range, 1 N: at most 8 m in all 8 "
+            "draws Sample 8 draws random "
             "friction coefficient (the 95th percentile requires 21 draws)"
         )
         assert " 1 N 5 m 8 m 2 N no peak no peak " in text
