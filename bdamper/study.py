@@ -809,8 +809,8 @@ class Study(Comparable):
         Peak
             Highest point of the response. If none was found, the amplitude is NaN and ``status``
             gives the reason. The status is "incomplete" if a peak followed from a lower preload is
-            higher. A shroud below first slip (:meth:`first_slip`) is locked, if its curve from the
-            static state has gaps.
+            higher. Curves of a shroud start from the friction forces with which it slips last, up to
+            ten times its first slip (:meth:`first_slip`); below first slip it is locked.
         """
         problem = self.problem
         progress = shows_progress(progress)

@@ -32,12 +32,16 @@ if {workers}:
     bd.set_workers({workers})
 study = bd.Study({study})
 curve = study.optimal_curve((20.0, 2000.0), progress=False)
-checks = [(check.name, getattr(check, "seconds", None)) for check in getattr(curve, "checks", ())]
+try:
+    from bdamper.response.optimum_checks import checks as checks_of
+    checks = [(check.name, getattr(check, "seconds", None)) for check in checks_of(curve)]
+except ImportError:
+    checks = []
 print(json.dumps({{
     "version": bd.__version__,
     "preload": curve.optimum.preload,
     "amplitude": curve.optimum.amplitude,
-    "checks": [pair for pair in checks if pair[1]],
+    "checks": [(name, seconds) for name, seconds in checks if seconds and seconds == seconds],
 }}))
 """
 
@@ -69,12 +73,12 @@ def show(answer: str, found: dict[str, Any]) -> None:
 def main() -> None:
     """Print the times of the default answers."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("answers", nargs="*", choices=[*ANSWERS, []], default=[*ANSWERS])
+    parser.add_argument("answers", nargs="*", choices=[*ANSWERS, []], default=[])
     parser.add_argument("--against", metavar="PYTHON")
     parser.add_argument("--pairs", type=int, default=2)
     parser.add_argument("--workers", type=int, default=0)
     given = parser.parse_args()
-    for answer in given.answers:
+    for answer in given.answers or ANSWERS:
         for pair in range(given.pairs if given.against else 1):
             own = timed(sys.executable, answer, given.workers)
             if pair == 0:

@@ -469,7 +469,7 @@ def _mode(
     applied_options = options or ContinuationOptions()
     validation.instance("options", applied_options, ContinuationOptions)
     meter = CostMeter()
-    state = problem.at(preload).equilibrium
+    state = problem.at(preload).rest.equilibrium
     system, omega = mode_system(problem, preload, mode, low)
     meter.watch(system)
     branch = _Branch(system, (low, high), applied_options)
@@ -517,7 +517,7 @@ def mode_system(
 
     The response amplitudes begin at ``low`` (m).
     """
-    case = problem.at(preload)
+    case = problem.at(preload).rest
     driven = case.equations
     linear = driven.structure.linear
     free_frequencies, free_shapes = linear.modes(contact=None)
@@ -556,7 +556,7 @@ def mode_points(
     system, omega = mode_system(problem, preload, mode, low)
     high = (1.0 + REACH) * float(amplitude.max())
     branch = _Branch(system, (low, high), ContinuationOptions())
-    branch.run(problem.at(preload).equilibrium, omega)
+    branch.run(problem.at(preload).rest.equilibrium, omega)
     points = branch.pieces[0].path.points
     y = np.array([point.y for point in points]).reshape(-1, system.n_unknowns + 1)
     motions: list[Correction | None] = []

@@ -131,6 +131,8 @@ class PeakTask(validation.Checked):
     def __call__(self, study: StudyLike | Problem, preload: float | None) -> Values:
         # the preload of the task, if the sweep does not vary it
         load: Any = self.preload if preload is None else preload
+        if self.shroud:
+            validation.choice("shroud", self.shroud, problem_of(study).settings.shrouds)
         peak = highest_peak(
             problem_of(study), load, self.frequency, mode=self.mode, errors=self.errors
         )
@@ -143,9 +145,9 @@ class PeakTask(validation.Checked):
             doubts.append(f"search {search}")
         of_shroud: dict[str, Any] = {}
         if self.shroud:
-            of_shroud, too_far = self._shroud_values(problem_of(study), load)
-            if too_far:
-                doubts.append(too_far)
+            of_shroud, doubt = self._shroud_values(problem_of(study), load)
+            if doubt:
+                doubts.append(doubt)
         return {
             "amplitude": peak.amplitude if peak.ok else np.nan,
             "lower_bound": peak.lower_bound,
@@ -165,18 +167,25 @@ class PeakTask(validation.Checked):
         }
 
     def _shroud_values(self, problem: Problem, preload: float) -> tuple[dict[str, Any], str]:
-        """Return the state of the shroud at rest and its first slip, and why they are not realistic."""
-        validation.choice("shroud", self.shroud, problem.settings.shrouds)
+        """Return the state of the shroud at rest and its first slip, and a doubt about them."""
         state = problem.static(preload)
-        limit = first_slip(problem.at(preload), self.frequency, self.mode)
+        doubt = state.too_far
+        factor = np.nan
+        locked_amplitude = np.nan
+        try:
+            limit = first_slip(problem.at(preload), self.frequency, self.mode)
+            factor = limit.factor
+            locked_amplitude = limit.amplitude_at_first_slip
+        except BdamperError as error:
+            doubt = f"no first slip: {error}"
         values = {
             "shroud_force": state.normal_force[self.shroud],
             "interference": state.largest_interference.get(self.shroud, np.nan),
             "static_slip": state.static_slip[self.shroud],
-            "first_slip": limit.factor,
-            "locked_amplitude": limit.amplitude_at_first_slip,
+            "first_slip": factor,
+            "locked_amplitude": locked_amplitude,
         }
-        return values, state.too_far
+        return values, doubt
 
 
 @validation.check_arguments

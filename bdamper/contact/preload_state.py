@@ -82,7 +82,7 @@ class PreloadState(
         from files without it.
     interference : (n_points,) float, m, optional
         Interference of the surfaces at assembly by which constant loads and negative gaps press
-        them together; negative for gaps, NaN where nothing but free bodies is pressed on a face.
+        them together; negative for gaps, NaN on faces of free bodies and at points without friction.
     """
 
     load: float
@@ -148,8 +148,7 @@ class PreloadState(
         ]
         outcome = "pass" if self.ok else "FAIL"
         checks = [Row("Equilibrium", outcome, f"residual {self.residual:.2g}")]
-        pressed = self.largest_interference
-        if self.ok and pressed:
+        if self.ok and self._constrained:
             outcome = "FAIL" if self.too_far else "pass"
             found = self.too_far or "less than the distance of neighbouring points"
             checks.append(Row("Static slip", outcome, found))
@@ -239,12 +238,20 @@ class PreloadState(
         return largest
 
     @property
+    def _constrained(self) -> tuple[str, ...]:
+        """Names of the faces between constrained bodies; empty if they are unknown."""
+        if self.interference is None:
+            return ()
+        names = np.array(self.interface)[np.isfinite(self.interference)]
+        return tuple(dict.fromkeys(names.tolist()))
+
+    @property
     def too_far(self) -> str:
-        """Faces with interference that slip beyond the distance of their points; empty if none does."""
+        """Faces between constrained bodies that slip beyond the distance of their points, or ""."""
         if not self.ok:
             return ""
         texts = []
-        for name in self.largest_interference:
+        for name in self._constrained:
             slip = self.static_slip.get(name, 0.0)
             distance = self.point_distance.get(name, np.inf)
             if slip > distance:

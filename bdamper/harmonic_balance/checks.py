@@ -120,7 +120,7 @@ def check_solution(
         f"(residual {error:.2g})"
     )
     if problem.settings.constrained_faces and preload not in problem.residual_states:
-        found += "; for a shroud compute study.peak at this preload before"
+        found += "; if it is locked, compute study.peak at this preload before"
     validation.check(error <= max(1e-6, 100.0 * residual), name, "a result of this study", found)
 
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import InitVar, dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from bdamper.contact.residual_flexibility import RESIDUAL, ResidualModes, joined
 from bdamper.contact.static_contact import WedgeFriction, wedge_friction
 from bdamper.contact.static_state import StaticSystem, scaled_state, static_state
 from bdamper.contact.stiffness import ContactModel, check_method
+from bdamper.harmonic_balance import residual_forces
 from bdamper.harmonic_balance.contact_setup import (
     approach,
     assembly_offsets,
@@ -34,6 +35,7 @@ from bdamper.harmonic_balance.contact_setup import (
 )
 from bdamper.harmonic_balance.equations import Equations, Layout
 from bdamper.harmonic_balance.model_sizes import Sizes
+from bdamper.harmonic_balance.residual_forces import Residual
 from bdamper.harmonic_balance.sector import SectorData
 from bdamper.harmonic_balance.settings import Settings, check_history
 from bdamper.model.contact_points import unite_contact_points
@@ -76,30 +78,6 @@ of response curves.
 Stiff faces that barely move carry forces far above the excitation: up to 2,000 times on a shroud of
 a random sector, which moves by 1.3 m if it is pressed with 14.8 kN.
 """
-
-
-class Residual(NamedTuple):
-    """Residual friction forces with which a vibration slips last, at one preload.
-
-    Parameters
-    ----------
-    state : PreloadState
-        State at rest with these forces.
-    first_slip : float
-        Excitation of first slip over that of the study.
-    amplitude : float, m
-        Response at the stuck resonance.
-    rounding : (float, float), N kg^-1/2
-        Rounding error of the modal forces of the mean, and of the vibration at this resonance.
-    interval : (float, float), Hz
-        Interval whose highest stuck resonance this is.
-    """
-
-    state: PreloadState
-    first_slip: float
-    amplitude: float
-    rounding: tuple[float, float]
-    interval: tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,7 +210,7 @@ class Problem:
 
     @made_once
     def residual_states(self) -> dict[float, Residual]:
-        """Locked states that replace the static ones in response curves, by preload."""
+        """Residual forces of joints that are locked, by preload; shrouds have their own."""
         return {}
 
     @made_once
@@ -867,10 +845,13 @@ class LoadCase:
     ----------
     problem : Problem
     preload : float, N
+    from_rest : bool
+        Whether the vibration of a shroud also starts from the static state.
     """
 
     problem: Problem
     preload: float
+    from_rest: bool = False
 
     @made_once
     def static(self) -> PreloadState:
@@ -881,16 +862,28 @@ class LoadCase:
             return self.residual.state
         return self.problem.static(self.preload)
 
-    @property
+    @made_once
     def residual(self) -> Residual | None:
-        """Residual forces from which the vibration starts, unless it starts from rest, see
-        :func:`bdamper.response.response_curve.frequency_response`.
+        """Residual forces from which the vibration starts, None if it starts from rest.
+
+        A vibration of a shroud that slips at first changes the mean friction forces until it slips
+        least or not at all.
         """
-        return self.problem.residual_states.get(self.preload)
+        if self.from_rest:
+            return None
+        given = self.problem.residual_states.get(self.preload)
+        if given is not None or not self.problem.settings.shrouds:
+            return given
+        return residual_forces.of_shroud(self.rest)
+
+    @made_once
+    def rest(self) -> LoadCase:
+        """The same load case with a vibration that starts from rest."""
+        return LoadCase(self.problem, self.preload, from_rest=True)
 
     @property
     def equilibrium(self) -> PreloadState:
-        """Static state; StaticError if there is none."""
+        """State from which the vibration starts; StaticError if there is none."""
         if not self.static.ok:
             raise StaticError(
                 f"there is no static state under {self.preload:g} N: {self.static.reason}"

@@ -384,39 +384,10 @@ def frequency_response(
             free_response = free_of_contact(problem, frequency, options)
             if free_response is not None:
                 return free_response
-        if problem.settings.shrouds:
-            return _of_shroud(case, frequency, options, progress)
         curve = _covered(case, frequency, options, progress)
+        if problem.settings.shrouds:
+            return curve
         return _locked(case, curve, frequency, options, progress)
-
-
-def _of_shroud(
-    case: LoadCase, frequency: tuple[float, float], options: ContinuationOptions, progress: bool
-) -> ResponseCurve:
-    """Return the curve of a shroud from the residual forces that allow most, else from rest.
-
-    In service a vibration that slips at first changes the mean friction forces until it slips least
-    or not at all: the shroud is locked.  All further analyses at this preload start from the same
-    state.
-    """
-    problem = case.problem
-    if not _holds_within(case, frequency):
-        case = problem.start_from(case.preload, None)
-        case = problem.start_from(case.preload, first_slip.residual_state(case, frequency))
-    curve = _covered(case, frequency, options, progress)
-    has_gaps = not curve.complete or curve.gap is not None
-    if case.residual is None or curve.interrupted or not has_gaps:
-        return curve
-    again = _covered(problem.start_from(case.preload, None), frequency, options, progress)
-    return replace(again, cost=curve.cost + again.cost)
-
-
-def _holds_within(case: LoadCase, frequency: tuple[float, float]) -> bool:
-    """Return whether the residual forces belong to an interval that contains the given one."""
-    if case.residual is None:
-        return False
-    low, high = case.residual.interval
-    return low <= frequency[0] and frequency[1] <= high
 
 
 def _covered(

@@ -43,7 +43,6 @@ from bdamper.harmonic_balance.effects import MAX_HARMONIC, harmonic_numbers
 from bdamper.harmonic_balance.equations import OK, Condition, Fixed, Plane, norm2
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.model.kinematics import Coordinate
-from bdamper.response import first_slip
 from bdamper.response.peak import (
     Peak,
     amplitude_at,
@@ -456,6 +455,9 @@ def richer_peaks(
     state = richer.static(preload)
     if not state.ok:
         return RicherPeaks(Change(how=f"no static state: {state.reason}"))
+    from_rest = [study.at(preload).residual is None for study in (problem, richer)]
+    if from_rest[0] != from_rest[1]:
+        return RicherPeaks(Change(how="the vibration starts from other friction forces"))
     highest, *lower = peaks
     reached = [reach(problem, richer, preload, highest)]
     if not reached[0].known:
@@ -492,7 +494,6 @@ def reach(
     The attempts end with the first peak, or if the iteration stalls near a solution.
     """
     own_system = problem.system(preload)
-    first_slip.start_as(problem, richer, preload)
     system = richer.system(preload)
     sign = sign_of_jacobian(own_system, peak.y)
     refined = with_tangent(own_system, peak)

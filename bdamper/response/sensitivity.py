@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 from bdamper.harmonic_balance.equations import Correction, Equations, Fixed, Plane, norm2
 from bdamper.harmonic_balance.parameters import (
     FACTORS,
+    GAP,
     INERTIA,
     MASS,
     OF_LOAD,
@@ -878,6 +879,12 @@ def setting_value(problem: Problem, name: str) -> float:
         value = settings.friction_by_interface().get(part, 0.0)
     elif part and head in OF_LOAD:
         value = settings.given_loads(head).get(part, 0.0)
+    elif part and head == GAP:
+        given = settings.gap or {}
+        value = given.get(part, problem.model.interfaces[part].gap)
+        # the gap of the model is a value for each point
+        if isinstance(value, np.ndarray) and np.ptp(value) == 0.0:
+            value = float(value.flat[0])
     else:
         value = settings
         for attribute in name.split("."):

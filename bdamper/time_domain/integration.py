@@ -1083,7 +1083,7 @@ def _without_time_limit(problem: Problem, preload: float, blades: int | None) ->
     if blades is None or blades == least:
         same_order = every_diameter(problem)
         if same_order is not problem:
-            same_order.start_from(preload, problem.at(preload).residual)
+            same_order.start_from(preload, problem.residual_states.get(preload))
         wide = system if same_order is problem else same_order.system(preload)
         return AllSectors(system, n_blades, order, wide=wide)
     if not order or n_blades % blades or blades % least:

@@ -35,7 +35,6 @@ from numpy.typing import NDArray
 from bdamper.contact.residual_flexibility import ResidualModes
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.model.kinematics import RIGID_NAMES
-from bdamper.response import first_slip
 from bdamper.response.continuation import TWO_PI
 from bdamper.response.followed_peak import with_verdict
 from bdamper.response.optimal_curve_result import OptimalCurve
@@ -276,7 +275,6 @@ def time_response(
     preload = result.preload
     with limit.counted():
         structure, text = structure_in_time(problem, result.peak.frequency)
-        first_slip.start_as(problem, structure, preload)
     without_amplitude = TimeResponse(
         mean=np.nan,
         lowest=np.nan,
@@ -411,7 +409,6 @@ def _integrate(
                 structure_and_name = richer_structure(structure)
                 if structure_and_name is not None:
                     richer_problem, name = structure_and_name
-                    first_slip.start_as(structure, richer_problem, preload)
                     of_richer = all_sectors(richer_problem, preload, blades, search.sectors.limit)
                     richer = _RicherRing(name, of_richer)
                 _add_refinements(search, best, richer, starts, runs, others)
@@ -770,6 +767,7 @@ def with_time_response(
 ) -> OptimalCurve:
     """See :meth:`bdamper.Study.with_time_response`."""
     validation.instance("curve", curve, OptimalCurve)
+    seconds = validation.number("seconds", seconds, above=0.0, unit="s")
     if curve.model_hash != problem.model.hash:
         raise validation.invalid(
             "curve", "an optimal curve of this study", "a curve of another model"

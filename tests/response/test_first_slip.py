@@ -287,6 +287,10 @@ def test_a_shroud_below_first_slip_is_locked_also_where_a_curve_from_rest_is_com
         # with more harmonics it is locked as well
         of_harmonics = next(source for source in peak.errors if source.source == "harmonics")
         assert of_harmonics.amplitude == pytest.approx(0.0, abs=1e-6)
+    # neighbouring studies start from their own residual forces: the locked peak is linear
+    rate = study.peak_sensitivities(peak, ("excitation.amplitude",))
+    force = study.settings.excitation.amplitude
+    assert rate["excitation.amplitude"].amplitude == pytest.approx(peak.amplitude / force, rel=1e-6)
     # above first slip from the same forces; they still limit slip to less than it has from rest
     above = study.replace(excitation=replace(excitation, amplitude=1.2 * found.force))
     peak = above.peak(300.0, band, errors=False)
@@ -302,7 +306,7 @@ def test_a_peak_with_other_friction_forces_is_refused_with_the_remedy():
     peak = two_masses(0.3 * limit_of_two()).peak(PRELOAD, TOGETHER)
     moved = peak.y.copy()
     moved[0] += 1e-5
-    with pytest.raises(SettingError, match=r"for a shroud compute study\.peak at this"):
+    with pytest.raises(SettingError, match=r"if it is locked, compute study\.peak at this"):
         two_masses(0.3 * limit_of_two()).peak_sensitivities(replace(peak, y=moved))
     assert two_masses(0.3 * limit_of_two()).problem.residual_states == {}
 
