@@ -157,9 +157,9 @@ def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
             loads = {**problem.settings.given_loads(head), part: value}
             problem = problem.replace(**{head: loads})
         elif head == GAP and part:
-            loads = [item for item in OF_LOAD if part in problem.settings.given_loads(item)]
+            loaded_by = [item for item in OF_LOAD if part in problem.settings.given_loads(item)]
             expected = "an interface without a load, since the load determines the interference"
-            validation.check(not loads, name, expected, f"{', '.join(loads)} of '{part}'")
+            validation.check(not loaded_by, name, expected, f"{', '.join(loaded_by)} of '{part}'")
             problem = problem.replace(gap={**(problem.settings.gap or {}), part: value})
         elif head in FACTORS:
             problem = _scaled(problem, head, part, value)

@@ -148,3 +148,16 @@ def test_faces_that_would_leave_each_other_are_warned_of_and_fail():
     assert "FAIL" in str(study.static(0.0))
     with pytest.warns(bd.PlausibilityWarning, match="'shroud' slips by 11 mm, farther than"):
         study.first_slip(0.0)
+
+
+def test_a_gap_beside_a_load_of_the_same_face_is_refused():
+    """The load determines the interference, so that a gap would have no effect."""
+    with pytest.raises(
+        bd.SettingError, match=r"gap\.shroud: expected .*, found constant_loads of 'shroud'"
+    ):
+        bd.sweep(
+            shrouded(50.0, harmonics=1),
+            {"gap.shroud": [-1e-6]},
+            lambda study, _: {"a": 1.0},
+            preload=None,
+        )

@@ -178,6 +178,8 @@ def test_the_checks_without_time_integration_and_its_budget(study, monkeypatch):
     assert set(budgets) == {12.0}
     with pytest.raises(bd.SettingError, match="seconds: expected"):
         study.optimal_curve((1000.0, 5000.0), 3, seconds=0.0, **asked)
+    with pytest.raises(bd.SettingError, match="seconds: expected"):
+        study.with_time_response(by_harmonics, seconds=0.0)
 
 
 @pytest.mark.slow
