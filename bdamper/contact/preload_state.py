@@ -148,7 +148,8 @@ class PreloadState(
         ]
         outcome = "pass" if self.ok else "FAIL"
         checks = [Row("Equilibrium", outcome, f"residual {self.residual:.2g}")]
-        if self.ok and self._constrained:
+        distances = [self.point_distance.get(name, np.inf) for name in self._constrained]
+        if self.ok and np.isfinite(distances).any():
             outcome = "FAIL" if self.too_far else "pass"
             found = self.too_far or "less than the distance of neighbouring points"
             checks.append(Row("Static slip", outcome, found))
