@@ -213,6 +213,13 @@ def optimal_curve(
     frequency = curve_interval(problem, values, frequency, mode)
     free = linear_peak(highest, frequency, stuck=False)
     stuck = linear_peak(highest, frequency, stuck=True)
+    # before the search, so that an interrupt after it meets little work
+    mass_radius = float("nan")
+    if problem.settings.engine_order:
+        # unknown for a body on the axis, or without a mass
+        with suppress(SettingError):
+            mass_radius = centrifugal_load(problem.model)
+    settings = problem.record(None) | {"frequency": [float(f) for f in frequency]}
     asked = {"preload": values, "options": options, "errors": errors}
     with Curves(problem, frequency, options, executor, resume, progress, errors, asked) as curves:
         optimum = _optimum(curves, values)
@@ -235,12 +242,6 @@ def optimal_curve(
             f"{values[-1]:g} N between {low:.6g} and {high:.6g} Hz: {reasons}"
         )
     edge = rattling_below(known)
-    mass_radius = float("nan")
-    if problem.settings.engine_order:
-        # unknown for a body on the axis, or without a mass
-        with suppress(SettingError):
-            mass_radius = centrifugal_load(problem.model)
-    settings = problem.record(None) | {"frequency": [float(f) for f in frequency]}
     return OptimalCurve(
         **_columns(problem, known, values, edge),
         free=free,
