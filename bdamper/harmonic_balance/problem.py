@@ -878,7 +878,7 @@ class LoadCase:
 
     @made_once
     def rest(self) -> LoadCase:
-        """The same load case with a vibration that starts from rest."""
+        """Return the same load case, but let the vibration start from rest."""
         return LoadCase(self.problem, self.preload, from_rest=True)
 
     @property
