@@ -56,7 +56,7 @@ from bdamper.util.progress import CostMeter, one_thread
 
 # ---- Peaks against preload ----
 
-OF_PEAKS = "amplitude", "frequency", "blade", "residual", "springs", "error"
+OF_PEAKS = "amplitude", "frequency", "blade", "residual", "springs", "error", "lower_error"
 """Quantities of a peak in sweeps and samples."""
 
 
@@ -104,7 +104,7 @@ def optimal_curve(
     -------
     SweepResult
         At each preload: amplitude, frequency and number of the blade with the largest amplitude,
-        auxiliary support springs of the dampers, error of the amplitude
+        auxiliary support springs of the dampers, errors of the amplitude
         (:class:`~bdamper.mistuning.peak.DiskPeak`), and tuned amplitude.
     """
     check_contacts(problem_of(disk.study), "optimal_curve")

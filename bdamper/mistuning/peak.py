@@ -95,6 +95,10 @@ class DiskPeak(Result, Plottable, Recorded, Storable, kind="bdamper-wheel-peak")
         Relative estimate of how much higher the highest peak with free dampers may be.  It is the
         largest of the change due to weaker springs, the error of the reduced disk, and the
         difference of peaks that the local searches missed, plus ``harmonics_error``.
+    lower_error : float
+        Relative estimate of how much lower this peak may be: the larger of the change due to weaker
+        springs and the error of the reduced disk, plus ``harmonics_error``.  Missed peaks can only
+        be higher.
     harmonics_error : float
         Relative change, of either sign, due to two more harmonics; NaN if it is unknown.
     interval : (low, high), Hz
@@ -121,6 +125,7 @@ class DiskPeak(Result, Plottable, Recorded, Storable, kind="bdamper-wheel-peak")
     springs: float = 0.0
     error: float = 0.0
     harmonics_error: Annotated[float, Data(derived=True)] = float("nan")
+    lower_error: Annotated[float, Data(derived=True)] = float("nan")
     interval: tuple[float, float] = (np.nan, np.nan)
     cost: Cost = field(default_factory=Cost)
     _summary_fields = (
@@ -439,7 +444,7 @@ def peak(
     unknowns = top.at.y[:-1]
     is_lower_bound = bool(tuned_higher or gap)
     harmonics_error = _harmonics_error(disk, preload, search, top, peaks)
-    error = _error(top, peaks, changed, equations, all_climbed)
+    error, lower_error = _errors(top, peaks, changed, equations, all_climbed)
     reason = not_found.reason
     if np.isnan(harmonics_error):
         reason += (
@@ -448,6 +453,7 @@ def peak(
         )
     else:
         error += harmonics_error
+        lower_error += harmonics_error
     found = replace(
         not_found,
         frequency=top.omega / tau,
@@ -459,6 +465,7 @@ def peak(
         residual=top.at.residual,
         springs=top.springs[-1],
         error=error,
+        lower_error=lower_error,
         harmonics_error=harmonics_error,
         unknowns=structure.array(unknowns),
         cost=meter.read(),
@@ -485,7 +492,14 @@ def _without_amplitude(peak: DiskPeak, why: str) -> DiskPeak:
     """Return a peak as unbounded or without digits."""
     amplitude = np.inf if why.startswith(UNBOUNDED) else np.nan
     reason = f"{why}; {peak.reason}" if peak.reason else why
-    return replace(peak, amplitude=amplitude, status=INCOMPLETE, reason=reason, error=np.nan)
+    return replace(
+        peak,
+        amplitude=amplitude,
+        status=INCOMPLETE,
+        reason=reason,
+        error=np.nan,
+        lower_error=np.nan,
+    )
 
 
 def _harmonics_error(
@@ -549,15 +563,15 @@ def _corrected(
     return None, None
 
 
-def _error(
+def _errors(
     top: Climbed,
     peaks: list[Climbed],
     changed: float | None,
     equations: _Equations,
     all_climbed: bool,
-) -> float:
-    """Estimate how much higher the highest peak may be (relative), from springs, reduction and
-    missed peaks."""
+) -> tuple[float, float]:
+    """Estimate how much higher the highest peak may be, and how much lower (relative), from
+    springs, reduction and, for higher peaks alone, missed peaks."""
     # assumed error of the reduction if no peak was found on the full disk. On the shipped disk
     # (65 blades, 2 %) it is 0.3 to 2.7 % at 500 N and below 0.8 % at 1 and 2 kN
     default_reduction = 0.03
@@ -571,13 +585,14 @@ def _error(
     # a peak corrected on the full disk has no error of the reduction
     if changed is None:
         errors.append(reduction)
+    lower_error = max(errors)
     if not all_climbed:
         errors.append(MISSED)
     # peaks whose springs could not be weakened may become higher than this one
     for peak in peaks:
         if peak.last:
             errors.append(peak.highest * (1.0 + reduction) / top.height - 1.0)
-    return max(0.0, *errors)
+    return max(errors), lower_error
 
 
 def _status(top: Climbed, is_lower_bound: bool, reduced_only: bool) -> str:

@@ -48,7 +48,7 @@ from bdamper.util.errors import (
     WithRowStatus,
     all_complete,
 )
-from bdamper.util.formatting import amount, beyond, counted, ordinal, short_repr
+from bdamper.util.formatting import amount, beyond, counted, ordinal, percent, short_repr
 from bdamper.util.progress import one_thread, shows_progress
 from bdamper.util.records import Data, numbers_of
 from bdamper.util.statement import Row, Statement
@@ -153,15 +153,19 @@ class Audit(Summarised, Tabular, row="search"):
         low, share, high = (100.0 * part for part in self.share)
         numbers = ", ".join(map(str, np.unique(self.disk[missed])))
         n_beyond_error = int((missed & ~self.covered).sum())
+        affected, decided = self._disk_counts
         rows = [
-            Row("Disks", str(n_disks), self.kind),
+            Row("Disks", str(n_disks), f"{self.kind.removeprefix('disks ')}, {decided} conclusive"),
             Row("Thorough searches", str(len(missed)), f"{self.undecided.sum()} undecided"),
             Row("Higher peaks", str(missed.sum()), f"by more than {100.0 * self.tolerance:g} %"),
-            Row("", str(n_beyond_error), "by more than the estimated error of the first search"),
+            Row(
+                "Beyond their error",
+                str(n_beyond_error),
+                "higher by more than the estimated error of the first search",
+            ),
         ]
         if numbers:
-            rows.append(Row("Affected disks", "", numbers))
-        affected, decided = self._disk_counts
+            rows.append(Row("Affected disks", "", f"{numbers} (counted from 0)"))
         part = f"{affected} of {decided} disks with a conclusive result"
         interval = f"{share:.3g} %; 95 % confidence: {low:.3g} to {high:.3g} %"
         verdict = f"A thorough search finds higher peaks in {part} ({interval})"
@@ -228,14 +232,16 @@ class BestPreload(Summarised):
                 f"lowest of the same preloads, at {amount(self.tuned_preload, 'N')}",
             ),
         ]
-        deviation = f"standard deviation {100.0 * self.standard_deviation:g} %"
-        subject = f"{self.disks} bladed disks, {deviation}"
+        deviation = f"{100.0 * self.standard_deviation:g} % standard deviation of the frequencies"
+        disks = f"{counted(self.disks, 'bladed disk')} with a peak at every preload"
+        subject = f"{disks}, {deviation}"
+        criterion = f"for the {ordinal(self.percentile)} percentile"
         if self.kind == "interior":
-            return Statement([f"Best preload {preload}: {subject}"], rows)
+            return Statement([f"Best preload {criterion} {preload}: {subject}"], rows)
         best = amount(self.preload, "N")
         verdict = (
-            f"Not for design: the best preload, {best}, is at the {self.end} end of the range "
-            f"({subject})"
+            f"Not for design: the best preload {criterion}, {best}, is at the {self.end} end of the "
+            f"range: {subject}"
         )
         remarks = [f"Remedy: include preloads {beyond(self.end)} {best} in the sample"]
         return Statement([verdict], rows, remarks=remarks)
@@ -268,9 +274,9 @@ class MistunedSample(
     preload : (n_preloads,) float, N
     amplitude, frequency, blade : float, m and Hz
         Amplitude and frequency of the blade with the largest amplitude, and its number.
-    residual, springs, error : float
-        Residual, support springs of the dampers, and error estimate of the amplitude
-        (:class:`~bdamper.mistuning.peak.DiskPeak`).
+    residual, springs, error, lower_error : float
+        Residual, support springs of the dampers, and estimates of how much higher and how much
+        lower the amplitude may be (:class:`~bdamper.mistuning.peak.DiskPeak`).
     tuned_amplitude : (n_preloads,) float, m
         Amplitude of the tuned disk at the same preload.
     status, reason : tuple of str
@@ -310,10 +316,18 @@ class MistunedSample(
     processor: Seconds
     curve_processor: NDArray
     drawn: dict[str, Any] = field(default_factory=dict)
+    lower_error: Annotated[NDArray, Data(derived=True), Quantity()] = field(
+        default_factory=lambda: np.zeros(0)
+    )
     reason: Annotated[tuple[str, ...], Data(derived=True), Quantity(name="run_reason")] = ()
     curve_reason: Annotated[tuple[str, ...], Data(derived=True)] = ()
 
     def __post_init__(self) -> None:
+        # the error in files of version 0.10 and older has no part by harmonics; with free dampers it
+        # is that of missed peaks, which can only be higher
+        if self.lower_error is None or np.size(self.lower_error) == 0:
+            lower_error = np.where(self.springs == 0.0, 0.0 * self.error, self.error)
+            object.__setattr__(self, "lower_error", lower_error)
         super().__post_init__()
         if not self.curve_reason:
             object.__setattr__(self, "curve_reason", ("",) * len(self.curve_status))
@@ -351,19 +365,24 @@ class MistunedSample(
         """Return the lower end, estimate and upper end of a percentile over the disks, (3,
         n_deviations, n_preloads).
 
-        Intervals are distribution-free (:mod:`bdamper.mistuning.statistics`), include the ``error``
-        of the amplitudes, and are infinite if the sample is too small.
+        Intervals are distribution-free (:mod:`bdamper.mistuning.statistics`).  The upper end
+        includes the ``error`` of the amplitudes, the lower end their ``lower_error``.  Ends are
+        infinite if the sample is too small.
         """
         names = ("amplification", "amplitude", "frequency")
         values = getattr(self, validation.choice("quantity", quantity, names))
         error = self.error
+        lower_error = self.lower_error
         if quantity == "frequency":
             # the error estimates belong to the amplitudes; unknown ones remain NaN
             error = 0.0 * self.error
+            lower_error = 0.0 * self.lower_error
         _, n_deviations, n_preloads = values.shape
         intervals = np.zeros((3, n_deviations, n_preloads))
         for i, j in np.ndindex(n_deviations, n_preloads):
-            intervals[:, i, j] = percentile(values[:, i, j], q, error[:, i, j])
+            intervals[:, i, j] = percentile(
+                values[:, i, j], q, error[:, i, j], lower_error[:, i, j]
+            )
         return intervals
 
     def tail(
@@ -413,6 +432,7 @@ class MistunedSample(
         i, _ = self.cell(standard_deviation, None)
         height = self.amplitude[:, i]
         error = self.error[:, i]
+        lower_error = self.lower_error[:, i]
         complete = np.isfinite(height).all(axis=1)
         n = int(complete.sum())
         if not n:
@@ -421,7 +441,8 @@ class MistunedSample(
         # the same disks at every preload
         height_of_complete = np.where(complete[:, None], height, np.nan)
         intervals = [
-            percentile(height_of_complete[:, j], q, error[:, j]) for j in range(len(self.preload))
+            percentile(height_of_complete[:, j], q, error[:, j], lower_error[:, j])
+            for j in range(len(self.preload))
         ]
         best = int(np.argmin([interval.value for interval in intervals]))
 
@@ -429,7 +450,7 @@ class MistunedSample(
         n_bootstrap = 2000
         generator = np.random.default_rng(0)
         # lower and upper bounds of the amplitudes, (2, n, n_preloads)
-        bounds = np.stack([height * (1.0 - error), height * (1.0 + error)])[:, complete]
+        bounds = np.stack([height * (1.0 - lower_error), height * (1.0 + error)])[:, complete]
         lowest_best = []
         highest_best = []
         for _ in range(n_bootstrap):
@@ -543,16 +564,22 @@ class MistunedSample(
         subject = f"{self.n_blades} blades, preload {amount(self.preload[-1], 'N')}"
         if not np.isfinite(median):
             return Statement([f"Too few peaks were found at {deviation} mistuning: {subject}"])
-        ends = "too few disks for an upper bound"
-        if np.isfinite([low, upper, high]).all():
-            ends = f"{low:.3g} to {high:.3g}"
         raised = f"raises the largest amplitude by a factor of {median:.3g}"
         verdict = f"Mistuning of {deviation} {raised} (median of {n_disks}): {subject}"
-        rows = [
-            Row("95 % of the disks", f"{upper:.3g} or less", f"95 % confidence interval: {ends}")
-        ]
+        ends = Interval(low, upper, high).ends_text("", digits=3)
+        at = f"at {amount(self.preload[-1], 'N')}"
         n_failed = self.status.count(FAILED)
-        rows.append(Row("Peaks", str(self.amplitude.size), f"{n_failed} not found"))
+        cells = counted(len(self.preload), "preload")
+        if len(self.standard_deviation) > 1:
+            cells = f"{counted(len(self.standard_deviation), 'standard deviation')}, {cells}"
+        rows = [
+            Row("95th percentile", f"{upper:.3g}", f"{at}; 95 % confidence interval: {ends}"),
+            Row(
+                "Peak searches",
+                str(self.amplitude.size),
+                f"{n_disks}, {cells}; {n_failed} found no peak",
+            ),
+        ]
         checks = []
         for name, audit in (
             ("Random disks searched again", self.audit()),
@@ -570,13 +597,17 @@ class MistunedSample(
             )
             checks.append(Row(name, outcome, found))
         missed = any(check.value == "uncertain" for check in checks)
-        in_brackets = "In brackets: 95 % confidence interval"
-        if not np.isfinite(self.percentile(95.0)).all():
+        in_brackets = "In brackets: 95 % confidence interval, widened by the errors of the peaks"
+        if self.held:
             in_brackets += (
-                "; a disk whose peak was not found counts as any amplitude, so that too few others "
-                "leave no upper limit"
+                f"; dampers held by springs ({percent(self.held)} of the peaks) widen it most"
             )
         remarks = [in_brackets]
+        if not np.isfinite(self.percentile(95.0)).all():
+            remarks.append(
+                "A disk without a peak may have any amplitude; with many of them there is no upper "
+                "limit"
+            )
         if missed:
             remarks.append(MISSED_REMEDY)
         return Statement([verdict], rows, checks, remarks, table=self._cell_table())

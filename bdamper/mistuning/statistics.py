@@ -40,10 +40,10 @@ class Interval(NamedTuple):
             return "not known"
         return f"{amount(self.value, unit, 4)} ({self.ends_text(unit)})"
 
-    def ends_text(self, unit: str) -> str:
-        """Return the ends with four digits and the unit."""
-        low = amount(self.low, unit, 4)
-        high = amount(self.high, unit, 4)
+    def ends_text(self, unit: str, digits: int = 4) -> str:
+        """Return the ends with some digits and the unit."""
+        low = amount(self.low, unit, digits)
+        high = amount(self.high, unit, digits)
         has_low = np.isfinite(self.low)
         has_high = np.isfinite(self.high)
         if has_low and has_high:
@@ -55,7 +55,12 @@ class Interval(NamedTuple):
         return "no limits"
 
 
-def percentile(values: NDArray, q: float, error: NDArray | float = 0.0) -> Interval:
+def percentile(
+    values: NDArray,
+    q: float,
+    error: NDArray | float = 0.0,
+    lower_error: NDArray | float | None = None,
+) -> Interval:
     """Estimate a percentile of the distribution of independent values.
 
     Parameters
@@ -65,8 +70,10 @@ def percentile(values: NDArray, q: float, error: NDArray | float = 0.0) -> Inter
     q : float
         Percentage, between 0 and 100.
     error : (n,) float, optional
-        Relative error of each value in both directions.  The interval covers all values within
-        their errors.
+        How much higher each value may be (relative).  The interval covers all values within their
+        errors.
+    lower_error : (n,) float, optional
+        How much lower each value may be (relative); by default as much as higher.
 
     Returns
     -------
@@ -79,17 +86,15 @@ def percentile(values: NDArray, q: float, error: NDArray | float = 0.0) -> Inter
     if not len(known):
         return Interval(low=np.nan, value=np.nan, high=np.nan)
 
-    def bounds(side: float) -> Any:
-        """Return the interval for all values at the lower (-1) or upper (1) end of their errors.
-
-        Unknown values are below or above all others.
-        """
-        moved = values * (1.0 + side * error)
-        moved = np.where(np.isnan(moved), side * np.inf, moved)
+    def interval(moved: NDArray, unknown: float) -> Any:
+        """Return the interval of values with errors, of which unknown ones are at ``unknown``."""
+        moved = np.where(np.isnan(moved), unknown, moved)
         return scipy.stats.quantile_test(moved, p=probability).confidence_interval(0.95)
 
-    low = float(bounds(-1.0).low)
-    high = float(bounds(1.0).high)
+    if lower_error is None:
+        lower_error = error
+    low = float(interval(values * (1.0 - lower_error), -np.inf).low)
+    high = float(interval(values * (1.0 + error), np.inf).high)
     # a sample that is too small does not bound the percentile
     if np.isnan(low):
         low = -np.inf
@@ -111,7 +116,8 @@ def share(count: int, n: int) -> Interval:
 @short_repr
 @dataclass(frozen=True)
 class WeibullTail(Summarised):
-    r"""Weibull distribution of maxima with an upper bound, fitted to the upper values of a sample.
+    r"""Weibull distribution of maxima with an upper bound, fitted to the upper amplification factors
+    of a sample.
 
     .. math:: F(x) = \exp\left(-\left(\frac{b - x}{s}\right)^k\right), \quad x \le b .
 
@@ -165,19 +171,20 @@ class WeibullTail(Summarised):
     _states_all = True
 
     def _statement(self) -> Statement:
-        values = f"the highest {self.n_tail} of {self.n} values, from {self.threshold:.4g} on"
+        limit = f"Estimated upper limit of the amplification {self.bound:.4g}"
+        values = f"the highest {self.n_tail} of {self.n} disks, from {self.threshold:.4g} on"
         return Statement(
-            [f"Estimated upper bound of the sample {self.bound:.4g}: Weibull fit to {values}"],
+            [f"{limit}: three-parameter Weibull fit to {values}"],
             [
-                Row("Shape", f"{self.shape:.3g}"),
-                Row("Scale", f"{self.scale:.4g}"),
+                Row("Shape", f"{self.shape:.3g}", "of the distance below the limit"),
+                Row("Scale", f"{self.scale:.4g}", "of the distance below the limit"),
                 Row(
-                    "Fit",
+                    "Kolmogorov-Smirnov distance",
                     f"{self.distance:.2g}",
-                    "largest difference between the probabilities of fit and sample, 0 to 1",
+                    "of fit and sample, in the tail",
                 ),
             ],
-            remarks=["Not covered: confidence limits of the bound, lower values"],
+            remarks=["Not covered: confidence interval of the limit, lower values"],
         )
 
 

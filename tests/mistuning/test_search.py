@@ -136,6 +136,7 @@ def test_a_peak_may_be_missed_where_not_all_maxima_are_climbed(climbs, error):
     options = replace(FEW, climbs=climbs)
     top = BladedDisk(study(), Mistuning.random(N, 0.03, seed=0)).peak(500.0, options=options)
     assert top.error == error + top.harmonics_error
+    assert top.lower_error == top.harmonics_error, "a missed peak is higher than the one found"
 
 
 def test_a_peak_of_the_reduced_wheel_alone_is_held():
@@ -226,6 +227,7 @@ def test_a_peak_carries_the_error_of_a_rival_that_could_not_be_freed(monkeypatch
     top = BladedDisk(study(), PATTERN).peak(2000.0, options=FEW)
     of_rival = top.error - top.harmonics_error
     assert top.status == "complete" and abs(of_rival - (0.99 * 1.2 - 1.0)) < 1e-4
+    assert top.lower_error == top.harmonics_error
 
 
 def test_a_climb_that_never_arrives_is_no_peak(monkeypatch):
