@@ -20,18 +20,19 @@ import time
 from typing import Any
 
 ANSWERS = {
-    "blade": "bd.reference_model('turbine_blade'), bd.Excitation('tip', direction='tangential'), 5",
-    "disk": "bd.reference_model('bladed_disk'), bd.Excitation('tip', direction='tangential'), 5",
+    "blade": ("turbine_blade", (30.0, 1000.0)),
+    "disk": ("bladed_disk", (20.0, 2000.0)),
 }
-"""Studies of the default answers, with one newton at the tip."""
+"""Models and ranges of the preload (N) of the default answers, with one newton at the tip."""
 PROGRAM = """
 import json, warnings
 import bdamper as bd
 warnings.simplefilter("ignore")
-if {workers}:
+if {workers} and hasattr(bd, "set_workers"):
     bd.set_workers({workers})
-study = bd.Study({study})
-curve = study.optimal_curve((20.0, 2000.0), progress=False)
+tip = bd.Excitation("tip", direction="tangential")
+study = bd.Study(bd.reference_model("{model}"), tip, engine_order=5, friction_coefficient=0.3)
+curve = study.optimal_curve({preloads}, 12, progress=False)
 try:
     from bdamper.response.optimum_checks import checks as checks_of
     checks = [(check.name, getattr(check, "seconds", None)) for check in checks_of(curve)]
@@ -48,7 +49,8 @@ print(json.dumps({{
 
 def timed(python: str, answer: str, workers: int) -> dict[str, Any]:
     """Compute a default answer with an interpreter, and return it with its processor and elapsed time (s)."""
-    program = PROGRAM.format(study=ANSWERS[answer], workers=workers)
+    model, preloads = ANSWERS[answer]
+    program = PROGRAM.format(model=model, preloads=preloads, workers=workers)
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     start = time.perf_counter()
     output = subprocess.run(

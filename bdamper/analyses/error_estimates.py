@@ -597,7 +597,8 @@ def _of_harmonics(
     """Return the error of a peak by two steps of two more harmonics, the study of the last step, and
     the peaks with all numbers of harmonics.
 
-    The amplitude is NaN if a step has no peak.  At an end of the interval there are no peaks.
+    The error is the largest change of all steps, as that which comes with a peak.  It is NaN if a
+    step has no peak.  At an end of the interval there are no peaks.
     """
     own = tops.peaks[0]
     peaks = [HarmonicPeak(problem.harmonic_numbers[-1], own.amplitude, own.frequency)]
@@ -624,13 +625,16 @@ def _of_harmonics(
         amplitude = (1.0 + change.amplitude) * peaks[-1].amplitude
         frequency = (1.0 + change.frequency) * peaks[-1].frequency
         peaks.append(HarmonicPeak(number, amplitude, frequency))
-        error = SourceError(
+        latest = SourceError(
             "harmonics",
             amplitude=amplitude / own.amplitude - 1.0,
             frequency=frequency / own.frequency - 1.0,
             uncertainty=change.uncertainty,
             against=f"{richer.text}; {change.how}",
         )
+        # a later step may return to the peak of the study although an earlier one left it
+        if len(peaks) == 2 or abs(latest.amplitude) > abs(error.amplitude):
+            error = latest
         if solution.tops is None:
             break
         here = richer.problem

@@ -51,7 +51,8 @@ class Check(NamedTuple):
     limits : str
         Values up to which the check passes, and above which it fails.
     seconds : float
-        Elapsed time of the check; NaN if it is part of the curves or was not run.
+        Elapsed time of the check; the expected processor time of a check that was not run; NaN if
+        it is part of the curves or unknown.
     """
 
     colour: str
@@ -73,9 +74,52 @@ class Check(NamedTuple):
             parts.append(self.remedy)
         return "; ".join(parts)
 
-    def taking(self, seconds: float) -> Check:
-        """Return the check with its elapsed time (s)."""
-        return self._replace(seconds=seconds)
+    def taking(self, seconds: float, expected: float) -> Check:
+        """Return the check with its elapsed time (s), or the expected one if it was not run."""
+        return self._replace(seconds=expected if self.colour == "white" else seconds)
+
+    @property
+    def price(self) -> str:
+        """Elapsed or expected time as text; "" if unknown."""
+        if not self.seconds > 0.0:
+            return ""
+        if self.colour == "white":
+            return f"about {amount(self.seconds, 's', 1)}"
+        return amount(self.seconds, "s", 2)
+
+
+IN_TIME, BY_HARMONIC_BALANCE = 14e3, 17e3
+"""Processor time of the time integration at one preload, if all contacts stay closed, and of more
+harmonics and other friction coefficients, in evaluations of the equations of the response curves.
+
+Measured on the shipped models and on random sectors (docs/evidence/times.md).  The price of the time
+integration rises with the inverse of the share of the period in which contacts are closed, because
+each step has to find the states of the contacts.
+"""
+LEAST_CLOSED = 0.1
+"""Share of the period below which that price no longer rises."""
+
+
+class Expected(NamedTuple):
+    """Processor time (s) that checks would take, NaN if unknown: that of the time integration, and
+    that of the curves with all checks.
+    """
+
+    in_time: float = float("nan")
+    all_checks: float = float("nan")
+
+
+def _expected(curve: OptimalCurve) -> Expected:
+    """Return the time that checks would take, from that of an evaluation in the response curves."""
+    costs = [response.cost for response in curve.curves if response.cost is not None]
+    evaluations = sum(cost.evaluations for cost in costs)
+    processor = sum(cost.processor for cost in costs)
+    if not processor > 0.0 or not np.isfinite(curve.optimum.preload):
+        return Expected()
+    each = processor / evaluations
+    closed = 1.0 - float(curve.shares[_row_of_optimum(curve), 2])
+    in_time = IN_TIME * each / max(closed, LEAST_CLOSED)
+    return Expected(in_time, processor + in_time + BY_HARMONIC_BALANCE * each)
 
 
 def graded(value: float, good: float, fair: float) -> str:
@@ -100,15 +144,16 @@ def checks(curve: OptimalCurve) -> list[Check]:
 
     Green means passed, amber uncertain, red failed, and white not computed.
     """
+    expected = _expected(curve)
     return [
         _model(curve),
         _within_range(curve),
         _verified(curve),
         _value_everywhere(curve),
-        _in_time(curve).taking(_seconds_in_time(curve)),
-        _more_harmonics(curve).taking(_seconds_of_harmonics(curve)),
+        _in_time(curve).taking(_seconds_in_time(curve), expected.in_time),
+        _more_harmonics(curve).taking(_seconds_of_harmonics(curve), expected.all_checks),
         _other_friction(curve),
-        _friction_range(curve).taking(_seconds_of_friction(curve)),
+        _friction_range(curve).taking(_seconds_of_friction(curve), expected.all_checks),
         *_ends_of_range(curve),
         *_fatigue_margins(curve),
         _errors_by_source(curve),

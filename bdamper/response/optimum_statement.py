@@ -69,9 +69,7 @@ def statement(curve: OptimalCurve, further: Sequence[Check] = ()) -> Statement:
         verdict=[*(f"Not for design: {check.failure}" for check in failures), _answer(curve)],
         rows=[*_preload_rows(curve), *_amplitude_rows(curve, bool(failures))],
         checks=[Row(check.name, RESULTS[check.colour], check.finding) for check in checks(curve)],
-        times=[
-            amount(check.seconds, "s", 2) if check.seconds > 0.0 else "" for check in checks(curve)
-        ],
+        times=[check.price for check in checks(curve)],
         remarks=[text for text in (*remarks, _not_covered(curve)) if text],
         further=_calls(curve),
     )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bdamper.harmonic_balance.subject import about, has_more_points
 from bdamper.response.motion_range import exceeds
 from bdamper.response.peak import half_range_row
-from bdamper.response.peak_error import HARMONICS, HarmonicPeak, SourceError
+from bdamper.response.peak_error import HarmonicPeak, SourceError
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable, Result, draw
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, WithStatus
@@ -1111,8 +1111,6 @@ class ErrorEstimates(Result):
         remarks.append(
             "The estimated error is the sum of all sources, a bound if they do not interact"
         )
-        if any(item.source == HARMONICS and item.known for item in self.sources):
-            remarks.append("The error in the print of a peak is that by two more harmonics alone")
         if not any(item.source == "time" for item in self.sources):
             remarks.append('Not covered: time integration (add "time" to sources)')
         return Statement([verdict], self._harmonic_rows(), unknown, remarks, table)

@@ -293,12 +293,18 @@ def time_response(
     sectors = source if structure is problem else all_sectors(structure, preload, blades, limit)
     progress = shows_progress(progress)
     search = SteadySearch(sectors, source, balance, steps)
-    integrations = _integrate(search, structure, preload, blades, starts, progress)
+    # the amplitude that is known already stands beside the bar
+    known = amount(result.peak.amplitude, "m")
+    what = (
+        f"time integration at {amount(preload, 'N')} ({known} by harmonic balance), "
+        f"{counted(sectors.n, 'blade')}"
+    )
+    integrations = _integrate(search, structure, preload, blades, starts, what, progress)
     if integrations.step_error and not integrations.stopped:
         # shorter steps resolve the contacts better, so the search begins again
         first = integrations
         search = SteadySearch(sectors, source, balance, 4 * steps)
-        integrations = _integrate(search, structure, preload, blades, starts, progress)
+        integrations = _integrate(search, structure, preload, blades, starts, what, progress)
         search.periods += first.search.periods
         integrations = replace(integrations, cost=first.cost + integrations.cost)
 
@@ -381,13 +387,14 @@ def _integrate(
     preload: float,
     blades: int | None,
     starts: int,
+    what: str,
     progress: bool,
 ) -> _Integrations:
     """Search for the highest motion, and refine it.
 
     ``blades`` is the number of blades of the ring (None for the smallest), ``starts`` the number of
-    initial states.  After Ctrl-C, a failure or the end of the processor time the result has the
-    motions so far.
+    initial states, ``what`` the name of the work beside the progress bar.  After Ctrl-C, a failure
+    or the end of the processor time the result has the motions so far.
     """
     runs: dict[str, SteadyPoint] = {}
     others: dict[str, float] = {}
@@ -395,7 +402,6 @@ def _integrate(
     error = ""
     time_spent = ""
     interrupted = False
-    what = f"time integration at {amount(preload, 'N')}, {counted(search.sectors.n, 'blade')}"
     with LongWork() as work, progress_stages(progress, what, "step") as report:
         # the search, shorter steps, the more detailed structure, and one run for each other start
         n_runs = 2 + starts

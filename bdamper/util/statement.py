@@ -48,7 +48,8 @@ class Statement:
         Header and rows of values that belong together, for example one row for each study; printed
         between rows and checks.
     times : sequence of str
-        Time that each check took, "" if unknown.  Without times there is no column.
+        Time that each check took, or would take if it was not run; "" if unknown.  Without times
+        there is no column.
     further : sequence of str
         Calls to make, in addition to checks that were not run: "what: call".
     details : sequence of Row
@@ -185,13 +186,17 @@ class Statement:
         rows = self._not_covered_rows
         # one call may run several checks
         names_of_call: dict[str, list[str]] = {}
-        for check in self.checks:
+        time_of_call: dict[str, str] = {}
+        for check, expected in self._timed_checks:
             if check.value == _NOT_RUN:
                 names_of_call.setdefault(check.remark, []).append(_in_sentence(check.name))
+                time_of_call[check.remark] = expected or time_of_call.get(check.remark, "")
         calls = []
         for call, names in names_of_call.items():
             together = ", by one call" if len(names) > 1 else ""
-            calls.append(f"{listed(names)}{together}: {call}")
+            expected = time_of_call[call]
+            price = f", {expected}" if expected else ""
+            calls.append(f"{listed(names)}{together}{price}: {call}")
         for i, call in enumerate([*calls, *self.further]):
             rows.append(Row("" if i else NEXT, call))
         return rows

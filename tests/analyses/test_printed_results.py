@@ -17,6 +17,7 @@ def printed():
         (r"[-+]?\d[\d.]*e-\d+|[-+]0(?= )", "0"),
         (r"(?<=  )\d[\d.]* m?s(?= )", "time"),
         (r"(?<=, )\d[\d.]* m?s(?=\n)", "time"),
+        (r"(?<=about )\d[\d.]* m?s(?=:)", "time"),
         (r" {2,}", "  "),
     ):
         text = re.sub(varies, shown, text)

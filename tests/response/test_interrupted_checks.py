@@ -1,5 +1,6 @@
 """Interrupts of an optimal curve with its checks: each one has an effect, soon, and what is known remains."""
 
+import dataclasses
 import random
 import signal
 import time
@@ -25,6 +26,35 @@ def study():
 @pytest.fixture(scope="module")
 def searched(study):
     return study.optimal_curve(RANGE, COUNT, frequency=BAND, check=False)
+
+
+def test_a_check_that_was_not_run_has_the_price_of_its_curves(searched):
+    def prices(curves, shares=searched.shares):
+        curve = dataclasses.replace(searched, curves=tuple(curves), shares=shares)
+        white = [check for check in checks(curve) if check.colour == "white"]
+        return {check.name: check.seconds for check in white}, str(curve)
+
+    def with_processor(factor):
+        for curve in searched.curves:
+            cost = dataclasses.replace(curve.cost, processor=factor * curve.cost.processor)
+            yield dataclasses.replace(curve, cost=cost)
+
+    own, text = prices(searched.curves)
+    twice, _ = prices(with_processor(2.0))
+    assert {"Time integration", "Friction range"} <= own.keys()
+    for name in ("Time integration", "Friction range"):
+        assert own[name] > 0.0
+        assert twice[name] == pytest.approx(2.0 * own[name])
+    assert "time integration, about" in text
+    # contacts that are closed half as long double the price of a time step
+    shares = searched.shares.copy()
+    shares[:, 2] = 1.0 - 0.5 * (1.0 - shares[:, 2])
+    rattling, _ = prices(searched.curves, shares)
+    assert rattling["Time integration"] == pytest.approx(2.0 * own["Time integration"])
+    # files of versions that did not measure it have no processor time
+    unknown, text = prices(with_processor(0.0))
+    assert np.isnan(list(unknown.values())).all()
+    assert "time integration: study" in text
 
 
 def test_an_interrupt_after_the_last_integration(study, searched, monkeypatch):
