@@ -72,8 +72,8 @@ def made_once(make: Callable[[Any], T]) -> cached_property[T]:
 
 
 ROUNDING = 1e-9
-"""Rounding error of the forces of a locked shroud relative to their reference force; the tolerance
-of response curves.
+"""Rounding error of the forces of stiff joints relative to their reference force; the tolerance of
+response curves.
 
 Stiff faces that barely move carry forces far above the excitation: up to 2,000 times on a shroud of
 a random sector, which moves by 1.3 m if it is pressed with 14.8 kN.

@@ -396,7 +396,7 @@ def _coarse_at(
         meter.watch(case.equations)
     coarse = coarse_options()
     curve = uninterrupted(frequency_response(problem, preload, frequency, options=coarse))
-    # a locked shroud has other equations than the search began with
+    # a locked joint starts from other residual forces than the search began with
     case = problem.at(preload)
     top: Highest | None = None
     if len(curve):

@@ -536,7 +536,7 @@ def found_at(
             frequency_response(problem, preload, frequency, options=continuation, progress=progress)
         )
         meter.count(curve.cost.iterations, curve.cost.failed_steps)
-        # a locked shroud has other equations than the search began with
+        # a locked joint starts from other residual forces than the search began with
         case = problem.at(preload)
         curve, top = _with_highest(case, curve, options)
         if top is not None:

@@ -161,7 +161,7 @@ def embed(old: Problem, new: Problem, preload: float, y: NDArray) -> NDArray:
     """Embed a point of one study in a study with different settings.
 
     Modes and harmonics of both studies retain their amplitudes, others are zero. The mean retains
-    its distance from the static state.
+    its distance from the state from which the vibration starts.
 
     Parameters
     ----------
