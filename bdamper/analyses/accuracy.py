@@ -690,7 +690,8 @@ class AccuracyCost(Result, Plottable, Tabular, Storable, kind="bdamper-accuracy"
         remarks = [self._reference_text()]
         if np.isfinite(self.uncertainty):
             remarks.append(
-                "The error of other settings is this error and their difference together"
+                "Error of a reduced setting: this error plus its difference from the most detailed "
+                "settings"
             )
         if not self.reached and np.isfinite(self.uncertainty):
             remarks.append(self._forecast_text())
@@ -718,12 +719,12 @@ class AccuracyCost(Result, Plottable, Tabular, Storable, kind="bdamper-accuracy"
         ratio = best.seconds / self.richest.seconds
         settings = _text(self.varied, best.values)
         error = percent(self.error(best))
-        time = f"computing time {ratio:.2g} times that of the most detailed settings"
+        time = f"computing time is {ratio:.2g} times that of the most detailed settings"
         if ratio >= 1.0:
-            reduced = f"No reduced settings with an error below {tolerance} save time"
-            return f"{reduced}; with {settings}: error {error}, {time}"
+            return f"Nothing to save: with {settings} the error is {error}, but the {time}"
         return (
-            f"Cheapest settings with an error below {tolerance}: {settings}; error {error}, {time}"
+            f"Cheapest settings with an error below {tolerance}: {settings}; the error is {error}, the "
+            f"{time}"
         )
 
     def _reference_text(self) -> str:

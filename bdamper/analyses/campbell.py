@@ -47,7 +47,7 @@ from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable, Result, draw
 from bdamper.util.errors import INCOMPLETE, BdamperError
-from bdamper.util.formatting import amount, counted, percent, sentence, short_repr
+from bdamper.util.formatting import amount, counted, listed, percent, sentence, short_repr
 from bdamper.util.progress import CostMeter, one_thread, shows_progress, with_progress
 from bdamper.util.statement import Statement
 from bdamper.util.storage import FilePath, Recorded, Storable
@@ -159,7 +159,7 @@ class Campbell(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-cam
         return tuple(
             Fact(
                 f"order {order:g}, mode {mode:g}",
-                f"free {_place(free)}, stuck {_place(stuck)}",
+                f"free {_place(free, order)}, stuck {_place(stuck, order)}",
             )
             for order, mode, free, stuck in self.met
         )
@@ -168,23 +168,27 @@ class Campbell(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-cam
         table = [("Order and mode", "Without contact", "Stuck")]
         for order, mode, free, stuck in self.met:
             if np.isfinite([free, stuck]).any():
-                table.append((f"{order:g}, mode {mode:g}", _place(free), _place(stuck)))
+                places = (_place(speed, order) for speed in (free, stuck))
+                table.append((f"{order:g}, mode {mode:g}", *places))
         low, high = self.speed[0], self.speed[-1]
         interval = f"between {low * RPM:.0f} and {high * RPM:.0f} rpm"
-        orders = ", ".join(str(order) for order in self.engine_order)
+        orders = listed(map(str, self.engine_order))
         n_crossings = len(table) - 1
-        plural = "s" if len(self.engine_order) > 1 else ""
-        n_text = sentence(counted(n_crossings, "crossing"))
-        verdict = f"{n_text} {interval}: engine order{plural} {orders}"
+        if len(self.engine_order) == 1:
+            verdict = f"Engine order {orders} meets {counted(n_crossings, 'mode')} {interval}"
+        else:
+            crossings = sentence(counted(n_crossings, "crossing"))
+            verdict = f"{crossings} of modes with engine orders {orders} {interval}"
         remark = "Not covered: amplitudes (study.resonance_crossings), Coriolis forces"
         return Statement([verdict], remarks=[remark], table=table if n_crossings else ())
 
 
-def _place(speed: float) -> str:
-    """Return a speed as text."""
+def _place(speed: float, engine_order: float) -> str:
+    """Return the speed (rad/s) and the frequency of a crossing as text."""
     if not np.isfinite(speed):
         return "no crossing"
-    return f"{speed * RPM:.0f} rpm"
+    frequency = amount(engine_order * speed / (2.0 * np.pi), "Hz")
+    return f"{speed * RPM:.0f} rpm, {frequency}"
 
 
 def line_crossings(speed: NDArray, frequency: NDArray, engine_order: int) -> NDArray:

@@ -41,7 +41,11 @@ from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import Storable
 from bdamper.util.tables import Column, Tabular, columns_of_rows
 
-PRINTED_NAMES = {"bias": "change of the mean (bias)"}
+PRINTED_NAMES = {
+    "bias": "mean position shift (bias)",
+    "harmonics beyond 1": "more than 1 harmonic",
+    "harmonics beyond 3": "more than 3 harmonics",
+}
 """Effects whose printed name differs from that for :meth:`bdamper.Effects.without`."""
 
 
@@ -163,16 +167,18 @@ class EffectSignificance(Result, Plottable, Tabular, Storable, kind="bdamper-eff
                 Row("Computing effort", f"{self.work:.2g}", "relative to all effects"),
             ]
         # for these the reason is not the size of the change
-        kept_although_small = []
-        for effect in self.effects:
-            if effect.significant and effect.size <= self.tolerance:
-                kept_although_small.append(f"{effect.name} ({effect.reason})")
-        if kept_although_small:
-            n_small = str(len(kept_although_small))
-            rows.append(Row("Kept although small", n_small, ", ".join(kept_although_small)))
+        small_but_kept = [
+            effect
+            for effect in self.effects
+            if effect.significant and effect.size <= self.tolerance
+        ]
+        for i, effect in enumerate(small_but_kept):
+            name = PRINTED_NAMES.get(effect.name, effect.name)
+            rows.append(Row("" if i else "Small but kept", name, effect.reason))
         subject = f"preload {amount(self.preload, 'N')}, tolerance {percent(self.tolerance)}"
         remarks = [
-            f"Each row omits one effect; changes and effort are relative to all {len(self.effects)}"
+            "Each row omits one effect: change of amplitude, change of frequency, and effort relative "
+            f"to the computation with all {counted(len(self.effects), 'effect')}"
         ]
         remarks += [sentence(note) for note in self.notes]
         return Statement([f"{verdict}: {subject}"], rows, remarks=remarks, table=self._rows())

@@ -793,9 +793,7 @@ def _more_harmonics(problem: Problem) -> Richer:
     richer = with_more_harmonics(problem)
     numbers = richer.harmonic_numbers
     has_no_gap = len(numbers) == numbers[-1]
-    text = (
-        f"harmonics 1 to {numbers[-1]}" if has_no_gap else f"harmonics {listed(map(str, numbers))}"
-    )
+    text = f"{numbers[-1]} harmonics" if has_no_gap else f"harmonics {listed(map(str, numbers))}"
     missing = missing_harmonics(problem, numbers[-1])
     if missing:
         text += f", with the modes of harmonic 1 for harmonic {missing[0]} and above"

@@ -126,17 +126,21 @@ class ExcitationCurve(
             rows.append(Row("Frequency", frequencies, at_ends))
             best = int(np.nanargmin(self.amplitude / self.excitation))
             ratio = amount(self.amplitude[best] / self.excitation[best], "m")
+            ratio += "/N" if unit == "N" else f" per {unit}"
             where = f"lowest of all excitations, at {amount(self.excitation[best], unit)}"
-            rows.append(Row(f"Amplitude per {unit}", ratio, where))
+            rows.append(Row("Amplitude / excitation", ratio, where))
             top = int(np.nanargmax(self.damping_ratio))
             where = f"highest of all excitations, at {amount(self.excitation[top], unit)}"
             rows.append(Row("Damping ratio", percent(self.damping_ratio[top]), where))
         n_known = "all" if known.all() else str(int(known.sum()))
-        rows.append(Row("Excitations", str(len(known)), f"{n_known} with a known amplitude"))
-        remarks = ["Dissipated: by the contacts and the modal damping of one sector in a period."]
+        rows.append(Row("Excitations", str(len(known)), f"peak found for {n_known}"))
+        remarks = [
+            "Damping ratio and dissipated energy: contacts and modal damping of one sector, per period."
+        ]
         if self.scaled:
             remarks.append(
-                "Scaled from an optimal curve: only the ratio of excitation and preload matters."
+                "Scaled from an optimal curve: the response / excitation depends only on excitation / "
+                "preload."
             )
         table, further = self._first_rows(self._printed_table())
         if not self.requested.all():

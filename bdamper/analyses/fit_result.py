@@ -287,8 +287,8 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
         else:
             verdict = f"Fitted with a misfit of {size}"
         finding = (
-            f"{size}, fails above {EXCEEDS_NOISE:g}; largest for '{self.tests[worst]}' "
-            f"({misfits[worst]:.2g})"
+            f"{size} of {percent(self.noise)}, fails above {EXCEEDS_NOISE:g}; largest in test "
+            f"'{self.tests[worst]}' ({misfits[worst]:.2g})"
         )
         checks = [Row("Misfit", "FAIL" if model_is_wrong else "pass", finding)]
         if np.isfinite(self.predictions).any():
@@ -296,8 +296,8 @@ class Fitted(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-fit",
         remarks = [sentence(note) for note in self.notes if note.startswith("correlated")]
         if model_is_wrong:
             remarks.append(
-                "Remedy: fit again with a finer model; fitted.widen(finer_fit) then widens the "
-                "intervals, since the true constants may lie outside the intervals of this fit"
+                "Remedy: fit again with a finer model; the intervals above may be too narrow "
+                "(fitted.widen(finer_fit) widens them)"
             )
             remarks.append(f"Fitted with {self._settings_text()}")
         else:

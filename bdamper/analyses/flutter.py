@@ -113,8 +113,10 @@ class Flutter(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-flut
             verdict = (
                 f"Bounded flutter: {from_rest}; no vibration below {highest} grows without bound"
             )
+        elif np.isinf(safe[least]) and not stable.size:
+            verdict = f"No flutter: stable at rest, no limit cycle up to {highest}"
         elif np.isinf(safe[least]):
-            verdict = f"No flutter: vibration below {highest} stays bounded"
+            verdict = f"No flutter: no vibration below {highest} grows without bound"
         else:
             verdict = (
                 f"Flutter above {amount(safe[least], 'm')}: {self._where(safe == safe[least])}"

@@ -69,6 +69,13 @@ of a solution.
 Solved = ResponseCurve | Peak | OptimalCurve
 
 
+_OF_CONTACTS = {
+    "dissipated (mJ)": "dissipated by contacts (mJ)",
+    "damping ratio (%)": "damping ratio, contacts only (%)",
+}
+"""Printed names of columns that do not contain the modal damping."""
+
+
 @short_repr
 @dataclass(frozen=True)
 class Hysteresis(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-hysteresis"):
@@ -300,6 +307,10 @@ class Hysteresis(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-h
         ]
         verdict = f"The contacts dissipate {percent(share)} of the work of the excitation"
         return Statement([f"{verdict}: {subject}, preload {amount(self.preload, 'N')}"], rows)
+
+    def _rows(self) -> list[tuple[str, ...]]:
+        """Return the table; names say what the dissipation and the damping ratio contain."""
+        return [tuple(_OF_CONTACTS.get(cell, cell) for cell in row) for row in super()._rows()]
 
     def _interface_rows(self) -> list[Row]:
         """Return the energy that each of several interfaces dissipates."""

@@ -138,16 +138,21 @@ class FittedLoop(Result, Plottable):
                 amount(self.kt, "N/m"),
                 f"standard error {amount(kt, 'N/m')}",
             ),
-            Row(
-                "Spread of slip limits",
-                f"± {percent(self.spread)}",
-                f"of their mean, standard error {percent(spread)}",
-            ),
         ]
+        if self.sliders > 1:
+            ends = f"{100.0 * (1.0 - self.spread):.0f} to {100.0 * (1.0 + self.spread):.0f} %"
+            half_width = (
+                f"of their mean, uniformly distributed; half-width {percent(self.spread)}, "
+                f"standard error {100.0 * spread:.2g} percentage points"
+            )
+            rows.append(Row("Slip limits", ends, half_width))
         if self.backlash:
             deviation = f"standard error {amount(clearance, 'm')}"
             rows.append(Row("Backlash", amount(self.backlash, "m"), deviation))
-        misfit_of = "distance of points and loop relative to its size, without the noise"
+        misfit_of = (
+            "root mean square distance of the points from the loop in excess of the noise, relative "
+            "to the standard deviations of displacement and force"
+        )
         rows.append(Row("Misfit", percent(self.misfit), misfit_of))
         found = f"friction coefficient {self.mu:.3g}, stiffness {amount(self.kt, 'N/m')}"
         verdict = f"Fitted with a misfit of {percent(self.misfit)}: {found}"
@@ -228,9 +233,7 @@ def fit_loop(
     misfit = _misfit(fitted.residual, x, y, noise)
     reason = ""
     if misfit > POOR:
-        reason = (
-            f"the model does not describe this loop (misfit {percent(misfit)} without the noise)"
-        )
+        reason = f"the model does not describe this loop (misfit {percent(misfit)} in excess of the noise)"
     return FittedLoop(
         kt=float(np.exp(best.log_kt)),
         mu=float(np.exp(best.log_mu)),

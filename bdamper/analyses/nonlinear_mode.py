@@ -191,6 +191,7 @@ class NonlinearMode(
         highest = int(np.argmax(self.damping_ratio))
         at_end = highest in (0, len(self) - 1)
         damping = amount(100.0 * self.damping_ratio[highest], "%")
+        sources = "contacts and modal damping"
         subject = f"mode {self.mode}, preload {amount(self.preload, 'N')}"
         place = amount(self.amplitude[highest], "m")
         frequency = f"{amount(self.frequency[highest], 'Hz')} at the largest damping"
@@ -204,7 +205,7 @@ class NonlinearMode(
         remarks = []
         if not self.complete:
             remarks.append(f"The mode is {self.status}: {self.reason}")
-        verdict = f"Largest damping ratio {damping} at {place}: {subject}"
+        verdict = f"Largest damping ratio {damping} ({sources}) at {place}: {subject}"
         return Statement([verdict], rows, self._checks(), remarks)
 
     def _checks(self) -> list[Row]:

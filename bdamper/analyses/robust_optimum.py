@@ -21,7 +21,7 @@ Largest fatigue margin
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -163,18 +163,29 @@ def _percentile_of_draws(values: NDArray, q: float | Sequence[float]) -> NDArray
 def _draws_text(percentile: float, n: int) -> str:
     """Return "95 % of 32 draws", or "all 8 draws" if the percentile is the highest of them."""
     draws = counted(n, "draw")
-    needed = _draws_needed(percentile)
-    if np.isfinite(needed) and n >= needed:
+    if _has_enough(percentile, n):
         return f"{percentile:g} % of {draws}"
     return "both draws" if n == 2 else f"all {draws}"
 
 
-def _too_few_text(percentile: float, n: int) -> str:
-    """Return a remark if there are too few draws for a percentile, or ""."""
+def _has_enough(percentile: float, n: int) -> bool:
+    """Return whether there are enough draws for a percentile below the highest of them."""
+    return n >= _draws_needed(percentile)
+
+
+def _unknown_percentile_rows(percentile: float, n: int) -> list[Row]:
+    """Return the row of a percentile for which there are too few draws, or none."""
     needed = _draws_needed(percentile)
-    if np.isfinite(needed) and n < needed:
-        return f" (the {ordinal(percentile)} percentile requires {needed:g} draws)"
-    return ""
+    if not np.isfinite(needed) or n >= needed:
+        return []
+    name = f"{ordinal(percentile)} percentile"
+    return [Row(name, "not known", f"requires at least {needed:g} draws")]
+
+
+def _settings_text(names: Iterable[str]) -> str:
+    """Return " of the friction coefficient" with the settings that differ between draws, or ""."""
+    settings = " and the ".join(map(spaced, names))
+    return f" of the {settings}" if settings else ""
 
 
 def _draws_needed(percentile: float) -> float:
@@ -232,10 +243,10 @@ def _invalid_draws(
 
 def _best_text(preload: float, end: str, at_most: str) -> str:
     """Return the verdict on a best preload (N), which an end of the range does not show."""
+    best = amount(preload, "N")
     if not end:
-        return f"Best preload {amount(preload, 'N')}: {at_most}"
-    place = f"the {end} end of the range, {amount(preload, 'N')}"
-    return f"Not for design: the largest amplitude is lowest at {place}: {at_most}"
+        return f"Best preload {best}: {at_most}"
+    return f"Not for design: the best preload, {best}, is at the {end} end of the range"
 
 
 def _end_remedy(end: str, preload: float) -> str:
@@ -279,6 +290,8 @@ class RobustOptimum(Result):
         Number of draws, without those that failed.
     failed : mapping of int to str
         Draws with invalid settings by index, with the reason.  They do not count.
+    varied : tuple of str
+        Settings that differ between draws.
     """
 
     preload: float
@@ -292,13 +305,18 @@ class RobustOptimum(Result):
     draws: int = 0
     failed: Mapping[int, str] = field(default_factory=dict)
     end: str = ""
+    varied: tuple[str, ...] = ()
 
     def _statement(self) -> Statement:
-        draws = _draws_text(self.percentile, self.draws)
-        too_few = _too_few_text(self.percentile, self.draws)
-        at_most = f"at most {amount(self.amplitude, 'm')} in {draws}{too_few}"
+        amplitude = amount(self.amplitude, "m")
+        at_most = f"at most {amplitude} in {_draws_text(self.percentile, self.draws)}"
         verdict = _best_text(self.preload, self.end, at_most)
-        rows = []
+        kind = "largest"
+        if _has_enough(self.percentile, self.draws):
+            kind = f"{ordinal(self.percentile)} percentile"
+        draws = f"{counted(self.draws, 'draw')}{_settings_text(self.varied)}"
+        rows = [Row("Amplitude", amplitude, f"{kind} of {draws}")]
+        rows += _unknown_percentile_rows(self.percentile, self.draws)
         # at an end of the range the best preload is not known
         if not self.end:
             half_width = "half of the last search interval"
@@ -426,7 +444,7 @@ class OptimalCurveUncertainty(
         if not np.isfinite(self.amplitude).any():
             verdict = f"No peak at any preload of {counted(n_counted, 'draw')}"
             return Statement([verdict], remarks=remarks)
-        settings = ", ".join(map(spaced, self.samples))
+        settings = _settings_text(self.samples)
         draws = _draws_text(95.0, n_counted)
         n_without_peak = int((~self._has_peak).any(axis=1).sum())
         if n_without_peak:
@@ -436,14 +454,13 @@ class OptimalCurveUncertainty(
                 "infinite"
             )
         median, high = self.percentile([50.0, 95.0])
-        too_few = _too_few_text(95.0, n_counted)
-        upper_name = "Largest" if too_few else "95th percentile"
+        upper_name = "95th percentile" if _has_enough(95.0, n_counted) else "Largest"
         table: list[tuple[str, ...]] = [("Preload", "Median", upper_name)]
         for preload, middle, upper in zip(self.preload, median, high):
             cells = [amount(x, "m") if np.isfinite(x) else "no peak" for x in (middle, upper)]
             table.append((amount(preload, "N"), *cells))
         if not np.isfinite(high).any():
-            verdict = f"No preload has a peak in {draws} of {settings}"
+            verdict = f"No preload has a peak in {draws}{settings}"
             return Statement([verdict], remarks=remarks, table=table)
         best = int(np.argmin(high))
         at_most = f"at most {amount(high[best], 'm')} in {draws}"
@@ -451,7 +468,14 @@ class OptimalCurveUncertainty(
         verdict = _best_text(float(self.preload[best]), end, at_most)
         if end:
             remarks.append(_end_remedy(end, self.preload[best]))
-        rows = [Row("Sample", counted(n_counted, "draw"), f"random {settings}{too_few}")]
+        rows = [
+            Row(
+                "Amplitude",
+                amount(high[best], "m"),
+                f"{upper_name.lower()} of {counted(n_counted, 'draw')}{settings}",
+            ),
+            *_unknown_percentile_rows(95.0, n_counted),
+        ]
         return Statement([verdict], rows, remarks=remarks, table=table)
 
 
@@ -961,6 +985,7 @@ def robust_optimum(
             reason=reason,
             draws=n_draws,
             failed=failed,
+            varied=tuple(samples),
         )
     return optimum
 

@@ -61,6 +61,7 @@ from bdamper.util.errors import (
 )
 from bdamper.util.formatting import (
     amount,
+    beyond,
     counted,
     peak_text,
     percent,
@@ -73,7 +74,7 @@ from bdamper.util.progress import LongWork, one_thread, shows_progress, with_pro
 from bdamper.util.records import Data, named_fields, names_of, row_of
 from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import INSTALLED, Recorded, ResultsFile, Storable
-from bdamper.util.tables import Column, Tabular, concatenate
+from bdamper.util.tables import EXTREMES, Column, Tabular, concatenate
 
 Values = Mapping[str, Any]
 SEPARATOR = "; "
@@ -549,10 +550,26 @@ class SweepResult(
         if highest != lowest:
             place = as_words(row_of(self.points, highest))
             rows.insert(0, Row("Highest", value_text(highest), place))
-        return Statement([verdict], rows, remarks=[*further, *self._at_ends(lowest)], table=table)
+        return Statement(
+            [verdict], rows, remarks=[*further, *self._at_ends(lowest, spaced(name))], table=table
+        )
 
-    def _at_ends(self, i: int) -> list[str]:
-        """Return a remark for each setting whose value at a point is an end of its range."""
+    def _few_rows(self) -> tuple[list[tuple[str, ...]], list[str]]:
+        """Return the first rows without the residual and without a status that is always complete."""
+        rows = self._rows()
+        if not rows or rows[0][1:] == EXTREMES:
+            return self._first_rows([row for row in rows if row[0] != "residual"])
+        columns = [
+            column
+            for column in zip(*rows)
+            if column[0] != "residual" and {*column[1:]} != {COMPLETE}
+        ]
+        return self._first_rows([*zip(*columns)])
+
+    def _at_ends(self, i: int, quantity: str) -> list[str]:
+        """Return a remark for each setting whose value at the point with the lowest ``quantity`` is
+        an end of its range.
+        """
         remarks = []
         for name in self.names:
             values = self.points[name].tolist()
@@ -567,7 +584,11 @@ class SweepResult(
                 end = "upper"
             else:
                 continue
-            remarks.append(f"The lowest value is at the {end} end of the {spaced(name)} range")
+            value = as_words({name: values[i]}).removeprefix(f"{spaced(name)} ")
+            remarks.append(
+                f"The lowest {quantity} is at the {end} end of the {spaced(name)} range: include "
+                f"{spaced(name)} values {beyond(end)} {value}"
+            )
         return remarks
 
 
@@ -942,8 +963,9 @@ class Comparison(Result, Plottable, Tabular, Storable, kind="bdamper-comparison"
         return {name: change for name, change in changes.items() if np.isfinite(change)}
 
     def _rows(self) -> list[tuple[str, ...]]:
+        since = f"change from '{self.names[0]}'"
         rows: list[tuple[str, ...]] = [
-            ("", "amplitude", "frequency", "preload", "change", "time", "status")
+            ("", "amplitude", "frequency", "preload", since, "time", "status")
         ]
         changes = self._known_changes()
         for name, result in self.results.items():

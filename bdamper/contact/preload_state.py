@@ -142,12 +142,11 @@ class PreloadState(
         named_counts = zip(("stick", "slip", "open"), counts)
         value = ", ".join(f"{name} {count}" for name, count in named_counts)
         rows = [Row(f"{self._kind_of_points.capitalize()} points", value)]
-        rows += [
-            Row(name, amount(force, "N"), self._contact_text(name, force) + self._made_by(name))
-            for name, force in self.normal_force.items()
-        ]
+        for i, (name, force) in enumerate(self.normal_force.items()):
+            text = f"{name}{self._contact_text(name, force)}{self._made_by(name)}"
+            rows.append(Row("" if i else "Normal force", amount(force, "N"), text))
         outcome = "pass" if self.ok else "FAIL"
-        checks = [Row("Equilibrium", outcome, f"residual {self.residual:.2g}")]
+        checks = [Row("Equilibrium", outcome, f"residual {percent(self.residual)} of the load")]
         distances = [self.point_distance.get(name, np.inf) for name in self._constrained]
         if self.ok and np.isfinite(distances).any():
             outcome = "FAIL" if self.too_far else "pass"
@@ -155,7 +154,7 @@ class PreloadState(
             checks.append(Row("Static slip", outcome, found))
         remarks = [f"Edge contact: {self.edges}"] if self.edges else []
         remarks.append("Not covered: other states that friction allows")
-        subject = f"static state under {amount(self.load, 'N')}"
+        subject = f"static state under a preload of {amount(self.load, 'N')}"
         return Statement([f"{verdict}: {subject}"], rows, checks, remarks)
 
     @property
@@ -165,14 +164,14 @@ class PreloadState(
     def _contact_text(self, name: str, force: float) -> str:
         """Return the area in contact on an interface and the mean pressure there."""
         if force == 0.0:
-            return "normal force, no contact"
+            return ", no contact"
         area = self.contact_area.get(name, 0.0)
         # contacts of lumped masses have no faces, and areas of one
         has_faces = self.area is not None and np.any(self.area != 1.0)
         if not has_faces or not area > 0.0:
-            return "normal force"
+            return ""
         pressure = amount(force / area, "Pa")
-        return f"normal force, {area_text(area)} in contact, mean pressure {pressure}"
+        return f", {area_text(area)} in contact, mean pressure {pressure}"
 
     def _made_by(self, name: str) -> str:
         """Return the interference that presses an interface, and its slip from assembly, or ""."""

@@ -63,12 +63,14 @@ class Rule(validation.Checked):
     on: Annotated[str, partial(validation.choice, choices=ON)] = "amplitude"
 
     def __str__(self) -> str:
-        text = "Findley"
+        text = "Findley, "
         if self.criterion != "findley":
-            text = f"{self.criterion.replace('_', ' ').replace('mises', 'Mises')}"
-            text += f", {self.line.capitalize()}"
-        what = "amplitude and mean" if self.on == "both" else "amplitude"
-        return f"{text}, factor on {what}"
+            stress = self.criterion.replace("_", " ").replace("mises", "Mises")
+            text = f"{self.line.capitalize()}, {stress} amplitude; "
+        what = "the amplitude at constant mean stress"
+        if self.on == "both":
+            what = "amplitude and mean stress together"
+        return f"{text}safety factor on {what}"
 
     def judge(
         self, coefficients: NDArray, material: Material, temperature: NDArray | None = None
@@ -226,6 +228,8 @@ class Margins(
             verdict = over_cycle.OTHER_SPEED
         elif self.least < 1.0 or self.yields:
             verdict = f"Not for design: {margin}"
+            if self.yields:
+                verdict += f", yield safety factor {self._least_yield_factor:.3g}"
         else:
             verdict = sentence(margin)
         rows = [
@@ -258,8 +262,8 @@ class Margins(
                 "x, y, z (mm)",
                 "Amplitude",
                 "Mean",
-                "Fatigue factor",
-                "Yield factor",
+                "Fatigue safety",
+                "Yield safety",
                 "Remark",
             )
         ]
@@ -277,11 +281,17 @@ class Margins(
             )
         return rows
 
+    @property
+    def _least_yield_factor(self) -> float:
+        """Smallest yield factor of the points that count."""
+        return float(np.where(self.counted, self.yield_factor, np.inf).min())
+
     def _yield_check(self) -> Row:
         """Return the check of the largest stress of the first cycle."""
-        factor = float(np.where(self.counted, self.yield_factor, np.inf).min())
         outcome = "FAIL" if self.yields else "pass"
-        finding = f"safety factor {factor:.3g} in the first cycle, at least 1 required"
+        finding = (
+            f"safety factor {self._least_yield_factor:.3g} in the first cycle, at least 1 required"
+        )
         return Row("Yield", outcome, finding)
 
 
@@ -466,13 +476,13 @@ class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-
         if not is_chosen:
             text += f", {point}"
         failed = margin < 1.0 or any(margins.least < 1.0 for margins in self.in_time)
-        if is_chosen:
-            place = f"at {amount(self.values[least], self.unit)}, {point}"
-            other = Row("Smallest safety factor", f"{self.margin[least]:.3g}", place)
-        else:
-            place = f"at {amount(best_value, self.unit)}"
-            other = Row("Largest safety factor", f"{best_margin:.3g}", place)
-        rows = [other, *self._rows_in_time()]
+        at_best = f"at {amount(best_value, self.unit)}"
+        at_least = f"at {amount(self.values[least], self.unit)}, {point}"
+        rows = [
+            Row("Largest safety factor", f"{best_margin:.3g}", at_best),
+            Row("Smallest safety factor", f"{self.margin[least]:.3g}", at_least),
+            *self._rows_in_time(),
+        ]
         rows += _error_rows(self._error_at(value))
         lowest = min([self.margin[least], *(margins.least for margins in self.in_time)])
         load_check = over_cycle.load_check(self.notes)
@@ -486,10 +496,6 @@ class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-
             verdict = f"Not for design: {below}; {best}"
         if load_check:
             verdict = over_cycle.OTHER_SPEED
-            place = f"at {amount(value, self.unit)}"
-            if not is_chosen:
-                place += f", {point}"
-            rows.insert(0, Row(f"{sentence(name)} safety factor", f"{margin:.3g}", place))
         rows += [_named("Criterion", str(self.rule)), _named("Material", self.material.name)]
         remarks = [*over_cycle.doubts(self.notes), NOT_COVERED]
         if load_check:

@@ -134,7 +134,9 @@ class StressCycle(
         cycle = self.amplitude_and_mean()
         largest = f"{amount(cycle.amplitude[i], 'Pa')} at {self.names[i]}"
         subject = about(self.settings, self.preload, amount(self.frequency, "Hz"))
-        table, further = self._few_rows()
+        (*head, used), *rows = self._rows()
+        head.append("in maximum" if used == "used" else used)
+        table, further = self._first_rows([tuple(head), *rows])
         verdict = f"Largest stress amplitude {largest}{subject}"
         check = load_check(self.notes)
         if check:
@@ -144,7 +146,11 @@ class StressCycle(
             [verdict],
             [
                 Row("Amplitude", amount(cycle.amplitude[i], "Pa"), f"von Mises, {self.names[i]}"),
-                Row("Mean stress", amount(cycle.mean[i], "Pa"), "trace of the mean stress tensor"),
+                Row(
+                    "Mean stress",
+                    amount(cycle.mean[i], "Pa"),
+                    "first invariant (trace) of the mean stress tensor",
+                ),
             ],
             checks=check,
             remarks=[*further, *doubts(self.notes)],

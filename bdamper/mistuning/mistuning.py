@@ -282,7 +282,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
             source += f"; these {self.n_blades} draws have {percents.std():.3g} %"
         rows = [
             Row("Source", "", source),
-            Row("Mean", f"{mean:.3g} %", "shifts all blades equally"),
+            Row("Mean deviation", f"{mean:.3g} %", "shifts the frequencies of all blades equally"),
             Row("Range", f"{percents.min():.3g} to {percents.max():.3g} %", blades),
         ]
         return Statement([verdict], rows, remarks=["Not covered: mode shapes, damping"])
@@ -421,7 +421,10 @@ class DamperVariation(Summarised, Storable, kind="bdamper-damper-variation"):
 
     def _statement(self) -> Statement:
         missing = np.flatnonzero(self.missing)
-        verdict = f"{counted(self.n_blades, 'damper')}, {len(missing) or 'none'} missing"
+        verdict = f"{counted(self.n_blades, 'damper')}, none missing"
+        if len(missing):
+            n_present = self.n_blades - len(missing)
+            verdict = f"{n_present} of {counted(self.n_blades, 'damper')} present"
         rows = []
         if len(missing):
             numbers = ", ".join(map(str, missing))
@@ -440,7 +443,8 @@ class DamperVariation(Summarised, Storable, kind="bdamper-damper-variation"):
                 rows.append(Row(title, extent(low, high, "m"), "increase of the gaps"))
                 continue
             factors = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
-            rows.append(Row(title, factors, "factor on the nominal value"))
+            which = "all dampers" if low == high else ""
+            rows.append(Row(title, f"{factors} times nominal", which))
         return Statement([verdict], rows)
 
 

@@ -27,7 +27,7 @@ NEAR_BEST = 1.2
 """Amplitude over the optimum that defines the printed range of acceptable preloads."""
 GOOD, FAIR = 0.05, 0.2
 """Largest relative differences of a green and of an amber check."""
-ERRORS = "Errors by source"
+ERRORS = "Estimated error"
 """Name of the check of the errors by harmonics and residual modes."""
 SAFE = 1.5
 """Smallest fatigue margin of a green check."""
@@ -135,7 +135,7 @@ CHANGE_LIMITS = f"passes up to {percent(GOOD)}, fails above {percent(FAIR)}"
 """Limits of a check of a relative difference."""
 ESTIMATE_LIMITS = f"passes up to {percent(GOOD)}, uncertain above"
 """Limits of a check by an estimate, which alone refutes nothing."""
-ONE_HARMONIC_LIMITS = "always uncertain with one harmonic alone"
+ONE_HARMONIC_LIMITS = "an estimate from a single harmonic never passes"
 """Limits of an estimate from one harmonic."""
 
 
@@ -152,8 +152,8 @@ def checks(curve: OptimalCurve) -> list[Check]:
         _value_everywhere(curve),
         _in_time(curve).taking(_seconds_in_time(curve), expected.in_time),
         _more_harmonics(curve).taking(_seconds_of_harmonics(curve), expected.all_checks),
-        _other_friction(curve),
-        _friction_range(curve).taking(_seconds_of_friction(curve), expected.all_checks),
+        _other_friction(curve).taking(_seconds_of_friction(curve), expected.all_checks),
+        *_friction_range(curve),
         *_ends_of_range(curve),
         *_fatigue_margins(curve),
         _errors_by_source(curve),
@@ -374,11 +374,13 @@ def _two_more_harmonics(curve: OptimalCurve) -> Check:
         return Check(colour, name, WITH_CHECKS, rule)
     change = float(changes[_row_of_optimum(curve)])
     highest = max(_harmonics(curve))
+    has_no_gap = len(_harmonics(curve)) == highest
+    more = f"{highest + 2} harmonics" if has_no_gap else f"harmonics up to {highest + 2}"
     if np.isnan(change):
-        found = f"no peak with harmonics up to {highest + 2} near this one"
+        found = f"no peak with {more} near this one"
     else:
         changed = amount((1.0 + change) * curve.optimum.amplitude, "m")
-        found = f"{changed} with harmonics up to {highest + 2}, {changed_by(change)}"
+        found = f"{changed} with {more}, {changed_by(change)}"
     limits = ONE_HARMONIC_LIMITS if _one_harmonic(curve) else ESTIMATE_LIMITS
     is_small = abs(change) <= GOOD and not _one_harmonic(curve)
     remedy = f"study.replace(harmonics={highest + 2})"
@@ -425,14 +427,17 @@ def _other_friction(curve: OptimalCurve) -> Check:
     return Check(colour, name, found, rule, failure, _friction_remedy(curve), limits)
 
 
-def _friction_range(curve: OptimalCurve) -> Check:
-    """Rate the factors on friction at which the amplitude at the recommended preload doubles."""
-    name = "Friction range"
-    rule = f"red within a factor of {FRICTION_SPREAD:g}, amber if unknown there, white if not run"
+def _friction_range(curve: OptimalCurve) -> list[Check]:
+    """Rate the factors on friction at which the amplitude at the recommended preload doubles.
+
+    They are computed together with the peaks with other friction coefficients.
+    """
     friction_range = curve.friction_range
     limits = None if friction_range is None else friction_range.limits
-    if limits is None or not friction_tried(curve):
-        return Check("white", name, _not_checked(curve), rule)
+    if friction_range is None or limits is None or not friction_tried(curve):
+        return []
+    name = "Friction range"
+    rule = f"red within a factor of {FRICTION_SPREAD:g}, amber if unknown there"
     # factors within the spread at which the amplitude doubles, or at which it is unknown
     near = [limit for limit in limits if limit.near]
     if any(limit.known for limit in near):
@@ -443,7 +448,7 @@ def _friction_range(curve: OptimalCurve) -> Check:
         colour = "green"
     found = friction_range.text
     failure = f"at {amount(curve.other_friction[0].preload, 'N')} {found}"
-    return Check(colour, name, found, rule, failure, _friction_remedy(curve))
+    return [Check(colour, name, found, rule, failure, _friction_remedy(curve))]
 
 
 def _seconds_of_friction(curve: OptimalCurve) -> float:
@@ -455,7 +460,7 @@ def _seconds_of_friction(curve: OptimalCurve) -> float:
 def _not_checked(curve: OptimalCurve) -> str:
     """Return the call that checks the recommended preload."""
     if not curve.other_friction:
-        return WITH_CHECKS
+        return f"{WITH_CHECKS}, with time integration"
     computed = amount(curve.other_friction[0].preload, "N")
     return f"{WITH_CHECKS}, so far run at {computed} only"
 
@@ -564,13 +569,17 @@ def error_summary(curve: OptimalCurve) -> str:
     """
     if curve.harmonic_change is None and curve.vector_change is None:
         return ""
-    texts = [f"at the optimum {error_text(curve.errors_at(curve.optimum.preload))}"]
+    optimum = curve.optimum.preload
+    texts = [f"at {amount(optimum, 'N')} {error_text(curve.errors_at(optimum))}"]
     errors = curve.error
     has_value = np.isfinite(curve.amplitude)
     if np.isfinite(errors).any():
         largest = int(np.nanargmax(errors))
-        preload = amount(float(curve.preload[largest]), "N")
-        texts.append(f"largest {percent(float(errors[largest]))} at {preload}")
+        if largest == _row_of_optimum(curve):
+            texts.append("the largest of all preloads")
+        else:
+            preload = amount(float(curve.preload[largest]), "N")
+            texts.append(f"largest {percent(float(errors[largest]))} at {preload}")
     n_unknown = int(np.sum(np.isnan(errors) & has_value))
     if n_unknown:
         texts.append(f"unknown at {n_unknown} of {int(has_value.sum())} preloads")

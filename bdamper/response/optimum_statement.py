@@ -165,7 +165,7 @@ def _preload_rows(curve: OptimalCurve) -> list[Row]:
     optimum = curve.optimum
     low, high = curve.near_best
     near_best = f"at most {percent(NEAR_BEST - 1.0)} above the lowest amplitude"
-    within = f"{span(low, high, 'N')}: {near_best}, by harmonic balance"
+    within = f"{_range_text(curve, low, high)}: {near_best}, by harmonic balance"
     steeper = _steeper(curve)
     if steeper:
         within += f"; {steeper}"
@@ -188,6 +188,19 @@ def _preload_rows(curve: OptimalCurve) -> list[Row]:
     rows = [Row("Preload", amount(recommended, "N"), first)]
     rows += [Row("", "", text) for text in others]
     return rows
+
+
+def _range_text(curve: OptimalCurve, low: float, high: float) -> str:
+    """Return a range of preloads (N); an end of the search is no limit of it."""
+    begins = low <= curve.preload.min()
+    ends = high >= curve.preload.max()
+    if begins and ends:
+        return "all preloads"
+    if begins:
+        return f"up to {amount(high, 'N')}"
+    if ends:
+        return f"from {amount(low, 'N')} on"
+    return span(low, high, "N")
 
 
 def _steeper(curve: OptimalCurve) -> str:
@@ -288,7 +301,7 @@ def _amplitude_rows(curve: OptimalCurve, any_failed: bool) -> list[Row]:
     if error:
         remark += f"; {error}"
     if in_time is None:
-        remark += "; do not compute stresses from it"
+        remark += "; do not use this amplitude for stresses"
     rows.append(Row(name, amount(optimum.amplitude, "m"), remark))
     more = curve.convergence
     if more is not None and len(more.peaks) > 1:
@@ -303,7 +316,8 @@ def _amplitude_rows(curve: OptimalCurve, any_failed: bool) -> list[Row]:
         )
     if in_time is not None:
         value = span(in_time.lowest, in_time.largest, "m")
-        remark = f"{amount(in_time.frequency, 'Hz')}, mean {amount(in_time.mean, 'm')}"
+        mean = f"mean {amount(in_time.mean, 'm')} with its error range"
+        remark = f"{amount(in_time.frequency, 'Hz')}, {mean}"
         rows.append(Row("Time integration", value, remark))
         if in_time.blades_differ:
             least, most = in_time.spread

@@ -270,7 +270,7 @@ class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
         if limit:
             return Statement([verdict], rows, remarks=remarks)
         rows += error_rows(self.errors, self.amplitude, self.harmonic_peaks)
-        rows += contact_rows(self.shares)
+        rows += contact_rows(self.shares, "the peak")
         is_searched = self.search_status in ("", COMPLETE)
         found = "complete: no higher branch found" if is_searched else "not searched completely"
         rows += interval_rows(self.settings, found)
@@ -321,15 +321,17 @@ def half_range_row(half_range: float) -> Row:
     return Row("Half peak to peak", value, "all harmonics; the amplitude is of the first")
 
 
-def contact_rows(shares: NDArray) -> list[Row]:
-    """Return the row with the fractions of the cycle in stick, slip and separation, if known."""
+def contact_rows(shares: NDArray, place: str) -> list[Row]:
+    """Return the row with the fractions of the cycle in stick, slip and separation at a place such
+    as "the peak", if known.
+    """
     if not np.isfinite(shares).all():
         return []
     # a share that rounds to zero has no sign
     per_cent = (100.0 * np.asarray(shares)).round(1) + 0.0
     states = zip(("stick", "slip", "open"), per_cent)
     value = ", ".join(f"{state} {share:.3g} %" for state, share in states)
-    return [Row("Contact states", f"{value} of the period")]
+    return [Row("Contact states", f"{value} of the period at {place}")]
 
 
 def interval_rows(settings: Mapping[str, Any], finding: str) -> list[Row]:

@@ -122,8 +122,8 @@ LARGE_SHARE = 1.0 / 3.0
 
 
 def error_text(errors: Sequence[SourceError]) -> str:
-    """Return the error of an amplitude with its main sources, such as "error about 11 %, by two
-    more harmonics"; "" without estimates.
+    """Return the error of an amplitude with the more accurate settings that show it, such as "error
+    about 11 %, compared with two more harmonics"; "" without estimates.
     """
     if not errors:
         return ""
@@ -136,7 +136,7 @@ def error_text(errors: Sequence[SourceError]) -> str:
     elif known:
         large = [item.source for item in known if abs(item.amplitude) > LARGE_SHARE * total]
         shown_by = [ADDED.get(source, source) for source in large]
-        texts.append(f"error about {percent(total)}, by {listed(shown_by)}")
+        texts.append(f"error about {percent(total)}, compared with {listed(shown_by)}")
     if unknown:
         texts.append(f"error from {listed(unknown)} unknown")
     return ", ".join(texts)

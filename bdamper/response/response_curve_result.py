@@ -577,7 +577,9 @@ class ResponseCurve(
         rows = [Row("Frequency", interval, counted(len(self), "point"))]
         rows += half_range_rows(self.half_range, float(self.amplitude[i]))
         if not self.is_limit:
-            rows += contact_rows(self.shares[i])
+            rows += contact_rows(
+                self.shares[i], "the highest point" if self.peak_at_end else "the peak"
+            )
         if self.unstable is not None and self.unstable_count is not None:
             label = str(self.labels[i])
             of_all = f"{self.unstable_count} of {counted(len(self), 'point')} unstable"
@@ -598,6 +600,7 @@ class ResponseCurve(
             return [Row(IN_TIME, "not run", "study.at_speed, then time_response")]
         preload = self.preload if self.kind == "response" else np.nan
         rows = unchecked("curve", preload)
+        rows.append(Row("Estimated error", "not run", "study.estimate_errors(curve)"))
         if self.in_time is not None and np.isfinite(self.in_time[i]):
             rows[0] = Row(IN_TIME, str(self.labels[i]), "motion that starts at this point")
         return rows

@@ -86,6 +86,10 @@ def energy_change(energy: tuple[float, ...]) -> str:
     return f"its stored energy changes by {change}; use more periods"
 
 
+TOO_FEW = "too few periods"
+"""End of the reason for a verdict that requires more periods."""
+
+
 class AllBlades(Result):
     """Base class of time integrations: blades, energy per period, and travelling waves."""
 
@@ -339,7 +343,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         place = amount(self.frequency, "Hz")
         # integrations that differ have no common mean
         if "not settled" not in self.reason:
-            place += f", mean {amount(self.mean, 'm')}"
+            place += f", mean {amount(self.mean, 'm')} with its error range"
         value = span(self.lowest, self.highest, "m")
         rows = [Row("Time integration", value, place)]
         if self.highest_period > (1.0 + BEATS) * self.mean:
@@ -468,13 +472,21 @@ class MotionInTime(
         subject = about(self.settings, self.preload, amount(self.frequency, "Hz"))
         if not self.verdict:
             verdict = f"Amplitude by time integration {amount(self.mean, 'm')}{subject}"
+        elif self._is_too_short:
+            periods = counted(len(self.harmonics), "period")
+            few = f"{periods} {'is' if len(self.harmonics) == 1 else 'are'} too few"
+            verdict = (
+                f"Inconclusive: {few} to tell whether the vibration stays at {solution}{subject}"
+            )
         elif self.verdict == "undecided":
             verdict = f"Inconclusive: time integration may or may not stay at {solution}{subject}"
         elif self.verdict == "agrees":
             verdict = f"Confirmed: time integration stays at {solution}{subject}"
         else:
             verdict = f"Not confirmed: time integration leaves {solution}{subject}"
-        extent = f"{self._kind}, {span(self.lowest, self.highest, 'm')}"
+        extent = f"{span(self.lowest, self.highest, 'm')} in single periods"
+        if not self._is_too_short:
+            extent = f"{self._kind}, {extent}"
         rows = [Row("Amplitude", amount(self.mean, "m"), extent), *self._unlike_rows()]
         remarks = []
         checks = []
@@ -487,10 +499,15 @@ class MotionInTime(
         elif self.status == INTERRUPTED:
             remarks.append(f"The integration is {INTERRUPTED}")
         if self.verdict == "undecided" and self.status != INTERRUPTED:
-            remarks.append("Remedy: integrate longer, for example with periods=400")
+            remarks.append("Remedy: integrate longer, with periods=400")
         if any(check.value == "FAIL" for check in checks):
             remarks.append("Remedy: use study.time_response(curve), the highest steady amplitude")
         return Statement([verdict], rows, checks, remarks)
+
+    @property
+    def _is_too_short(self) -> bool:
+        """Whether the motion has too few periods for a verdict."""
+        return self.verdict == "undecided" and self.reason.endswith(TOO_FEW)
 
     @property
     def _kind(self) -> str:
@@ -1024,7 +1041,7 @@ class ErrorEstimates(Result):
 
     @property
     def total(self) -> float:
-        """Sum of all known errors, which is a bound if they do not interact."""
+        """Sum of all known errors: an estimate, because they may interact."""
         return float(np.nansum([source.size for source in self.sources]))
 
     @property
@@ -1093,23 +1110,24 @@ class ErrorEstimates(Result):
             verdict = f"Estimated error {percent(self.total)}{self._large_text()}: peak {peak}"
         else:
             verdict = f"Estimated error below 0.001 %: peak {peak}"
-        table = [("Source", "Amplitude", "Frequency", "Possible error", "Compared with")]
+        table = [("Source", "Amplitude change", "Frequency change", "Compared with")]
         for item in sorted(self.sources, key=lambda item: -np.nan_to_num(item.size)):
             if item.known:
-                missed = percent(item.uncertainty) if item.uncertainty else ""
                 changes = (
                     percent(item.amplitude, sign=True),
                     percent(item.frequency, sign=True),
-                    missed,
                 )
-                table.append((item.source, *changes, item.against))
+                against = item.against
+                if item.uncertainty:
+                    against += f"; may miss {percent(item.uncertainty)}"
+                table.append((item.source, *changes, against))
         unknown = [
             Row(item.source, "not estimated", item.against)
             for item in self.sources
             if not item.known
         ]
         remarks.append(
-            "The estimated error is the sum of all sources, a bound if they do not interact"
+            "Estimated error: sum of the magnitudes of all sources; an estimate, not a bound"
         )
         if not any(item.source == "time" for item in self.sources):
             remarks.append('Not covered: time integration (add "time" to sources)')

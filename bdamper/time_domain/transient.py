@@ -50,6 +50,7 @@ from numpy.typing import NDArray
 
 from bdamper.response.continuation import TWO_PI
 from bdamper.response.motion_range import half_range
+from bdamper.response.verification import TOO_FEW
 from bdamper.time_domain.integration import STEPS, AllSectors, EnergyGained, Motion
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
@@ -619,8 +620,8 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
     if n < 3 * look:
         periods = min(n, look)
         few = (
-            f"mean amplitude over {periods} periods {_in_percent(last)} % from the solution; at least "
-            f"{3 * look} periods are required"
+            f"mean amplitude over {periods} periods {_in_percent(last)} % from the solution; "
+            f"{TOO_FEW}"
         )
         return Verdict(UNDECIDED, few, periods)
 

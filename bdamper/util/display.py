@@ -312,7 +312,7 @@ class Summarised:
         # a long table is reduced to the extremes of its columns
         if rows and rows[0][1:] == EXTREMES:
             remarks.append("Smallest and largest values belong to different points")
-        if len(shown) < len(rows):
+        elif len(shown) < len(rows):
             n_further = counted(len(rows) - len(shown), "further row")
             remarks.append(f"{n_further} in {self._called}.summary()")
         return shown, remarks

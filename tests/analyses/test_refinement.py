@@ -1,5 +1,6 @@
 """Refinement of a study to a tolerance: against much finer studies, and where it cannot succeed."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -71,7 +72,7 @@ def test_the_largest_source_is_refined():
     assert result.reached
     assert [step.largest for step in result.steps[:2]] == ["harmonics", "residual flexibility"]
     assert [step.change for step in result.steps[1:]] == [
-        "harmonics 1 to 5",
+        "5 harmonics",
         "6 more residual modes",
     ]
     all_vectors = ResidualModes(n_vectors="all", n_soft=0)
@@ -133,7 +134,7 @@ def test_next_step_beyond_the_limit_is_not_begun(masses, monkeypatch):
     result = study.refine(peak, tolerance=0.005)
     assert not result.reached and len(result.steps) == 1
     assert "the limit for all steps is 600 s" in result.reason
-    assert result.needed.startswith("harmonics 1 to ")
+    assert re.match(r"\d+ harmonics", result.needed)
     assert result.needed_seconds % 1e6 == 0.0
 
 
@@ -196,7 +197,7 @@ def test_plot_shows_steps_tolerance_and_need(refined):
     _, labels = ax.get_legend_handles_labels()
     assert labels == ["estimated error", "tolerance, 0.5 %"]
     # the first point has the settings of the study, and no name
-    assert [text.get_text() for text in ax.texts] == ["harmonics 1 to 5"]
+    assert [text.get_text() for text in ax.texts] == ["5 harmonics"]
     errors = [100.0 * step.error for step in refined.steps]
     assert ax.lines[0].get_ydata() == pytest.approx(errors)
     lacking = replace(refined, needed="a model with about 12 modes", needed_seconds=3.0)

@@ -258,7 +258,7 @@ def test_points_of_axial_stops_are_no_friction_points(tmp_path):
     ]
     counts = tuple(on_faces.count(name) for name in ("stick", "slip", "open"))
     assert len(on_faces) == 18 < len(state.state) == 26
-    assert "18 friction points slip: static state under 200 N" in state._headline()
+    assert "18 friction points slip: static state under a preload of 200 N" in state._headline()
     assert "points stick {}, slip {}, open {}".format(*counts) in said(state)
     assert counts[2] == 0
     state.save(tmp_path / "state.h5")

@@ -125,7 +125,7 @@ def test_deviations_print_as_rows():
     mean, deviation = 0.01, np.std([5.0, -2.0, 0.0])
     beginning = "Frequencies of 3 blades clamped at the root deviate by"
     assert shown.startswith(f"{beginning} {deviation:.3g} % (standard deviation) Source bench")
-    assert f"Mean {100.0 * mean:g} % " in shown
+    assert f"Mean deviation {100.0 * mean:g} % " in shown
     assert "Range -2 to 5 % blade 1 lowest, blade 0 highest" in shown
     assert "seed 4, 2 modes of each blade" in said(
         Mistuning([[0.01, 0.02], [0.0, 0.03]], "normal", (4,))
@@ -136,7 +136,7 @@ def test_dampers_print_as_rows():
     dampers = DamperVariation.of(4, missing=[1, 3], mass=[1.0, 1.0, 1.2, 0.9], gap=2e-5)
     shown = said(dampers)
     assert shown.startswith(
-        "4 dampers, 2 missing Missing dampers 2 damper numbers 1, 3 (counted from 0) Mass 0.9 to 1.2 factor"
+        "2 of 4 dampers present Missing dampers 2 damper numbers 1, 3 (counted from 0) Mass 0.9 to 1.2 times"
     )
     assert shown.endswith("Gap 20 µm increase of the gaps")
 

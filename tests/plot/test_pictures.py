@@ -227,7 +227,7 @@ def test_accuracy_explains_its_lines(times):
         Run("contact_points", ("5", "9"), np.nan, np.nan, np.nan, t[1]),
         Run("combination", ("3", "9"), 1e-3, 300.0, 0.0, t[0]),
     )
-    sources = (ReferenceError("harmonics", 1e-3, 3.0, "harmonics 1 to 10"),)
+    sources = (ReferenceError("harmonics", 1e-3, 3.0, "10 harmonics"),)
     result = AccuracyCost(
         "curve", 500.0, INTERVAL, 0.01, ("harmonics", "contact_points"), runs, {}, sources=sources
     )
@@ -255,14 +255,14 @@ def test_accuracy_that_was_not_reached_shows_what_would():
         Run("most detailed", ("5",), 1e-3, 300.0, 0.0, 2.0),
         Run("harmonics", ("3",), 1e-3, 300.0, 0.02, 0.5),
     )
-    sources = (ReferenceError("harmonics", 0.06, 10.0, "harmonics 1 to 10"),)
-    forecast = Forecast("harmonics 1 to 10", 0.03, 10.0)
+    sources = (ReferenceError("harmonics", 0.06, 10.0, "10 harmonics"),)
+    forecast = Forecast("10 harmonics", 0.03, 10.0)
     result = AccuracyCost(
         "curve", 500.0, INTERVAL, 0.05, ("harmonics",), runs, {}, sources=sources, forecast=forecast
     )
     ax = plot_accuracy(result)
     assert legend_texts(ax) == [
-        "reference", "harmonics alone, reference 5", "forecast:\nharmonics 1 to 10", "tolerance, 5 %",
+        "reference", "harmonics alone, reference 5", "forecast:\n10 harmonics", "tolerance, 5 %",
     ]  # fmt: skip
     drawn = np.array([line.get_xydata()[0] for line in ax.lines if len(line.get_xdata()) == 1])
     assert drawn == pytest.approx(np.array([(2.0, 6.0), (0.5, 8.12), (10.0, 3.0)]))

@@ -1,12 +1,14 @@
 """Amplitudes in time at the optimum of an optimal curve and beside it: fields, prints, files, neighbours."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.response import optimum_statement
 from bdamper.response.optimum_checks import checks
 from bdamper.response.verification import (
     Convergence,
@@ -277,6 +279,20 @@ def test_the_ends_of_the_range_on_request(study, monkeypatch, tmp_path):
     assert not plain.range_in_time and "higher than the minimum" not in said(plain)
 
 
+@pytest.mark.parametrize(
+    ("low", "high", "text"),
+    [
+        (2.0, 3.0, "2 to 3 N"),
+        (1.0, 3.0, "up to 3 N"),
+        (2.0, 9.0, "from 2 N on"),
+        (1.0, 9.0, "all preloads"),
+    ],
+)
+def test_an_end_of_the_search_is_no_limit_of_the_range(low, high, text):
+    curve = SimpleNamespace(preload=np.array([1.0, 4.0, 9.0]))
+    assert optimum_statement._range_text(curve, low, high) == text
+
+
 @pytest.mark.slow
 def test_the_range_is_named_a_result_of_harmonic_balance(curve, tmp_path):
     assert (
@@ -324,7 +340,7 @@ def test_the_bottom_line_says_what_is_open(study, curve):
     )
     without = replace(curve, time_response=(none,))
     assert "is not found: no motion stays" in without._headline()
-    assert "do not compute stresses from it" in row(without, "Harmonic balance").remark
+    assert "do not use this amplitude for stresses" in row(without, "Harmonic balance").remark
     assert "Not covered time integration, " in said(without)
 
 
@@ -391,7 +407,7 @@ def test_each_check_states_its_time(curve):
     assert {name: time for name, time in times.items() if time} == {
         "Time integration": "24 s",
         "More harmonics": "3 s",
-        "Friction range": "500 ms",
+        "Other friction coefficients": "500 ms",
     }
     assert "time integration 24 s" in str(timed) and not any(curve._statement().times)
 
@@ -421,5 +437,5 @@ def test_without_a_known_amplitude_of_all_checks_there_is_no_design_amplitude(cu
     without = replace(passed, time_response=())
     assert (
         np.isnan(without.design_amplitude)
-        and "do not compute stresses from it" in row(without, "Harmonic balance").remark
+        and "do not use this amplitude for stresses" in row(without, "Harmonic balance").remark
     )

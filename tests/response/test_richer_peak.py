@@ -264,9 +264,9 @@ def test_unknown_errors_are_named():
     known = SourceError("harmonics", 0.11, 0.001, 0.0, "5 harmonics")
     small = SourceError("residual modes", -0.01, 0.0, 0.0, "6 more residual modes")
     unknown = SourceError("residual modes", np.nan, np.nan, np.inf, "no peak")
-    assert error_text([known, small]) == "error about 12 %, by two more harmonics"
+    assert error_text([known, small]) == "error about 12 %, compared with two more harmonics"
     assert error_text([known, unknown]) == (
-        "error about 11 %, by two more harmonics, error from residual modes unknown"
+        "error about 11 %, compared with two more harmonics, error from residual modes unknown"
     )
     assert np.isnan(amplitude_error([known, unknown])) and np.isnan(amplitude_error([]))
     assert amplitude_error([known, small]) == pytest.approx(0.12)
