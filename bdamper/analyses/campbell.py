@@ -165,7 +165,7 @@ class Campbell(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-cam
         )
 
     def _statement(self) -> Statement:
-        table = [("Order and mode", "Without contact", "Stuck")]
+        table: list[tuple[str, ...]] = [("Order and mode", "Without contact", "Stuck")]
         for order, mode, free, stuck in self.met:
             if np.isfinite([free, stuck]).any():
                 places = (_place(speed, order) for speed in (free, stuck))
