@@ -309,7 +309,7 @@ class Hysteresis(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-h
         return Statement([f"{verdict}: {subject}, preload {amount(self.preload, 'N')}"], rows)
 
     def _rows(self) -> list[tuple[str, ...]]:
-        """Return the table; names say what the dissipation and the damping ratio contain."""
+        """Return the table with names that distinguish contacts from modal damping."""
         return [tuple(_OF_CONTACTS.get(cell, cell) for cell in row) for row in super()._rows()]
 
     def _interface_rows(self) -> list[Row]:

@@ -323,8 +323,8 @@ class MistunedSample(
     curve_reason: Annotated[tuple[str, ...], Data(derived=True)] = ()
 
     def __post_init__(self) -> None:
-        # the error in files of version 0.10 and older has no part by harmonics; with free dampers it
-        # is that of missed peaks, which can only be higher
+        # in files of version 0.10 and older the error has no part by harmonics; with free dampers it
+        # has missed peaks alone, which can only be higher
         if self.lower_error is None or np.size(self.lower_error) == 0:
             lower_error = np.where(self.springs == 0.0, 0.0 * self.error, self.error)
             object.__setattr__(self, "lower_error", lower_error)
