@@ -23,6 +23,8 @@ EDGE = "at the lowest preload with a steady response"
 """Place of an optimum below which no response is steady."""
 WITH_CHECKS = 'study.optimal_curve(..., check="time")'
 """Call that runs the checks of a curve."""
+ALL_CHECKS = f"{WITH_CHECKS}, with time integration"
+"""The same call, where a check that it runs is not by time integration."""
 NEAR_BEST = 1.2
 """Amplitude over the optimum that defines the printed range of acceptable preloads."""
 GOOD, FAIR = 0.05, 0.2
@@ -371,7 +373,7 @@ def _two_more_harmonics(curve: OptimalCurve) -> Check:
     changes = curve.harmonic_change
     if changes is None or not np.isfinite(curve.optimum.preload):
         colour = "amber" if _one_harmonic(curve) else "white"
-        return Check(colour, name, WITH_CHECKS, rule)
+        return Check(colour, name, ALL_CHECKS, rule)
     change = float(changes[_row_of_optimum(curve)])
     highest = max(_harmonics(curve))
     has_no_gap = len(_harmonics(curve)) == highest
@@ -460,7 +462,7 @@ def _seconds_of_friction(curve: OptimalCurve) -> float:
 def _not_checked(curve: OptimalCurve) -> str:
     """Return the call that checks the recommended preload."""
     if not curve.other_friction:
-        return f"{WITH_CHECKS}, with time integration"
+        return ALL_CHECKS
     computed = amount(curve.other_friction[0].preload, "N")
     return f"{WITH_CHECKS}, so far run at {computed} only"
 
