@@ -8,6 +8,9 @@
   (docs/nonlinear-modes.md).
 * ``designs``, ``contacts``: three designs, and what the contacts of one do (docs/how-to.md).
 * ``advice``: effects and their changes of a peak (docs/accuracy.md).
+* ``campbell``: frequencies against speed, with the lines of two engine orders (docs/speed.md).
+* ``interference``: what the assembly load of a shroud does (docs/joints.md).
+* ``rubbing``: a blade that rubs on the ground, with two folds (docs/lumped.md).
 * ``report``: the beginning of the report of the typical blade (docs/fit.md).
 * ``explorer``: the explorer of the typical blade in a window of 1280 by 800 pixels
   (docs/how-to.md).
@@ -113,6 +116,44 @@ def advice() -> None:
     save_figure(found.plot(), IMAGES / "advice.png")
 
 
+def campbell() -> None:
+    """Draw the Campbell diagram of the typical blade."""
+    found = typical_blade().campbell((300.0, 1000.0), engine_orders=(5, 10), modes=2)
+    save_figure(found.plot(), IMAGES / "campbell.png")
+
+
+def interference() -> None:
+    """Draw first slip and highest peak of the shipped shrouded blade against its assembly load."""
+    study = bd.Study(
+        bd.reference_model("shrouded_blade"),
+        bd.Excitation("tip", direction="axial", amplitude=0.5),
+        engine_order=4,
+        harmonics=1,
+        load_per_preload={"front": 1.0, "rear": 0.6},
+        constant_loads={"shroud": 20.0},
+    )
+    task = bd.PeakTask(preload=50.0, frequency=(800.0, 1640.0), shroud="shroud")
+    loads = [3.0, 10.0, 30.0, 100.0, 300.0, 1000.0]
+    found = bd.sweep(study, {"constant_loads.shroud": loads}, task)
+    save_figure(found.plot(), IMAGES / "interference.png")
+
+
+def rubbing() -> None:
+    """Draw the response of two masses of which one rubs on the ground."""
+    contact = bd.Contact(0, 1, kt=0.6, kn=6.0, mu=0.4, preload=0.35)
+    study = bd.lumped(
+        [1.0, 1.0],
+        [0.05, 0.05],
+        [[1.0, 0.3], [0.3, 2.0]],
+        contacts=[contact],
+        forces={0: 0.1, 1: 0.12},
+        response=1,
+        harmonics=13,
+    )
+    curve = study.frequency_response(0.0, (0.25, 0.54))
+    save_figure(plot_curve(curve, new_axes(4.4, 2.8)), IMAGES / "rubbing.png")
+
+
 # ---- Pages in a browser ----
 
 
@@ -177,6 +218,9 @@ PICTURES: dict[str, Callable[[], None]] = {
     "designs": designs,
     "contacts": contacts,
     "advice": advice,
+    "campbell": campbell,
+    "interference": interference,
+    "rubbing": rubbing,
     "report": report,
     "explorer": explorer,
 }

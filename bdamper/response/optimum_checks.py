@@ -94,7 +94,7 @@ IN_TIME, BY_HARMONIC_BALANCE = 14e3, 17e3
 """Processor time of the time integration at one preload, if all contacts stay closed, and of more
 harmonics and other friction coefficients, in evaluations of the equations of the response curves.
 
-Measured on the shipped models and on random sectors (docs/evidence/times.md).  The price of the time
+Measured on rings of blades (docs/evidence/measured-time.md).  The price of the time
 integration rises with the inverse of the share of the period in which contacts are closed, because
 each step has to find the states of the contacts.
 """
@@ -117,6 +117,9 @@ def _expected(curve: OptimalCurve) -> Expected:
     evaluations = sum(cost.evaluations for cost in costs)
     processor = sum(cost.processor for cost in costs)
     if not processor > 0.0 or not np.isfinite(curve.optimum.preload):
+        return Expected()
+    if not curve.settings.get("engine_order"):
+        # one sector alone takes a small part of the time of a ring
         return Expected()
     each = processor / evaluations
     closed = 1.0 - float(curve.shares[_row_of_optimum(curve), 2])
