@@ -41,8 +41,8 @@ def test_a_check_that_was_not_run_has_the_price_of_its_curves(searched):
 
     own, text = prices(searched.curves)
     twice, _ = prices(with_processor(2.0))
-    assert {"Time integration", "Friction range"} <= own.keys()
-    for name in ("Time integration", "Friction range"):
+    assert {"Time integration", "Other friction coefficients"} <= own.keys()
+    for name in ("Time integration", "Other friction coefficients"):
         assert own[name] > 0.0
         assert twice[name] == pytest.approx(2.0 * own[name])
     assert "time integration, about" in text
