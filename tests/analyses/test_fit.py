@@ -847,7 +847,7 @@ def test_a_rich_truth_fitted_with_a_coarse_model():
     j = found.names.index("friction_coefficient")
     assert found.low[j] < 0.45 < found.high[j]
     assert found.misfit > 3.0 and "the model deviates from the tests by" in found._headline()
-    assert "constants may lie outside the intervals" in said(found)
+    assert "the intervals above may be too narrow" in said(found)
     stiffness = found.names.index("contact_stiffness_factor")
     assert found.low[stiffness] > 0.6, "the true value lies outside"
     assert "9 contact points" in said(found)

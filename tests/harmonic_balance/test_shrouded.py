@@ -58,7 +58,7 @@ def test_dampers_take_load_off_the_shroud_and_the_state_says_so(model):
     assert total["front_left"] + total["front_right"] == pytest.approx(1000.0, rel=0.03)
     assert total["rear_left"] + total["rear_right"] == pytest.approx(600.0, rel=0.03)
     assert 0.0 < total["shroud"] < 500.0 - 1.0
-    assert f"shroud {bd.util.formatting.amount(total['shroud'], 'N')}" in said(state)
+    assert f"{bd.util.formatting.amount(total['shroud'], 'N')} shroud" in said(state)
 
 
 def test_a_state_is_the_same_whatever_was_asked_before(model):
