@@ -25,7 +25,16 @@ from bdamper.harmonic_balance.subject import about
 from bdamper.util import validation
 from bdamper.util.display import Plottable, Result, draw
 from bdamper.util.errors import COMPLETE, BdamperError
-from bdamper.util.formatting import UNITS, amount, counted, percent, sentence, short_repr, spaced
+from bdamper.util.formatting import (
+    UNITS,
+    amount,
+    beyond,
+    counted,
+    percent,
+    sentence,
+    short_repr,
+    spaced,
+)
 from bdamper.util.records import Data, Reason
 from bdamper.util.statement import Row, Statement
 from bdamper.util.storage import FilePath, Recorded, Storable
@@ -477,6 +486,9 @@ class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-
             text += f", {point}"
         failed = margin < 1.0 or any(margins.least < 1.0 for margins in self.in_time)
         at_best = f"at {amount(best_value, self.unit)}"
+        end = self._end(best_value) if is_chosen else ""
+        if end:
+            at_best += f", the {end} end of the range"
         at_least = f"at {amount(self.values[least], self.unit)}, {point}"
         rows = [
             Row("Largest safety factor", f"{best_margin:.3g}", at_best),
@@ -502,7 +514,21 @@ class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-
             remarks = [*remarks, self._load_remedy(value)]
         elif lowest < 1.0:
             remarks = [*remarks, self._remedy(failed)]
+        if end and not load_check:
+            values = "preloads" if self.over == "preload" else f"values of {spaced(self.over)}"
+            remarks.append(
+                f"Include {values} {beyond(end)} {amount(best_value, self.unit)}: the safety factor may "
+                "be larger there"
+            )
         return Statement([f"{verdict}{about(self.settings)}"], rows, checks, remarks)
+
+    def _end(self, value: float) -> str:
+        """Return at which end of the abscissa a value lies: "lower", "upper", or "" inside."""
+        if len(self) < 2:
+            return ""
+        if value == self.values.min():
+            return "lower"
+        return "upper" if value == self.values.max() else ""
 
     @property
     def _sufficient(self) -> str:
