@@ -409,7 +409,8 @@ def test_each_check_states_its_time(curve):
         "More harmonics": "3 s",
         "Other friction coefficients": "500 ms",
     }
-    assert "time integration 24 s" in str(timed) and not any(curve._statement().times)
+    assert "time integration 24 s" in str(timed)
+    assert all(time.startswith("about ") for time in curve._statement().times if time)
 
 
 def test_without_a_known_amplitude_of_all_checks_there_is_no_design_amplitude(curve):
