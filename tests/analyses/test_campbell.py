@@ -50,7 +50,7 @@ def test_a_spinning_oscillator_in_closed_form():
         found.met[:, 2], np.sqrt(4e5 / (np.array([4.0, 9.0]) - 3.5))[[1, 1]] * [np.nan, 1.0]
     )
     np.testing.assert_allclose(found.met[1, 3], np.sqrt(5.5e5 / (9.0 - 3.5)), rtol=1e-12)
-    assert "3, mode 1 2575 rpm, 128.77 Hz 3020 rpm, 150.99 Hz" in said(found)
+    assert "3, mode 1 2575 rpm, 128.76 Hz 3020 rpm, 150.99 Hz" in said(found)
     assert "order 2, mode 1  free no crossing, stuck no crossing" in found.summary()
 
 
