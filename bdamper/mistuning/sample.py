@@ -604,10 +604,13 @@ class MistunedSample(
             )
         remarks = [in_brackets]
         if not np.isfinite(self.percentile(95.0)).all():
-            remarks.append(
-                "A disk without a peak may have any amplitude; with many of them there is no upper "
-                "limit"
-            )
+            without_limit = "Without an upper limit there are too few disks"
+            if n_failed:
+                without_limit = (
+                    "A disk without a peak may have any amplitude; with many of them there is no "
+                    "upper limit"
+                )
+            remarks.append(without_limit)
         if missed:
             remarks.append(MISSED_REMEDY)
         return Statement([verdict], rows, checks, remarks, table=self._cell_table())
