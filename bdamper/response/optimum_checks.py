@@ -12,6 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bdamper.harmonic_balance.effects import harmonic_numbers
+from bdamper.response.expected_time import (
+    BY_HARMONIC_BALANCE,
+    expected_text,
+    seconds_in_time,
+    seconds_of_evaluation,
+)
 from bdamper.response.peak_error import error_text
 from bdamper.response.verification import FRICTION_SPREAD, MUCH, TimeResponse
 from bdamper.util.errors import COMPLETE, INTERRUPTED
@@ -86,20 +92,8 @@ class Check(NamedTuple):
         if not self.seconds > 0.0:
             return ""
         if self.colour == "white":
-            return f"about {amount(self.seconds, 's', 1)}"
+            return expected_text(self.seconds)
         return amount(self.seconds, "s", 2)
-
-
-IN_TIME, BY_HARMONIC_BALANCE = 14e3, 17e3
-"""Processor time of the time integration at one preload, if all contacts stay closed, and of more
-harmonics and other friction coefficients, in evaluations of the equations of the response curves.
-
-Measured on rings of blades (docs/evidence/measured-time.md).  The price of the time
-integration rises with the inverse of the share of the period in which contacts are closed, because
-each step has to find the states of the contacts.
-"""
-LEAST_CLOSED = 0.1
-"""Share of the period below which that price no longer rises."""
 
 
 class Expected(NamedTuple):
@@ -112,19 +106,15 @@ class Expected(NamedTuple):
 
 
 def _expected(curve: OptimalCurve) -> Expected:
-    """Return the time that checks would take, from that of an evaluation in the response curves."""
-    costs = [response.cost for response in curve.curves if response.cost is not None]
-    evaluations = sum(cost.evaluations for cost in costs)
-    processor = sum(cost.processor for cost in costs)
-    if not processor > 0.0 or not np.isfinite(curve.optimum.preload):
+    """Return the time that checks would take, from that of the response curves."""
+    if not np.isfinite(curve.optimum.preload):
         return Expected()
-    if not curve.settings.get("engine_order"):
-        # one sector alone takes a small part of the time of a ring
-        return Expected()
-    each = processor / evaluations
-    closed = 1.0 - float(curve.shares[_row_of_optimum(curve), 2])
-    in_time = IN_TIME * each / max(closed, LEAST_CLOSED)
-    return Expected(in_time, processor + in_time + BY_HARMONIC_BALANCE * each)
+    costs = [response.cost for response in curve.curves]
+    evaluation = seconds_of_evaluation(costs)
+    open_share = float(curve.shares[_row_of_optimum(curve), 2])
+    in_time = seconds_in_time(evaluation, open_share, curve.settings)
+    again = sum(cost.processor for cost in costs if cost is not None)
+    return Expected(in_time, again + in_time + BY_HARMONIC_BALANCE * evaluation)
 
 
 def graded(value: float, good: float, fair: float) -> str:

@@ -18,7 +18,7 @@ ends at the corner.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Self
 
@@ -40,6 +40,7 @@ from bdamper.harmonic_balance.subject import about, not_covered
 from bdamper.response.branches import UNBOUNDED
 from bdamper.response.continuation import Follower
 from bdamper.response.events import AtLeastTwo, ContinuationOptions, Step
+from bdamper.response.expected_time import expected_text, seconds_in_time, seconds_of_evaluation
 from bdamper.response.motion_range import exceeds
 from bdamper.response.peak_error import (
     HarmonicPeak,
@@ -276,7 +277,8 @@ class Peak(Result, InContact, Tabular, Recorded, Storable, kind="bdamper-peak"):
         rows += interval_rows(self.settings, found)
         remarks.append(not_covered(self.settings, ["more blade modes"]))
         checks = unchecked("peak", preload, bool(self.errors))
-        return Statement([verdict], rows, checks, remarks, further=self._calls)
+        times = prices(checks, self.cost, float(self.shares[2]), self.settings)
+        return Statement([verdict], rows, checks, remarks, times=times, further=self._calls)
 
     @property
     def _calls(self) -> list[str]:
@@ -356,6 +358,20 @@ def unchecked(name: str, preload: float, has_errors: bool = False) -> list[Row]:
     if not has_errors:
         rows.append(Row("More harmonics", "not run", f"study.harmonic_convergence({name})"))
     return rows
+
+
+def prices(
+    checks: Sequence[Row], cost: Cost | None, open_share: float, settings: Mapping[str, Any]
+) -> list[str]:
+    """Return the time that each check would take as text, "" if unknown.
+
+    ``cost`` is that of the peak or curve, and ``open_share`` the share of the period in which its
+    contacts are open at the peak.
+    """
+    expected = seconds_in_time(seconds_of_evaluation([cost]), open_share, settings)
+    return [
+        expected_text(expected) if check[:2] == (IN_TIME, "not run") else "" for check in checks
+    ]
 
 
 def vibration_width(y: NDArray, tangent: NDArray, scale: NDArray, n_mean: int) -> float:

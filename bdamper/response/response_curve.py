@@ -438,9 +438,10 @@ def _locked(
 ) -> ResponseCurve:
     """Return the curve of a locked joint if that from the static state has gaps that it closes.
 
-    Curves of shrouds start from their residual forces at once.  The vibration reduces the friction that is left for the mean.  From the static state the mean
-    position may then move far, and no path passes the resonance.  A locked state has the mean
-    friction forces that the vibration needs.  All further analyses at this preload start from it.
+    Curves of shrouds start from their residual forces at once.  The vibration reduces the friction
+    that is left for the mean.  From the static state the mean position may then move far, and no
+    path passes the resonance.  A locked state has the mean friction forces that the vibration
+    needs.  All further analyses at this preload start from it.
     """
     problem = case.problem
     # narrow gaps of a complete curve may contain its peak

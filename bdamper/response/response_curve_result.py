@@ -29,6 +29,7 @@ from bdamper.response.peak import (
     contact_rows,
     first_harmonic_text,
     half_range_rows,
+    prices,
     unchecked,
 )
 from bdamper.util.display import Fact, InContact, Result
@@ -530,7 +531,8 @@ class ResponseCurve(
             remarks.append(not_covered(self.settings, ["more blade modes"]))
         if self.peak_at_end and self._end_of_interval:
             remarks.append(f"Remedy: {self._end_of_interval[1]}")
-        return Statement([self._verdict()], self._quantity_rows(), checks, remarks)
+        times = prices(checks, self.cost, float(self.shares[self.peak_index, 2]), self.settings)
+        return Statement([self._verdict()], self._quantity_rows(), checks, remarks, times=times)
 
     @property
     def _end_of_interval(self) -> tuple[str, str] | None:

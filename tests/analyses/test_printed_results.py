@@ -17,7 +17,8 @@ def printed():
         (r"[-+]?\d[\d.]*e-\d+|[-+]0(?= )", "0"),
         (r"(?<=  )\d[\d.]* m?s(?= )", "time"),
         (r"(?<=, )\d[\d.]* m?s(?=\n)", "time"),
-        (r"(?<=about )\d[\d.]* m?s(?=:)", "time"),
+        # the line may end behind an expected time
+        (r"(?<=about )\d[\d.]* m?s:\s+", "time: "),
         (r" {2,}", "  "),
     ):
         text = re.sub(varies, shown, text)

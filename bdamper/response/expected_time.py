@@ -1,0 +1,55 @@
+"""Processor time that checks of a peak or of an optimum would take.
+
+It is told by that of an evaluation of the equations in the response curves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from bdamper.util.formatting import amount
+from bdamper.util.progress import Cost
+
+IN_TIME, BY_HARMONIC_BALANCE = 14e3, 17e3
+"""Processor time of the time integration at one preload, if all contacts stay closed, and of more
+harmonics and other friction coefficients, in evaluations of the equations of the response curves.
+
+Measured on rings of blades (docs/evidence/measured-time.md).
+"""
+LEAST_CLOSED = 0.1
+"""Share of the period below which the price of the time integration no longer rises."""
+
+
+def seconds_of_evaluation(costs: Iterable[Cost | None]) -> float:
+    """Return the mean processor time of an evaluation (s); NaN if it was not measured."""
+    total = sum((cost for cost in costs if cost is not None), Cost())
+    if not total.processor > 0.0 or not total.evaluations:
+        return float("nan")
+    return total.processor / total.evaluations
+
+
+def seconds_in_time(evaluation: float, open_share: float, settings: Mapping[str, Any]) -> float:
+    """Return the processor time (s) of a time integration at a peak; NaN if unknown.
+
+    It rises with the inverse of the share of the period in which contacts are closed, because each
+    step has to find the states of the contacts.
+
+    Parameters
+    ----------
+    evaluation : float, s
+        Processor time of an evaluation.
+    open_share : float
+        Share of the period in which contacts are open at the peak.
+    settings : mapping
+        Settings of the study.  The time of a single sector, without an engine order, is unknown: it
+        is a small part of that of a ring.
+    """
+    if not settings.get("engine_order"):
+        return float("nan")
+    return IN_TIME * evaluation / max(1.0 - open_share, LEAST_CLOSED)
+
+
+def expected_text(seconds: float) -> str:
+    """Return an expected time (s) as text; "" if unknown."""
+    return f"about {amount(seconds, 's', 1)}" if seconds > 0.0 else ""
