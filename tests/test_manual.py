@@ -77,7 +77,7 @@ def test_readme_and_manual_name_the_two_commands():
         "make test",
     ]
     for text in (README, INDEX):
-        assert "`.venv`" in text and '`pip install ".[fe]"`' in text
+        assert "`.venv`" in text and '`pip install ".[fe,report]"`' in text
         assert "make demo" in text and "make test" in text
     assert "make readme" not in README
     # continuous integration runs the commands of the README, and the quick tests by them alone

@@ -62,6 +62,14 @@ def local_model(model: Model) -> Model:
     ModelError
         If no body of the model has a local basis.
     """
+    between_blades = [
+        name for name, interface in model.interfaces.items() if interface.body_a == interface.body_b
+    ]
+    if between_blades:
+        raise ModelError(
+            "a bladed disk: expected contacts between blades and dampers only, found "
+            f"'{between_blades[0]}' between blades; compute the tuned disk"
+        )
     if all(body.local is None for body in model.bodies.values()):
         raise ModelError(
             "a bladed disk needs a local basis of blade and disk, and no body of the model has "

@@ -43,6 +43,9 @@ from bdamper.util.statement import Row, Statement
 CLEARLY = 1.5
 """Smallest ratio of the slopes on both sides of an optimum at which the statement names the steeper
 one."""
+MEETS = 0.05
+"""Relative difference of two speeds up to which the engine order meets the resonance at the speed of
+the study."""
 RESULTS = {"green": "pass", "amber": "uncertain", "red": "FAIL", "white": "not run"}
 """Printed result of a check by its colour."""
 
@@ -250,7 +253,8 @@ def _not_integrated(curve: OptimalCurve) -> str:
 def _of_damper(curve: OptimalCurve, preload: float) -> str:
     """Compare a preload with the centrifugal load of the damper at a rotor speed.
 
-    It is the speed of the study, or else the one at which the engine order meets the resonance.
+    It is the speed of the study, or else the one at which the engine order meets the resonance.  At
+    another speed no mass follows from the preload.
     """
     order = curve.settings.get("engine_order", 0)
     # with an excitation of one newton the preload is a ratio; loads per preload concern several
@@ -261,14 +265,19 @@ def _of_damper(curve: OptimalCurve, preload: float) -> str:
     if not order or not curve.mass_radius > 0.0:
         return ""
     # rad/s
-    speed = curve.settings.get("speed")
-    if speed:
-        of_speed = "the speed of the study"
-    else:
-        speed = 2.0 * np.pi * curve.optimum.frequency / order
-        of_speed = f"where engine order {order} meets this resonance"
-    load = curve.mass_radius * speed**2
+    at_resonance = 2.0 * np.pi * curve.optimum.frequency / order
+    speed = curve.settings.get("speed") or at_resonance
     rotor_speed = amount(30.0 * speed / np.pi, "rpm")
+    if abs(at_resonance / speed - 1.0) > MEETS:
+        return (
+            f"Engine order {order} meets this resonance at "
+            f"{amount(30.0 * at_resonance / np.pi, 'rpm')}, not at {rotor_speed}, the speed of the "
+            f"study; use study.at_speed({at_resonance:.4g})"
+        )
+    of_speed = f"where engine order {order} meets this resonance"
+    if curve.settings.get("speed"):
+        of_speed = "the speed of the study"
+    load = curve.mass_radius * speed**2
     return (
         f"The damper has a centrifugal load of {amount(load, 'N')} at {rotor_speed}, {of_speed}; "
         f"the preload requires {preload / load:.2g} times its mass"

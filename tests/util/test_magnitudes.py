@@ -62,7 +62,7 @@ OF_STUDIES = {
     ),
     "a gap in millimetres": (
         lambda s: s.replace(gap={"left": 0.5}),
-        "gap of 'left': plausible -0.00038 to 0.0038 m, -0.2 % to 2 % of the extent of the "
+        "gap of 'left': plausible -0.0038 to 0.0038 m, -2 % to 2 % of the extent of the "
         "model, found 0.5 m; possibly given in millimetres or micrometres",
     ),
     "loads in newtons": (

@@ -225,13 +225,19 @@ class TestBottomLine:
             f"{o.preload / load:.2g} times its mass "
         ) in text
         assert "times its mass" not in said(replace(curve, settings=at_twenty, mass_radius=np.nan))
-        twice_the_speed = {"speed": 4.0 * np.pi * o.frequency / 5.0}
-        faster = said(replace(curve, settings=at_twenty | twice_the_speed))
-        speed = amount(24.0 * o.frequency, "rpm")
+        # the engine order of the study does not excite this resonance at twice the speed
+        meets = 2.0 * np.pi * o.frequency / 5.0
+        faster = said(replace(curve, settings=at_twenty | {"speed": 2.0 * meets}))
+        assert "times its mass" not in faster
         assert (
-            f" The damper has a centrifugal load of {amount(4.0 * load, 'N')} at {speed}, the speed of the"
-            in faster
-        )
+            f" Engine order 5 meets this resonance at {amount(12.0 * o.frequency, 'rpm')}, not at "
+            f"{amount(24.0 * o.frequency, 'rpm')}, the speed of the study"
+        ) in faster
+        near = said(replace(curve, settings=at_twenty | {"speed": 1.04 * meets}))
+        assert (
+            f" The damper has a centrifugal load of {amount(1.04**2 * load, 'N')} at "
+            f"{amount(1.04 * 12.0 * o.frequency, 'rpm')}, the speed of the study"
+        ) in near
         shares = at_twenty | {"load_per_preload": {"damper": 2.0}}  # the load is not the preload
         assert "times its mass" not in said(replace(curve, settings=shares))
         in_time = tuple(
