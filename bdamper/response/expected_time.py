@@ -1,6 +1,6 @@
 """Processor time that checks of a peak or of an optimum would take.
 
-It is told by that of an evaluation of the equations in the response curves.
+It follows from the time of an evaluation of the equations in the response curves.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any
 from bdamper.util.formatting import amount
 from bdamper.util.progress import Cost
 
-IN_TIME, BY_HARMONIC_BALANCE = 14e3, 17e3
+INTEGRATION, BY_HARMONIC_BALANCE = 14e3, 17e3
 """Processor time of the time integration at one preload, if all contacts stay closed, and of more
 harmonics and other friction coefficients, in evaluations of the equations of the response curves.
 
@@ -43,11 +43,11 @@ def seconds_in_time(evaluation: float, open_share: float, settings: Mapping[str,
         Share of the period in which contacts are open at the peak.
     settings : mapping
         Settings of the study.  The time of a single sector, without an engine order, is unknown: it
-        is a small part of that of a ring.
+        is a small part of the time of a ring.
     """
     if not settings.get("engine_order"):
         return float("nan")
-    return IN_TIME * evaluation / max(1.0 - open_share, LEAST_CLOSED)
+    return INTEGRATION * evaluation / max(1.0 - open_share, LEAST_CLOSED)
 
 
 def expected_text(seconds: float) -> str:

@@ -97,8 +97,8 @@ class Check(NamedTuple):
 
 
 class Expected(NamedTuple):
-    """Processor time (s) that checks would take, NaN if unknown: that of the time integration, and
-    that of the curves with all checks.
+    """Expected processor time (s) of the time integration, and of the curves with all checks; NaN
+    if unknown.
     """
 
     in_time: float = float("nan")
@@ -106,7 +106,7 @@ class Expected(NamedTuple):
 
 
 def _expected(curve: OptimalCurve) -> Expected:
-    """Return the time that checks would take, from that of the response curves."""
+    """Return the expected time of the checks, from the time of the response curves."""
     if not np.isfinite(curve.optimum.preload):
         return Expected()
     costs = [response.cost for response in curve.curves]

@@ -365,7 +365,7 @@ def prices(
 ) -> list[str]:
     """Return the time that each check would take as text, "" if unknown.
 
-    ``cost`` is that of the peak or curve, and ``open_share`` the share of the period in which its
+    ``cost`` belongs to the peak or curve, and ``open_share`` is the share of the period in which its
     contacts are open at the peak.
     """
     expected = seconds_in_time(seconds_of_evaluation([cost]), open_share, settings)

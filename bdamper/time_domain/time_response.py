@@ -293,7 +293,7 @@ def time_response(
     sectors = source if structure is problem else all_sectors(structure, preload, blades, limit)
     progress = shows_progress(progress)
     search = SteadySearch(sectors, source, balance, steps)
-    # the amplitude that is known already stands beside the bar
+    # the progress bar names the amplitude that is known already
     known = amount(result.peak.amplitude, "m")
     what = (
         f"time integration at {amount(preload, 'N')} ({known} by harmonic balance), "
@@ -393,7 +393,7 @@ def _integrate(
     """Search for the highest motion, and refine it.
 
     ``blades`` is the number of blades of the ring (None for the smallest), ``starts`` the number of
-    initial states, ``what`` the name of the work beside the progress bar.  After Ctrl-C, a failure
+    initial states, ``what`` the name of the work in the progress bar.  After Ctrl-C, a failure
     or the end of the processor time the result has the motions so far.
     """
     runs: dict[str, SteadyPoint] = {}
