@@ -394,6 +394,10 @@ def peak(
     unresolved = _unresolved_tuned(tuned)
     if unresolved and (frequency is None or frequency[0] <= tuned.frequency <= frequency[1]):
         return _without_amplitude(replace(not_found, frequency=tuned.frequency), unresolved)
+    # the band and its width are those of the tuned peak
+    if not len(tuned.y):
+        reason = f"the tuned disk has no peak: {tuned.status_text}"
+        return replace(not_found, reason=reason)
     begin, end, width = band(disk, preload)
     bands = [(begin, end), (begin, max(end, FAR * tuned.frequency))]
     if frequency is not None:
