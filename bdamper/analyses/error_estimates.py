@@ -597,8 +597,8 @@ def _of_harmonics(
     """Return the error of a peak by two steps of two more harmonics, the study of the last step, and
     the peaks with all numbers of harmonics.
 
-    The error is the largest change of all steps, as that which comes with a peak.  It is NaN if a
-    step has no peak.  At an end of the interval there are no peaks.
+    The error is the largest change of all steps, as that which comes with a peak, and may thus belong
+    to another step than the study.  It is NaN if a step has no peak.  At an end of the interval there are no peaks.
     """
     own = tops.peaks[0]
     peaks = [HarmonicPeak(problem.harmonic_numbers[-1], own.amplitude, own.frequency)]

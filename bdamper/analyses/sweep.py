@@ -584,11 +584,14 @@ class SweepResult(
                 end = "upper"
             else:
                 continue
-            value = as_words({name: values[i]}).removeprefix(f"{spaced(name)} ")
-            remarks.append(
-                f"The lowest {quantity} is at the {end} end of the {spaced(name)} range: include "
-                f"{spaced(name)} values {beyond(end)} {value}"
-            )
+            remark = f"The lowest {quantity} is at the {end} end of the {spaced(name)} range"
+            # counts begin at 1, other settings at 0
+            is_count = isinstance(values[i], int)
+            is_natural = end == "lower" and values[i] <= (1 if is_count else 0.0)
+            if quantity == "amplitude" and not is_natural:
+                value = as_words({name: values[i]}).removeprefix(f"{spaced(name)} ")
+                remark += f": include {spaced(name)} values {beyond(end)} {value}"
+            remarks.append(remark)
         return remarks
 
 

@@ -323,11 +323,16 @@ class MistunedSample(
     curve_reason: Annotated[tuple[str, ...], Data(derived=True)] = ()
 
     def __post_init__(self) -> None:
-        # in files of version 0.10 and older the error has no part by harmonics; with free dampers it
-        # has missed peaks alone, which can only be higher
-        if self.lower_error is None or np.size(self.lower_error) == 0:
-            lower_error = np.where(self.springs == 0.0, 0.0 * self.error, self.error)
-            object.__setattr__(self, "lower_error", lower_error)
+        # in files of version 0.10 and older the error has no part by harmonics; that of a complete
+        # peak with free dampers has missed peaks alone, which can only be higher
+        lower_error = self.lower_error
+        if lower_error is None or np.size(lower_error) == 0:
+            lower_error = np.full(np.shape(self.error), np.nan)
+        complete = np.reshape(self.status, np.shape(self.error)) == COMPLETE
+        free = complete & (self.springs == 0.0)
+        of_old_files = np.where(free, 0.0 * self.error, self.error)
+        is_missing = np.isnan(lower_error) & np.isfinite(self.error)
+        object.__setattr__(self, "lower_error", np.where(is_missing, of_old_files, lower_error))
         super().__post_init__()
         if not self.curve_reason:
             object.__setattr__(self, "curve_reason", ("",) * len(self.curve_status))
@@ -599,9 +604,7 @@ class MistunedSample(
         missed = any(check.value == "uncertain" for check in checks)
         in_brackets = "In brackets: 95 % confidence interval, widened by the errors of the peaks"
         if self.held:
-            in_brackets += (
-                f"; dampers held by springs ({percent(self.held)} of the peaks) widen it most"
-            )
+            in_brackets += f"; in {percent(self.held)} of the peaks dampers are held by springs, which widens it"
         remarks = [in_brackets]
         if not np.isfinite(self.percentile(95.0)).all():
             without_limit = "Without an upper limit there are too few disks"

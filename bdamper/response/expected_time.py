@@ -51,5 +51,5 @@ def seconds_in_time(evaluation: float, open_share: float, settings: Mapping[str,
 
 
 def expected_text(seconds: float) -> str:
-    """Return an expected time (s) as text; "" if unknown."""
-    return f"about {amount(seconds, 's', 1)}" if seconds > 0.0 else ""
+    """Return an expected time (s) with one digit as text; "" if unknown."""
+    return f"about {amount(float(f'{seconds:.1g}'), 's')}" if seconds > 0.0 else ""

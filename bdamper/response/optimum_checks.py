@@ -366,7 +366,8 @@ def _two_more_harmonics(curve: OptimalCurve) -> Check:
     changes = curve.harmonic_change
     if changes is None or not np.isfinite(curve.optimum.preload):
         colour = "amber" if _one_harmonic(curve) else "white"
-        return Check(colour, name, ALL_CHECKS, rule)
+        call = f"one harmonic; {ALL_CHECKS}" if _one_harmonic(curve) else ALL_CHECKS
+        return Check(colour, name, call, rule)
     change = float(changes[_row_of_optimum(curve)])
     highest = max(_harmonics(curve))
     has_no_gap = len(_harmonics(curve)) == highest
@@ -571,7 +572,7 @@ def error_summary(curve: OptimalCurve) -> str:
     if np.isfinite(errors).any():
         largest = int(np.nanargmax(errors))
         if largest == _row_of_optimum(curve):
-            texts.append("the largest of all preloads")
+            texts.append("the largest error of all preloads")
         else:
             preload = amount(float(curve.preload[largest]), "N")
             texts.append(f"largest {percent(float(errors[largest]))} at {preload}")

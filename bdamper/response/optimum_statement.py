@@ -194,15 +194,15 @@ def _preload_rows(curve: OptimalCurve) -> list[Row]:
 
 
 def _range_text(curve: OptimalCurve, low: float, high: float) -> str:
-    """Return a range of preloads (N); an end of the search is no limit of it."""
+    """Return a range of preloads (N), and the ends of the search that cut it off."""
     begins = low <= curve.preload.min()
     ends = high >= curve.preload.max()
     if begins and ends:
-        return "all preloads"
+        return f"all preloads of the search, {span(low, high, 'N')}"
     if begins:
-        return f"up to {amount(high, 'N')}"
+        return f"up to {amount(high, 'N')}, searched from {amount(low, 'N')}"
     if ends:
-        return f"from {amount(low, 'N')} on"
+        return f"from {amount(low, 'N')}, searched up to {amount(high, 'N')}"
     return span(low, high, "N")
 
 
@@ -325,7 +325,7 @@ def _amplitude_rows(curve: OptimalCurve, any_failed: bool) -> list[Row]:
         )
     if in_time is not None:
         value = span(in_time.lowest, in_time.largest, "m")
-        mean = f"mean {amount(in_time.mean, 'm')} with its error range"
+        mean = f"mean {amount(in_time.mean, 'm')}, range of all runs"
         remark = f"{amount(in_time.frequency, 'Hz')}, {mean}"
         rows.append(Row("Time integration", value, remark))
         if in_time.blades_differ:

@@ -343,7 +343,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         place = amount(self.frequency, "Hz")
         # integrations that differ have no common mean
         if "not settled" not in self.reason:
-            place += f", mean {amount(self.mean, 'm')} with its error range"
+            place += f", mean {amount(self.mean, 'm')}, range of all runs"
         value = span(self.lowest, self.highest, "m")
         rows = [Row("Time integration", value, place)]
         if self.highest_period > (1.0 + BEATS) * self.mean:
@@ -507,7 +507,7 @@ class MotionInTime(
     @property
     def _is_too_short(self) -> bool:
         """Whether the motion has too few periods for a verdict."""
-        return self.verdict == "undecided" and self.reason.endswith(TOO_FEW)
+        return self.verdict == "undecided" and TOO_FEW in self.reason
 
     @property
     def _kind(self) -> str:

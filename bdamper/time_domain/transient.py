@@ -621,7 +621,7 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
         periods = min(n, look)
         few = (
             f"mean amplitude over {periods} periods {_in_percent(last)} % from the solution; "
-            f"{TOO_FEW}"
+            f"{TOO_FEW}, at least {3 * look} are required"
         )
         return Verdict(UNDECIDED, few, periods)
 

@@ -283,12 +283,12 @@ def test_the_ends_of_the_range_on_request(study, monkeypatch, tmp_path):
     ("low", "high", "text"),
     [
         (2.0, 3.0, "2 to 3 N"),
-        (1.0, 3.0, "up to 3 N"),
-        (2.0, 9.0, "from 2 N on"),
-        (1.0, 9.0, "all preloads"),
+        (1.0, 3.0, "up to 3 N, searched from 1 N"),
+        (2.0, 9.0, "from 2 N, searched up to 9 N"),
+        (1.0, 9.0, "all preloads of the search, 1 to 9 N"),
     ],
 )
-def test_an_end_of_the_search_is_no_limit_of_the_range(low, high, text):
+def test_a_range_names_the_ends_of_the_search_that_cut_it_off(low, high, text):
     curve = SimpleNamespace(preload=np.array([1.0, 4.0, 9.0]))
     assert optimum_statement._range_text(curve, low, high) == text
 

@@ -246,7 +246,7 @@ def test_one_mass_falls_at_the_fold_of_its_branch(bent, found):
     assert text.startswith(
         f"Highest amplitude by time integration {amount(found.largest, 'm')}: preload 0 N"
     )
-    place = f"{amount(found.frequency, 'Hz')}, mean 11.1 mm with its error range"
+    place = f"{amount(found.frequency, 'Hz')}, mean 11.1 mm, range of all runs"
     assert f"Time integration 11 to 11.2 mm {place}" in text
     doubtful = said(replace(found, status="incomplete", reason="some steps failed"))
     assert doubtful.startswith("Not for design: the time integration is incomplete: some steps")

@@ -171,7 +171,8 @@ class TestBottomLine:
         beginning = (
             f"Lowest amplitude at {preload}, {size} by harmonic balance alone, 2 checks uncertain: engine "
             "order 5, 1 N of excitation, friction coefficient 0.4 "
-            f"Preload {preload} up to {amount(high, 'N')}: at most 20 % above the lowest amplitude, "
+            f"Preload {preload} up to {amount(high, 'N')}, searched from {amount(low, 'N')}: "
+            "at most 20 % above the lowest amplitude, "
             f"by harmonic balance Harmonic balance {size} {amount(o.frequency, 'Hz')}; "
             f"{error_text(curve.errors_at(o.preload))}; do not use this amplitude for stresses "
             f"Without contact {amount(curve.free.amplitude, 'm')} {ratio} times the lowest amplitude "
@@ -411,7 +412,7 @@ class TestBottomLine:
         text = said(response)
         assert text.startswith("Not for design: the time integration is incomplete: some steps f")
         assert (
-            "Time integration 8 to 10 µm 300 Hz, mean 9 µm with its error range Harmonic balance 20 µm"
+            "Time integration 8 to 10 µm 300 Hz, mean 9 µm, range of all runs Harmonic balance 20 µm"
             in text
         )
 
@@ -440,7 +441,7 @@ def test_places_close_together_are_told_apart():
         and as_words({"mu": 0.46049}) == "mu 0.46049"
     )
     kept = TimeResponse(1e-4, 1e-4, 1e-4, 354.17, 4e3, 2e-4, jump_frequency=354.24, periods=9)
-    assert "354.17 Hz, mean 100 µm with its error range" in said(kept)
+    assert "354.17 Hz, mean 100 µm, range of all runs" in said(kept)
     assert "Jump 354.24 Hz to a lower amplitude" in said(kept)
 
 
