@@ -394,7 +394,7 @@ def peak(
     unresolved = _unresolved_tuned(tuned)
     if unresolved and (frequency is None or frequency[0] <= tuned.frequency <= frequency[1]):
         return _without_amplitude(replace(not_found, frequency=tuned.frequency), unresolved)
-    # the band and its width are those of the tuned peak
+    # the tuned peak determines the band and its width
     if not len(tuned.y):
         reason = f"the tuned disk has no peak: {tuned.status_text}"
         return replace(not_found, reason=reason)
