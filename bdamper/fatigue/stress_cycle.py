@@ -135,7 +135,7 @@ class StressCycle(
         largest = f"{amount(cycle.amplitude[i], 'Pa')} at {self.names[i]}"
         subject = about(self.settings, self.preload, amount(self.frequency, "Hz"))
         (*head, used), *rows = self._rows()
-        head.append("in maximum" if used == "used" else used)
+        head.append("away from contact" if used == "used" else used)
         table, further = self._first_rows([tuple(head), *rows])
         verdict = f"Largest stress amplitude {largest}{subject}"
         check = load_check(self.notes)

@@ -566,10 +566,11 @@ class MistunedSample(
         low, upper, high = self.percentile(95.0)[:, -1, -1]
         deviation = f"{100.0 * float(self.standard_deviation[-1]):.3g} %"
         n_disks = f"{len(self)} disks"
-        subject = f"{self.n_blades} blades, preload {amount(self.preload[-1], 'N')}"
+        of_several = ", the highest" if len(self.preload) > 1 else ""
+        subject = f"{self.n_blades} blades, preload {amount(self.preload[-1], 'N')}{of_several}"
         if not np.isfinite(median):
             return Statement([f"Too few peaks were found at {deviation} mistuning: {subject}"])
-        raised = f"raises the largest amplitude by a factor of {median:.3g}"
+        raised = f"raises the largest amplitude to {median:.3g} times that of the tuned disk"
         verdict = f"Mistuning of {deviation} {raised} (median of {n_disks}): {subject}"
         ends = Interval(low, upper, high).ends_text("", digits=3)
         at = f"at {amount(self.preload[-1], 'N')}"
@@ -604,7 +605,10 @@ class MistunedSample(
         missed = any(check.value == "uncertain" for check in checks)
         in_brackets = "In brackets: 95 % confidence interval, widened by the errors of the peaks"
         if self.held:
-            in_brackets += f"; in {percent(self.held)} of the peaks dampers are held by springs, which widens it"
+            held = percent(self.held)
+            in_brackets += (
+                f"; in {held} of the peaks weak artificial springs hold the dampers, and widen it"
+            )
         remarks = [in_brackets]
         if not np.isfinite(self.percentile(95.0)).all():
             without_limit = "Without an upper limit there are too few disks"
@@ -623,7 +627,7 @@ class MistunedSample(
         _, middle, _ = self.percentile(50.0)
         upper = self.percentile(95.0)
         table: list[tuple[str, ...]] = [
-            ("Mistuning", "Preload", "Median factor", "95th percentile", "Not found")
+            ("Mistuning", "Preload", "Median", "95th percentile", "Not found")
         ]
         for i, deviation in enumerate(self.standard_deviation):
             for j, preload in enumerate(self.preload):
