@@ -571,9 +571,7 @@ def error_summary(curve: OptimalCurve) -> str:
     has_value = np.isfinite(curve.amplitude)
     if np.isfinite(errors).any():
         largest = int(np.nanargmax(errors))
-        if largest == _row_of_optimum(curve):
-            texts.append("the largest error of all preloads")
-        else:
+        if largest != _row_of_optimum(curve):
             preload = amount(float(curve.preload[largest]), "N")
             texts.append(f"largest {percent(float(errors[largest]))} at {preload}")
     n_unknown = int(np.sum(np.isnan(errors) & has_value))

@@ -44,8 +44,8 @@ def test_a_highest_point_is_reached_by_a_slow_sweep_within_the_interval():
             == ("widen the interval" in said(peak))
             == (one in (drawn[0], drawn[-1]))
         )
-        assert ("time integration: study.time_response" in said(curve)) == (not curve.peak_at_end)
-        assert ("time integration: study.time_response" in said(peak)) == peak.ok
+        assert (": study.time_response" in said(curve)) == (not curve.peak_at_end)
+        assert (": study.time_response" in said(peak)) == peak.ok
 
 
 @pytest.mark.slow
