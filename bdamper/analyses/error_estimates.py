@@ -598,7 +598,8 @@ def _of_harmonics(
     the peaks with all numbers of harmonics.
 
     The error is the largest change of all steps, as that which comes with a peak, and may thus belong
-    to another step than the study.  It is NaN if a step has no peak.  At an end of the interval there are no peaks.
+    to another step than the study.  It is NaN if a step has no peak.  At an end of the interval
+    there are no peaks.
     """
     own = tops.peaks[0]
     peaks = [HarmonicPeak(problem.harmonic_numbers[-1], own.amplitude, own.frequency)]

@@ -15,7 +15,8 @@ INTEGRATION, BY_HARMONIC_BALANCE = 14e3, 17e3
 """Processor time of the time integration at one preload, if all contacts stay closed, and of more
 harmonics and other friction coefficients, in evaluations of the equations of the response curves.
 
-Measured on rings of blades (docs/evidence/measured-time.md).
+The first was measured on seven rings of blades, the second on the turbine blade alone
+(docs/evidence/measured-time.md).
 """
 LEAST_CLOSED = 0.1
 """Share of the period below which the price of the time integration no longer rises."""

@@ -234,3 +234,14 @@ def test_a_climb_that_never_arrives_is_no_peak(monkeypatch):
 def test_a_peak_that_is_never_a_solution_is_none(monkeypatch):
     monkeypatch.setattr(Search, "settled", lambda self, peak, y=None: None)
     assert BladedDisk(study(), PATTERN).peak(2000.0, options=FEW).status == "not found"
+
+
+def test_a_disk_with_contacts_between_blades_is_refused_by_name():
+    shrouded = bd.Study(
+        bd.reference_model("shrouded_blade"),
+        bd.Excitation("tip"),
+        engine_order=4,
+        constant_loads={"shroud": 20.0},
+    )
+    with pytest.raises(bd.ModelError, match="found 'shroud' between blades"):
+        BladedDisk(shrouded)

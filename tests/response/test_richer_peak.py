@@ -27,6 +27,7 @@ from bdamper.response.richer_peak import (
     with_soft_vectors,
 )
 from tests.each import each
+from tests.util.test_disk import pressed
 
 INTERVAL = (0.08, 0.4)
 
@@ -335,3 +336,17 @@ def test_the_check_of_an_optimal_curve_has_the_change_of_its_points():
     assert peak.harmonic_peaks[0].amplitude / peak.amplitude - 1.0 == pytest.approx(
         change, abs=1e-3
     )
+
+
+def test_an_estimate_and_a_peak_state_the_same_error_of_harmonics():
+    """Three harmonics change this peak by more than five, so that the error is not that of the last step."""
+    study = pressed()
+    peak = study.peak(2.0, (0.1, 0.3))
+    [estimate] = study.estimate_errors(peak, sources=["harmonics"]).sources
+    searched = [
+        study.replace(harmonics=n).peak(2.0, (0.1, 0.3), errors=False).amplitude for n in (3, 5)
+    ]
+    changes = np.array(searched) / peak.amplitude - 1.0
+    assert abs(changes[0]) > abs(changes[1]) > 0.0
+    assert estimate.amplitude == pytest.approx(changes[0], rel=1e-6)
+    assert peak.errors[0].amplitude == pytest.approx(changes[0], rel=1e-6)
