@@ -880,8 +880,9 @@ class Study(Comparable):
         progress : bool, optional
             Show the current step and the remaining time; on by default.
         resume : path, optional
-            File in which all finished curves are stored; an interrupted computation continues from
-            it.
+            File in which finished curves and checks are stored: each preload of the time
+            integration, the peaks with more harmonics, and each peak with other friction.  The same
+            call continues from it after Ctrl-C or a crash, and computes none of them again.
         quantity : {"amplitude", "margin"}
             "margin": also compute the fatigue margin for ``material`` (``curve.margins``).
         material : Material, optional
@@ -908,6 +909,7 @@ class Study(Comparable):
         values = optimal.preload_values(preload, n, call="optimal_curve")
         if problem.carries_load:
             frequency = optimal.curve_interval(problem, values, frequency, mode)
+            optimal.warn_of_model(problem, float(values[-1]), frequency)
         check_unloaded(problem)
         check_question(problem, values, frequency)
         validation.choice("quantity", quantity, ("amplitude", "margin"))
@@ -918,21 +920,22 @@ class Study(Comparable):
             )
             stresses.chosen_sets(problem)
 
-        curve = optimal.optimal_curve(
-            problem,
-            preload,
-            n,
-            frequency=frequency,
-            mode=mode,
-            options=options,
-            executor=executor,
-            progress=progress,
-            resume=resume,
-            errors=errors,
-        )
-        problem.sizes.check_optimum(curve.optimum.preload, values)
-        problem.sizes.check_faces(curve.optimum.preload)
-        return check_optimum(problem, curve, check, margin_material, progress, seconds)
+        with optimal.finished_parts(problem, values, frequency, options, errors, resume) as parts:
+            curve = optimal.optimal_curve(
+                problem,
+                preload,
+                n,
+                frequency=frequency,
+                mode=mode,
+                options=options,
+                executor=executor,
+                progress=progress,
+                resume=parts,
+                errors=errors,
+            )
+            problem.sizes.check_optimum(curve.optimum.preload, values)
+            problem.sizes.check_faces(curve.optimum.preload)
+            return check_optimum(problem, curve, check, margin_material, progress, seconds, parts)
 
     @partial(validation.check_arguments, name="peak_sensitivities")
     @needs_contacts

@@ -114,7 +114,7 @@ from bdamper.util.progress import (
     stopped_by,
 )
 from bdamper.util.statement import Statement
-from bdamper.util.storage import Storable
+from bdamper.util.storage import FinishedParts, Storable
 from bdamper.util.tables import Column, Cycles, Metre, Quantity, Second, Tabular, columns_of_rows
 from bdamper.util.workers import on_threads
 
@@ -214,7 +214,12 @@ def _converge(
     )
 
 
-def at_optimum(problem: Problem, curve: OptimalCurve, progress: bool = False) -> Convergence | None:
+def at_optimum(
+    problem: Problem,
+    curve: OptimalCurve,
+    progress: bool = False,
+    parts: FinishedParts | None = None,
+) -> Convergence | None:
     """Compute the peak at the optimum of an optimal curve with up to 16 harmonics.
 
     The peaks with more harmonics have the modes of the time integration.  Return None without an
@@ -223,17 +228,23 @@ def at_optimum(problem: Problem, curve: OptimalCurve, progress: bool = False) ->
     optimum = curve.optimum
     if not np.isfinite(optimum.preload):
         return None
+
+    def converge() -> Convergence:
+        peak = _peak_at_optimum(problem, curve)
+        numbers = [n for n in HARMONICS if n <= 16]
+        structure, _ = structure_in_time(problem, peak.frequency)
+        convergence = _converge(problem, peak, structure, numbers, TOLERANCE, progress)
+        cost = convergence.cost
+        if peak.cost is not None:
+            cost = cost + peak.cost
+        return replace(convergence, cost=cost)
+
+    parts = parts or FinishedParts()
     end = Ending(INTERRUPTED)
     with LongWork():
         try:
-            peak = _peak_at_optimum(problem, curve)
-            numbers = [n for n in HARMONICS if n <= 16]
-            structure, _ = structure_in_time(problem, peak.frequency)
-            convergence = _converge(problem, peak, structure, numbers, TOLERANCE, progress)
-            cost = convergence.cost
-            if peak.cost is not None:
-                cost = cost + peak.cost
-            return replace(convergence, cost=cost)
+            name = f"more harmonics at {optimum.preload!r} N"
+            return parts.once(name, Convergence, converge)
         except BdamperError as error:
             end = Ending(NOT_FOUND, str(error))
     # without convergence, the peak of the optimal curve alone
@@ -264,12 +275,17 @@ def _peak_at_optimum(problem: Problem, curve: OptimalCurve) -> Peak:
 
 
 def with_convergence(
-    problem: Problem, curve: OptimalCurve, work: Callable[[], OptimalCurve], progress: bool = False
+    problem: Problem,
+    curve: OptimalCurve,
+    work: Callable[[], OptimalCurve],
+    progress: bool = False,
+    parts: FinishedParts | None = None,
 ) -> OptimalCurve:
     """Process an optimal curve, and compute the convergence at its optimum at the same time.
 
-    ``work`` returns the processed curve.  The result is this curve with ``convergence``; its cost
-    includes both, with their common elapsed time.
+    ``work`` returns the processed curve, and ``parts`` contain the convergence if it has ended.  The
+    result is this curve with ``convergence``; its cost includes both, with their common elapsed
+    time.
     """
     start = time.perf_counter()
     stop = Event()
@@ -286,7 +302,7 @@ def with_convergence(
 
     def converge_at_optimum() -> None:
         with stopped_by(stop):
-            convergences.append(at_optimum(problem, curve, progress))
+            convergences.append(at_optimum(problem, curve, progress, parts))
 
     was_interrupted = False
     try:

@@ -6,7 +6,9 @@
 2. The peaks with less and more friction follow, and the range of friction in which the amplitude at most doubles.
 3. The fatigue margins are computed along the curve.
 
-Ctrl-C ends a check; the remaining checks are omitted.
+Ctrl-C ends a check; the remaining checks are omitted.  With a results file, each preload of the time
+integration, the peaks with more harmonics and each peak with other friction are stored when they
+have ended.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.time_domain import time_response
 from bdamper.util.progress import is_part_of_work
+from bdamper.util.storage import FinishedParts
 
 
 def preloads_in_time(curve: OptimalCurve, check: str) -> list[float] | None:
@@ -43,6 +46,7 @@ def check_optimum(
     material: Material | None = None,
     progress: bool = False,
     seconds: float = time_response.SECONDS,
+    parts: FinishedParts | None = None,
 ) -> OptimalCurve:
     """Return an optimal curve with the checks of its optimum.
 
@@ -60,13 +64,16 @@ def check_optimum(
         Show a progress bar.
     seconds : float, s
         Most processor time of the time integration at one preload.
+    parts : FinishedParts, optional
+        Finished parts of the checks.
     """
+    parts = parts or FinishedParts()
     try:
         if check and not curve.interrupted:
-            curve = _with_time_and_harmonics(problem, curve, str(check), progress, seconds)
+            curve = _with_time_and_harmonics(problem, curve, str(check), progress, seconds, parts)
         # the friction is changed at the better of the preloads that were integrated in time
         if check and not curve.interrupted:
-            curve = robust_optimum.with_other_friction(problem, curve, progress)
+            curve = robust_optimum.with_other_friction(problem, curve, progress, parts)
         if material is not None and not curve.interrupted:
             margins = robust_optimum.best_margin(problem, curve, LeastMargin(material))
             curve = replace(curve, margins=(margins,))
@@ -79,7 +86,12 @@ def check_optimum(
 
 
 def _with_time_and_harmonics(
-    problem: Problem, curve: OptimalCurve, check: str, progress: bool, seconds: float
+    problem: Problem,
+    curve: OptimalCurve,
+    check: str,
+    progress: bool,
+    seconds: float,
+    parts: FinishedParts,
 ) -> OptimalCurve:
     """Integrate in time while the peak at the optimum is computed with more harmonics."""
     preloads = preloads_in_time(curve, check)
@@ -88,7 +100,7 @@ def _with_time_and_harmonics(
         if check == "harmonics":
             return curve
         return time_response.with_time_response(
-            problem, curve, preloads, seconds=seconds, progress=progress
+            problem, curve, preloads, seconds=seconds, progress=progress, parts=parts
         )
 
-    return accuracy.with_convergence(problem, curve, integrate, progress)
+    return accuracy.with_convergence(problem, curve, integrate, progress, parts)

@@ -79,7 +79,7 @@ from bdamper.util.formatting import (
 from bdamper.util.progress import Cost, LongWork, one_thread, progress_stages
 from bdamper.util.records import Data
 from bdamper.util.statement import Row, Statement
-from bdamper.util.storage import Recorded, Storable
+from bdamper.util.storage import FinishedParts, Recorded, Storable
 from bdamper.util.tables import ROW, Column, Newtons, Quantity, Tabular
 from bdamper.util.workers import on_threads
 
@@ -627,7 +627,10 @@ coefficients.
 
 @one_thread
 def with_other_friction(
-    problem: Problem, curve: OptimalCurve, progress: bool = False
+    problem: Problem,
+    curve: OptimalCurve,
+    progress: bool = False,
+    parts: FinishedParts | None = None,
 ) -> OptimalCurve:
     """Compute the peaks at the recommended preload with lower and higher friction coefficients.
 
@@ -637,14 +640,14 @@ def with_other_friction(
     ``friction_range.remedy`` is the nearest preload of the curve at which it does not.
 
     Without an optimum or without friction the curve does not change.  After Ctrl-C the missing
-    peaks have the status "interrupted".
+    peaks have the status "interrupted".  ``parts`` contain finished peaks.
     """
     preload = curve.recommended_preload
     if not np.isfinite(preload) or not problem.settings.friction_values():
         return curve
     start = time.perf_counter()
     low, high = curve.settings["frequency"]
-    peaks = _FrictionPeaks(problem, (low, high), curve)
+    peaks = _FrictionPeaks(problem, (low, high), curve, parts or FinishedParts())
     # every peak counts as interrupted until it is computed
     by_factor = {
         factor: FrictionPeak(factor, preload, amplitude=np.nan, status=INTERRUPTED)
@@ -684,6 +687,14 @@ def with_other_friction(
     )
 
 
+@dataclass(frozen=True)
+class _Evaluated:
+    """Peak with other friction, and its cost."""
+
+    peak: FrictionPeak
+    cost: Cost = field(default_factory=Cost)
+
+
 @dataclass
 class _FrictionPeaks:
     """Peaks with factors on the friction coefficients, each computed once.
@@ -694,19 +705,21 @@ class _FrictionPeaks:
     frequency : (low, high), Hz
     curve : OptimalCurve
         Curve of the problem, which has peaks with the friction of the study.
+    parts : FinishedParts
+        Peaks that an earlier run has stored.
     """
 
     problem: Problem
     frequency: tuple[float, float]
     curve: OptimalCurve
-    computed: dict[tuple[float, float], FrictionPeak] = field(default_factory=dict)
-    costs: dict[tuple[float, float], Cost] = field(default_factory=dict)
+    parts: FinishedParts
+    computed: dict[tuple[float, float], _Evaluated] = field(default_factory=dict)
     report: Any = None
 
     @property
     def cost(self) -> Cost:
         """Cost of all peaks so far."""
-        return sum(self.costs.values(), Cost())
+        return sum((evaluated.cost for evaluated in self.computed.values()), Cost())
 
     def at(self, preload: float) -> Callable[[float], FrictionPeak]:
         """Return a function that computes the peak at a preload (N) for a factor on friction."""
@@ -717,24 +730,26 @@ class _FrictionPeaks:
         if key not in self.computed:
             n = len(self.computed)
             self.report(f"{factor:.3g} times, {preload:.4g} N", n, n + 1)
-            self.computed[key] = self._compute(preload, factor)
-        return self.computed[key]
+            name = f"peak with {factor!r} times the friction at {preload!r} N"
+            compute = partial(self._compute, preload, factor)
+            try:
+                self.computed[key] = self.parts.once(name, _Evaluated, compute)
+            except BdamperError as error:
+                failed = FrictionPeak(factor, preload, np.nan, NOT_FOUND, str(error))
+                self.computed[key] = _Evaluated(failed)
+        return self.computed[key].peak
 
-    def _compute(self, preload: float, factor: float) -> FrictionPeak:
+    def _compute(self, preload: float, factor: float) -> _Evaluated:
         problem = self.problem
         if factor == 1.0:
             own = self.curve.peak_at(preload)
             if own is not None:
-                return FrictionPeak(factor, preload, own.amplitude)
+                return _Evaluated(FrictionPeak(factor, preload, own.amplitude))
         else:
             problem = vary(problem, {"friction_factor": factor})
         # these preloads have no neighbours, so each counts as the lowest
         evaluate = SteadyPeak(frequency=self.frequency, lowest=preload)
-        try:
-            values = evaluate(problem, preload)
-        except BdamperError as error:
-            return FrictionPeak(factor, preload, np.nan, NOT_FOUND, str(error))
-        self.costs[preload, factor] = values["cost"]
+        values = evaluate(problem, preload)
         amplitude = values["amplitude"]
         lower_bound = np.nan
         rattles = amplitude == np.inf
@@ -743,7 +758,7 @@ class _FrictionPeaks:
             if amplitude > 0.0:
                 lower_bound = amplitude
             amplitude = np.nan
-        return FrictionPeak(
+        peak = FrictionPeak(
             factor,
             preload,
             amplitude,
@@ -751,6 +766,7 @@ class _FrictionPeaks:
             values["search_reason"],
             lower_bound,
         )
+        return _Evaluated(peak, values["cost"])
 
 
 def _by_distance(curve: OptimalCurve, preload: float) -> list[float]:

@@ -11,15 +11,16 @@ The optimum is chosen in these steps:
 3. on a smooth branch of peaks :func:`smooth_minimum` first solves for the preload of zero slope.
 
 Every value, including the optimum, is the highest point of a complete curve at its preload.
-:class:`Curves` stores finished curves in a file and resumes from it.
+:class:`Curves` stores finished curves in a file and resumes from it; the checks of the optimum are
+stored in the same file (:func:`finished_parts`).
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from contextlib import ExitStack, closing, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from contextvars import copy_context
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -45,13 +46,13 @@ from bdamper.response.highest_peak import (
     with_errors,
     within_budget,
 )
-from bdamper.response.linear_limits import linear_peak, peak_interval
+from bdamper.response.linear_limits import linear_peak, peak_interval, warn_of_shroud
 from bdamper.response.optimal_curve_result import OptimalCurve, OptimumPoint
 from bdamper.response.optimum_checks import NEAR_BEST
 from bdamper.response.peak import Family, Peak, PeakOptions, find_peak
 from bdamper.response.peak_error import HARMONICS, VECTORS
-from bdamper.response.response_curve import without_points
-from bdamper.response.response_curve_result import NO_STEADY, ResponseCurve
+from bdamper.response.response_curve import self_locking, without_points
+from bdamper.response.response_curve_result import LOCKED, NO_STEADY, ResponseCurve
 from bdamper.response.scalar_search import (
     Minimum,
     Sample,
@@ -70,6 +71,7 @@ from bdamper.util.errors import (
     Ending,
     SettingError,
     StaticError,
+    warn,
 )
 from bdamper.util.formatting import counted
 from bdamper.util.progress import (
@@ -80,7 +82,7 @@ from bdamper.util.progress import (
     progress_stages,
     stopped_by,
 )
-from bdamper.util.storage import INSTALLED, ResultsFile, json_line
+from bdamper.util.storage import INSTALLED, FinishedParts, ResultsFile
 from bdamper.util.workers import workers
 
 # ---- response at one preload ----
@@ -147,6 +149,40 @@ FLAT = 1e-6
 """Relative range of the amplitude over all preloads below which there is no optimum."""
 MAX_RATTLING = 2
 """Number of consecutive preloads with a rattling damper after which no lower ones are followed."""
+Resume = str | Path | FinishedParts | None
+"""File of finished parts, or parts whose file is open; None without a file."""
+
+
+@contextmanager
+def finished_parts(
+    problem: Problem,
+    preloads: NDArray,
+    frequency: tuple[float, float] | None,
+    options: PeakOptions | None,
+    errors: bool,
+    resume: Resume,
+) -> Iterator[FinishedParts]:
+    """Open the file of the finished curves of a search, and of the checks of its optimum.
+
+    See :func:`optimal_curve`.  The file of open parts stays open.
+    """
+    if resume is None:
+        yield FinishedParts()
+    elif isinstance(resume, FinishedParts):
+        yield resume
+    else:
+        header = {
+            "format": "bdamper-optimal-search",
+            "version": 3,
+            "study": study_fingerprint(problem),
+            **INSTALLED.attributes(),
+            "frequency": frequency,
+            "preload": preloads,
+            "options": options,
+            "errors": errors,
+        }
+        with closing(ResultsFile(resume, header, "search for an optimal curve")) as file:
+            yield FinishedParts(file)
 
 
 @one_thread
@@ -159,7 +195,7 @@ def optimal_curve(
     mode: int = 1,
     options: PeakOptions | None = None,
     progress: bool = False,
-    resume: str | Path | None = None,
+    resume: Resume = None,
     executor: Executor | None = None,
     errors: bool = False,
 ) -> OptimalCurve:
@@ -178,7 +214,7 @@ def optimal_curve(
         Mode of the constrained bodies, 1 for the lowest.
     options : PeakOptions
     progress : bool
-    resume : path, optional
+    resume : path or FinishedParts, optional
         File for all finished curves.  Interrupted work continues from it with the same result.
     executor : concurrent.futures.Executor, optional
         Executor of the curves; by default threads, see :func:`bdamper.set_workers`.
@@ -220,8 +256,10 @@ def optimal_curve(
         with suppress(SettingError):
             mass_radius = centrifugal_load(problem.model)
     settings = problem.record(None) | {"frequency": [float(f) for f in frequency]}
-    asked = {"preload": values, "options": options, "errors": errors}
-    with Curves(problem, frequency, options, executor, resume, progress, errors, asked) as curves:
+    with (
+        finished_parts(problem, values, frequency, options, errors, resume) as parts,
+        Curves(problem, frequency, options, executor, parts, progress, errors) as curves,
+    ):
         optimum = _optimum(curves, values)
     known = curves.known
     if curves.interrupted:
@@ -254,6 +292,35 @@ def optimal_curve(
         mass_radius=mass_radius,
         model_doubts=rolling_dampers(problem),
     )
+
+
+def warn_of_model(problem: Problem, preload: float, frequency: tuple[float, float]) -> None:
+    """Warn of properties of the model that make amplitudes doubtful, before a curve is computed.
+
+    A study warns once of each of them.
+
+    Parameters
+    ----------
+    problem : Problem
+    preload : float, N
+        Highest preload of the search, where faces are compared with their area.
+    frequency : (low, high), Hz
+    """
+    doubts = [
+        f"{doubt}; amplitudes may be wrong by several times; use more rows of contact points along t1"
+        for doubt in rolling_dampers(problem)
+    ]
+    doubts += [
+        f"{name} {LOCKED}; it follows from the history of the loads, or use a larger face angle"
+        for name in self_locking(problem)
+    ]
+    told = problem.sizes.told
+    for doubt in doubts:
+        if doubt not in told:
+            told.add(doubt)
+            warn(doubt)
+    problem.sizes.check_faces(preload)
+    warn_of_shroud(problem.at(preload), frequency)
 
 
 def curve_interval(
@@ -292,12 +359,11 @@ class Curves:
     options : PeakOptions, optional
     executor : Executor, optional
         Threads by default.
-    resume : path, optional
+    parts : FinishedParts
+        Curves of the file, which also stores those that are computed.
     progress : bool
     errors : bool
         Estimate the errors of each highest point.
-    asked : mapping
-        Further data that identify the search in the file.
     known : dict of float to AtPreload
         Finished curves by preload.
     checked_below : set of float
@@ -310,10 +376,9 @@ class Curves:
     frequency: tuple[float, float]
     options: PeakOptions | None = None
     executor: Executor | None = None
-    resume: str | Path | None = None
+    parts: FinishedParts = field(default_factory=FinishedParts)
     progress: bool = False
     errors: bool = False
-    asked: dict[str, Any] = field(default_factory=dict)
     known: dict[float, AtPreload] = field(default_factory=dict)
     checked_below: set[float] = field(default_factory=set)
     compared: set[tuple[float, float]] = field(default_factory=set)
@@ -322,21 +387,6 @@ class Curves:
     def __enter__(self) -> Curves:
         self.stack = ExitStack()
         self.work = LongWork()
-        self.file: ResultsFile | None = None
-        # records of finished curves by the text of their preload
-        self.stored: dict[int | str, dict[str, Any]] = {}
-        if self.resume is not None:
-            header = {
-                "format": "bdamper-optimal-search",
-                "version": 3,
-                "study": study_fingerprint(self.problem),
-                **INSTALLED.attributes(),
-                "frequency": self.frequency,
-                **self.asked,
-            }
-            self.file = ResultsFile(self.resume, header, "search for an optimal curve")
-            self.stack.enter_context(closing(self.file))
-            self.stored = {record["index"]: record for record in self.file.finished()}
         if self.executor is None:
             self.executor = self.stack.enter_context(ThreadPoolExecutor(workers()))
         self.report = self.stack.enter_context(
@@ -369,8 +419,9 @@ class Curves:
             for preload in preloads:
                 if preload in self.known:
                     continue
-                if repr(preload) in self.stored:
-                    self.known[preload] = AtPreload.of(self.stored[repr(preload)])
+                stored = self.parts.records.get(repr(preload))
+                if stored is not None:
+                    self.known[preload] = AtPreload.of(stored)
                 else:
                     running[preload] = self._submit(preload, budget, stop)
             for i, preload in enumerate(preloads):
@@ -439,8 +490,7 @@ class Curves:
 
     def _store(self, response: AtPreload) -> None:
         self.known[response.preload] = response
-        if self.file is not None:
-            self.file.append(json_line(response.record()))
+        self.parts.store(response.record())
 
     def cost(self, start: float) -> Cost:
         """Return the cost of all curves on all threads, with the elapsed time since the start."""

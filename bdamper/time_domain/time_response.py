@@ -89,6 +89,7 @@ from bdamper.util.progress import (
     progress_stages,
     shows_progress,
 )
+from bdamper.util.storage import FinishedParts
 from bdamper.util.workers import on_threads
 
 NEIGHBOUR = 1.35
@@ -762,6 +763,14 @@ def of_blades(transient: Transient, periods: int) -> dict[str, Any]:
     }
 
 
+@dataclass(frozen=True)
+class _Integrated:
+    """Time response at a preload, and its cost with that of the response curve."""
+
+    response: TimeResponse
+    cost: Cost
+
+
 @one_thread
 def with_time_response(
     problem: Problem,
@@ -770,8 +779,9 @@ def with_time_response(
     *,
     seconds: float = SECONDS,
     progress: bool | None = None,
+    parts: FinishedParts | None = None,
 ) -> OptimalCurve:
-    """See :meth:`bdamper.Study.with_time_response`."""
+    """See :meth:`bdamper.Study.with_time_response`; ``parts`` are finished integrations."""
     validation.instance("curve", curve, OptimalCurve)
     seconds = validation.number("seconds", seconds, above=0.0, unit="s")
     if curve.model_hash != problem.model.hash:
@@ -789,17 +799,26 @@ def with_time_response(
     costs: dict[float, Cost] = {}
     complete = {p for p, status in zip(curve.preload, curve.status) if status == COMPLETE}
 
+    parts = parts or FinishedParts()
+
+    def integrated(load: float) -> _Integrated:
+        """Follow the response curve at a preload (N), and integrate from its peak."""
+        tracked = frequency_response(problem, load, curve.settings["frequency"])
+        # at a complete preload of the optimal curve the highest point is known
+        if load not in complete:
+            tracked = with_verdict(problem, tracked, curve.settings["frequency"])
+        tracked = uninterrupted(tracked)
+        costs[load] = tracked.cost
+        response = time_response(problem, tracked, seconds=seconds, progress=progress)
+        return _Integrated(response, tracked.cost + response.cost)
+
     def integrate(load: float) -> None:
         """Integrate at one preload (N); a failure becomes the status of its response."""
         try:
-            tracked = frequency_response(problem, load, curve.settings["frequency"])
-            # at a complete preload of the optimal curve the highest point is known
-            if load not in complete:
-                tracked = with_verdict(problem, tracked, curve.settings["frequency"])
-            tracked = uninterrupted(tracked)
-            costs[load] = tracked.cost
-            responses[load] = time_response(problem, tracked, seconds=seconds, progress=progress)
-            costs[load] += responses[load].cost
+            name = f"time integration at {load!r} N in {seconds!r} s"
+            part = parts.once(name, _Integrated, partial(integrated, load))
+            responses[load] = part.response
+            costs[load] = part.cost
         except InterruptedResponse as interruption:
             costs[load] += interruption.response.cost
             # an earlier result at this preload has more than its interrupted repetition

@@ -5,9 +5,10 @@ HDF5 file contains its fields (:mod:`bdamper.util.records`) and the versions of 
 SciPy that computed it.  :func:`load` reads every format.
 
 :class:`ResultsFile` stores the finished parts of a long computation, which can continue from them
-after an interruption.  Each part (a point of a sweep, a peak of an optimal curve) is appended as a
-line of JSON; once a second all lines are forced to disk.  A killed process leaves at most an
-incomplete last line, which the next run removes; a power failure loses at most the last second.
+after an interruption.  Each part (a point of a sweep, a peak of an optimal curve, a check of its
+optimum) is appended as a line of JSON; once a second all lines are forced to disk.  A killed
+process leaves at most an incomplete last line, which the next run removes; a power failure loses at
+most the last second.  :class:`FinishedParts` reads and appends them.
 The first line identifies the problem and its settings.  A file of another computation or version
 of bdamper is rejected.
 """
@@ -27,7 +28,8 @@ from dataclasses import asdict, dataclass, field
 from functools import partial
 from importlib import import_module, metadata
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from threading import Lock
+from typing import Any, ClassVar, Self, TypeVar
 from weakref import WeakSet
 
 import h5py
@@ -37,6 +39,7 @@ from bdamper.util.errors import BdamperError, TooLittleMemory, one_line, too_lit
 from bdamper.util.formatting import truncate
 from bdamper.util.records import (
     Record,
+    from_json,
     read_attribute,
     read_record,
     subgroup,
@@ -44,6 +47,8 @@ from bdamper.util.records import (
     write_record,
     write_text,
 )
+
+T = TypeVar("T")
 
 # ---- Versions ----
 
@@ -595,6 +600,49 @@ def _close_open() -> None:
 
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_close_open)
+
+
+class FinishedParts:
+    """Finished parts of a computation by their names; with a results file, which stores them, also
+    those of an earlier run.
+
+    Parameters
+    ----------
+    file : ResultsFile, optional
+
+    Attributes
+    ----------
+    records : dict
+        Records of the file as it was opened, by the name of the part.
+    """
+
+    def __init__(self, file: ResultsFile | None = None) -> None:
+        self.file = file
+        self.lock = Lock()
+        self.records: dict[int | str, dict[str, Any]] = {}
+        if file is not None:
+            self.records = {record["index"]: record for record in file.finished()}
+
+    def store(self, record: Mapping[str, Any]) -> None:
+        """Store the record of a finished part, with its name as "index"; any thread may do it."""
+        if self.file is None:
+            return
+        line = json_line(record)
+        with self.lock:
+            self.file.append(line)
+
+    def once(self, name: str, kind: type[T], compute: Callable[[], T]) -> T:
+        """Return a part, a dataclass of this kind, from the file, or compute and store it.
+
+        A part that fails or is interrupted is not stored.
+        """
+        if name in self.records:
+            part: T = from_json(kind, self.records[name]["part"])
+            return part
+        part = compute()
+        if self.file is not None:
+            self.store({"index": name, "part": asdict(part)})  # type: ignore[call-overload]
+        return part
 
 
 def json_line(record: Mapping[str, Any]) -> bytes:

@@ -334,11 +334,11 @@ class TestOptimalCurve:
         monkeypatch.setattr(
             room,
             "with_convergence",
-            lambda _, plain, work, progress: shown.append(progress) or plain,
+            lambda _, plain, work, progress, *__: shown.append(progress) or plain,
         )
         monkeypatch.setattr(
             "bdamper.analyses.robust_optimum.with_other_friction",
-            lambda problem, plain, progress: plain,
+            lambda problem, plain, *_: plain,
         )
         for progress in (True, False):
             study.optimal_curve(curve.preload[-2:], frequency=INTERVAL, progress=progress)

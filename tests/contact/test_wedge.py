@@ -1,5 +1,6 @@
 """How the damper sits: load history, maps, misfit, and what statics leaves open."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -342,7 +343,11 @@ def test_every_answer_about_a_self_locking_wedge_says_so(angle, locks):
     )  # fmt: skip
     assert (np.tan(np.radians(angle)) <= 0.3) == locks
     peak = study.peak(200.0)
-    optimum = study.optimal_curve([150.0, 200.0, 250.0], check=False)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        optimum = study.optimal_curve([150.0, 200.0, 250.0], check=False)
+    told = [str(warning.message) for warning in caught if "self-locking" in str(warning.message)]
+    assert len(told) == locks
     assert peak.ok
     assert np.isfinite(optimum.optimum.preload)
     curve = study.frequency_response(200.0, tuple(peak.settings["frequency"]))

@@ -14,6 +14,7 @@ from bdamper.harmonic_balance.rolling import (
     rolling_dampers,
     rows_to_slide,
 )
+from bdamper.response import optimal_curve
 from bdamper.response.optimum_checks import checks
 from tests.printed import said
 
@@ -141,6 +142,29 @@ def test_strips_under_level_faces_are_not_doubted(friction):
         bd.reference_model("shrouded_blade"), bd.Excitation("tip"), 4, friction_coefficient=friction
     )
     assert rolling_dampers(study.problem) == ()
+
+
+def test_a_doubt_about_the_model_comes_before_the_first_curve_and_once(monkeypatch, recwarn):
+    class FirstCurve(Exception):
+        """The search has begun."""
+
+    def begins(*_, **__):
+        raise FirstCurve
+
+    monkeypatch.setattr(optimal_curve, "optimal_curve", begins)
+    study = disk(9, friction_coefficient=FRICTION_BETWEEN_LIMITS)
+    for preloads in ([100.0, 200.0, 400.0], [50.0, 100.0, 150.0]):
+        with pytest.raises(FirstCurve):
+            study.optimal_curve(preloads, check=False)
+    doubt = "'damper' rolls on 3 rows of contact points; on 4 it would slide"
+    told = [str(warning.message) for warning in recwarn]
+    assert [text for text in told if doubt in text] == [
+        f"{doubt}; amplitudes may be wrong by several times; use more rows of contact points along t1"
+    ]
+    recwarn.clear()
+    with pytest.raises(FirstCurve):
+        disk(48, friction_coefficient=0.3).optimal_curve([100.0, 200.0, 400.0], check=False)
+    assert not [warning for warning in recwarn if "damper" in str(warning.message)]
 
 
 @pytest.mark.slow

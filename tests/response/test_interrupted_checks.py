@@ -1,14 +1,22 @@
 """Interrupts of an optimal curve with its checks: each one has an effect, soon, and what is known remains."""
 
+import collections
 import dataclasses
+import json
+import os
 import random
 import signal
+import subprocess
+import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bdamper.analyses import optimum, robust_optimum
+import bdamper as bd
+from bdamper.analyses import accuracy, optimum, robust_optimum
+from bdamper.response import optimal_curve as optimal
 from bdamper.response.optimum_checks import checks
 from bdamper.response.verification import FrictionPeak
 from bdamper.time_domain import time_response
@@ -132,6 +140,147 @@ def test_an_interrupt_between_two_checks(study, searched, monkeypatch):
     curve = optimum.check_optimum(study.problem, searched)
     assert curve.interrupted and curve.time_response[0].status == "complete"
     assert curve.convergence is not None and not curve.other_friction
+
+
+# ---- finished checks in the file of a search ----
+
+
+@pytest.fixture
+def computed(monkeypatch):
+    """Count curves of the search, time integrations, ladders of harmonics, and other peaks."""
+    counts = collections.Counter()
+
+    def counting(name, of, method):
+        own = getattr(of, method)
+
+        def counted(*given, **asked):
+            counts[name] += 1
+            return own(*given, **asked)
+
+        monkeypatch.setattr(of, method, counted)
+
+    counting("curves", optimal, "at_preload")
+    counting("time", time_response, "time_response")
+    counting("harmonics", accuracy, "_converge")
+    counting("friction", robust_optimum.SteadyPeak, "__call__")
+    return counts
+
+
+def resumed(study, path, **asked):
+    return study.optimal_curve(RANGE, COUNT, frequency=BAND, progress=False, resume=path, **asked)
+
+
+def same_answer(curve, whole):
+    assert not curve.interrupted
+    assert curve.time_response == whole.time_response
+    assert curve.convergence == whole.convergence
+    assert curve.other_friction == whole.other_friction
+    assert curve.friction_range == whole.friction_range
+    assert curve.cost.evaluations == whole.cost.evaluations
+    assert curve.design_amplitude == whole.design_amplitude
+    np.testing.assert_array_equal(curve.amplitude, whole.amplitude)
+
+
+def test_a_killed_run_computes_no_finished_check_again(study, computed, tmp_path):
+    """The file of a killed run ends behind any of its parts, with a part of the next one."""
+    path = tmp_path / "whole.jsonl"
+    whole = resumed(study, path)
+    lines = path.read_bytes().splitlines(keepends=True)
+    records = [json.loads(line) for line in lines[1:]]
+    n_curves = sum("curve" in record for record in records)
+    n_checks = sum("part" in record for record in records)
+    assert n_curves + n_checks == len(records)
+    # the peak with the friction of the study is known from its curve, and also stored
+    assert n_checks == n_parts(computed) + 1 >= 5
+    computed.clear()
+    same_answer(resumed(study, path), whole)
+    assert not computed
+
+    for n_kept in range(n_curves, len(records)):
+        cut = tmp_path / f"{n_kept}.jsonl"
+        following = lines[1 + n_kept]
+        cut.write_bytes(b"".join(lines[: 1 + n_kept]) + following[: len(following) // 2])
+        computed.clear()
+        same_answer(resumed(study, cut), whole)
+        missing = len(records) - n_kept
+        assert computed["curves"] == 0 and missing - 1 <= n_parts(computed) <= missing
+
+
+def n_parts(computed):
+    return computed["time"] + computed["harmonics"] + computed["friction"]
+
+
+def interrupted_call(*_):
+    raise KeyboardInterrupt
+
+
+def test_an_interrupted_run_computes_no_finished_check_again(
+    study, computed, monkeypatch, tmp_path
+):
+    path = tmp_path / "search.jsonl"
+    # between two checks
+    with monkeypatch.context() as changed:
+        changed.setattr(optimum.robust_optimum, "with_other_friction", interrupted_call)
+        assert resumed(study, path).interrupted
+    computed.clear()
+    assert not resumed(study, path).interrupted
+    assert computed["time"] == computed["harmonics"] == 0 < computed["friction"]
+    # another limit of the processor time is another time integration
+    computed.clear()
+    assert not resumed(study, path, seconds=200.0).interrupted
+    assert dict(computed) == {"time": 1}
+
+
+def test_an_interrupted_integration_begins_again(study, computed, monkeypatch, tmp_path):
+    path = tmp_path / "search.jsonl"
+    with bd.set_workers(1), monkeypatch.context() as changed:
+        interrupted_at(changed, 8)
+        [response] = resumed(study, path).time_response
+    assert response.status == "interrupted"
+    computed.clear()
+    curve = resumed(study, path)
+    assert computed["time"] == 1 and curve.time_response[0].ok
+    assert computed["curves"] == 0
+
+
+KILLED_IN_TIME = """
+import itertools, os, pathlib, signal, sys, time
+import bdamper as bd
+from bdamper.time_domain.integration import AllSectors
+from tests.response.test_interrupted_checks import resumed
+from tests.util.test_disk import pressed
+
+path = pathlib.Path(sys.argv[1])
+own, done = AllSectors.integrate, itertools.count()
+
+def killed(ring, *given, **asked):
+    if next(done) == 8:
+        while b"more harmonics" not in path.read_bytes():
+            time.sleep(0.01)
+        os.kill(os.getpid(), signal.SIGKILL)
+    return own(ring, *given, **asked)
+
+AllSectors.integrate = killed
+# the harmonics have a thread of their own
+with bd.set_workers(2):
+    resumed(pressed(), path)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="the system has no such signal")
+def test_a_process_killed_while_it_integrates_keeps_its_harmonics(study, computed, tmp_path):
+    path = tmp_path / "search.jsonl"
+    command = [sys.executable, "-c", KILLED_IN_TIME, str(path)]
+    root = Path(__file__).parents[2]
+    child = subprocess.run(
+        command, cwd=root, env=os.environ | {"PYTHONPATH": str(root)}, timeout=120, check=False
+    )
+    assert child.returncode == -signal.SIGKILL
+    curve = resumed(study, path)
+    assert not curve.interrupted
+    assert computed["time"] == 1 and computed["harmonics"] == 0
+    assert computed["curves"] == 0
 
 
 @pytest.mark.slow
