@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, fields, replace
 from functools import partial
 from inspect import getdoc
 from pathlib import Path
@@ -87,9 +87,9 @@ from bdamper.time_domain.frequency_sweep import TimeSweep
 from bdamper.time_domain.transient import CRITERIA
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Fact
-from bdamper.util.errors import BdamperError, SettingError, check_sentence, warn
+from bdamper.util.errors import INTERRUPTED, BdamperError, SettingError, check_sentence, warn
 from bdamper.util.formatting import UNITS, aligned, counted, short_repr, spaced, text_of
-from bdamper.util.progress import one_thread, shows_progress
+from bdamper.util.progress import one_thread, shows_progress, stopped_after
 from bdamper.util.records import new_group, place, read_attribute
 from bdamper.util.storage import INSTALLED, FilePath, read_hdf5, register_reader, write_hdf5
 
@@ -842,6 +842,7 @@ class Study(Comparable):
         executor: Executor | None = None,
         check: str | bool = "time",
         seconds: float = in_time.SECONDS,
+        maximum: float | None = None,
         progress: bool | None = None,
         resume: str | Path | None = None,
         quantity: str = "amplitude",
@@ -877,6 +878,10 @@ class Study(Comparable):
         seconds : float, s
             Most processor time of the time integration at one preload.  After it the motions that
             are known are returned as incomplete, with the time that is missing.
+        maximum : float, s, optional
+            Most elapsed time of the curves and checks together.  After it the results so far are
+            returned as after Ctrl-C, and a check that is missing is printed with the time that it
+            would take.  With ``resume`` the next call continues from them.
         progress : bool, optional
             Show the current step and the remaining time; on by default.
         resume : path, optional
@@ -897,6 +902,11 @@ class Study(Comparable):
         OptimalCurve
             Curve with the harmonics of the study.  After Ctrl-C it contains the results computed so
             far.
+
+        Raises
+        ------
+        BdamperError
+            If no peak was found, or none within ``maximum``.
         """
         problem = self.problem
         # all arguments are checked before the first curve is computed
@@ -904,6 +914,8 @@ class Study(Comparable):
         is_known = isinstance(check, str | bool) and check in checks
         validation.check_value(is_known, "check", f"one of {checks}", check)
         seconds = validation.number("seconds", seconds, above=0.0, unit="s")
+        if maximum is not None:
+            maximum = validation.number("maximum", maximum, above=0.0, unit="s")
         check_executor(executor)
         progress = shows_progress(progress)
         values = optimal.preload_values(preload, n, call="optimal_curve")
@@ -920,22 +932,34 @@ class Study(Comparable):
             )
             stresses.chosen_sets(problem)
 
-        with optimal.finished_parts(problem, values, frequency, options, errors, resume) as parts:
-            curve = optimal.optimal_curve(
-                problem,
-                preload,
-                n,
-                frequency=frequency,
-                mode=mode,
-                options=options,
-                executor=executor,
-                progress=progress,
-                resume=parts,
-                errors=errors,
-            )
+        with (
+            optimal.finished_parts(problem, values, frequency, options, errors, resume) as parts,
+            stopped_after(maximum) as over,
+        ):
+            try:
+                curve = optimal.optimal_curve(
+                    problem,
+                    preload,
+                    n,
+                    frequency=frequency,
+                    mode=mode,
+                    options=options,
+                    executor=executor,
+                    progress=progress,
+                    resume=parts,
+                    errors=errors,
+                )
+            except KeyboardInterrupt:
+                found = f"no response curve within {maximum} s"
+                validation.check_sentence(not over.is_set(), "optimal_curve", found)
+                raise
             problem.sizes.check_optimum(curve.optimum.preload, values)
             problem.sizes.check_faces(curve.optimum.preload)
-            return check_optimum(problem, curve, check, margin_material, progress, seconds, parts)
+            curve = check_optimum(problem, curve, check, margin_material, progress, seconds, parts)
+            if over.is_set() and curve.optimum.status == INTERRUPTED:
+                ended = replace(curve.optimum, reason=f"after {maximum:g} s")
+                curve = replace(curve, optimum=ended)
+            return curve
 
     @partial(validation.check_arguments, name="peak_sensitivities")
     @needs_contacts

@@ -28,7 +28,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from threading import Event, Timer
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -53,7 +52,7 @@ from bdamper.util.progress import (
     one_thread,
     progress_stages,
     shows_progress,
-    stopped_by,
+    stopped_after,
 )
 from bdamper.util.records import Data, Reason
 from bdamper.util.statement import Row, Statement
@@ -233,20 +232,15 @@ def refine(
     sources = validation.names("sources", sources, SOURCES)
     search = _Search(problem, peak, tolerance, maximum, tuple(sources))
     show = shows_progress(progress)
-    too_late = Event()
-    timer = Timer(maximum, too_late.set)
-    timer.daemon = True
-    timer.start()
     with (
         LongWork() as work,
-        stopped_by(too_late),
+        stopped_after(maximum) as too_late,
         progress_stages(show, "refinement", "step") as report,
     ):
         while not search.ended:
             n_steps = len(search.steps)
             report(search.change, n_steps, n_steps + 1)
             search.step()
-    timer.cancel()
     if work.interrupted:
         search.interrupt(too_late.is_set())
     return search.result(study)

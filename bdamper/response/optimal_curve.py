@@ -80,6 +80,7 @@ from bdamper.util.progress import (
     executor_errors,
     one_thread,
     progress_stages,
+    raise_if_stopped,
     stopped_by,
 )
 from bdamper.util.storage import INSTALLED, FinishedParts, ResultsFile
@@ -429,6 +430,7 @@ class Curves:
                     last = in_order[-most_rattling:]
                     if all(response.rattles for response in last):
                         break
+                raise_if_stopped()
                 n_left = len(preloads) - i
                 self.report(f"{preload:.4g} N", len(self.known), len(self.known) + n_left)
                 if preload in running:

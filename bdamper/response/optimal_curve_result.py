@@ -253,7 +253,8 @@ class OptimalCurve(
         more residual modes; NaN if unknown.  None if the errors were left out (``errors=False``), without residual
         modes, and in files of earlier versions.
     checks_interrupted : bool
-        Whether Ctrl-C ended the checks or the computation of the margins.
+        Whether Ctrl-C, or the limit of their time, ended the checks or the computation of the
+        margins.
     model_doubts : tuple of str, optional
         Properties of the model due to which amplitudes may be wrong by a factor of several; None in
         files of earlier versions.
@@ -331,7 +332,7 @@ class OptimalCurve(
 
     @property
     def interrupted(self) -> bool:
-        """Whether Ctrl-C ended the search, a check or the margins; the rest is missing."""
+        """Whether Ctrl-C, or ``maximum``, ended the search, a check or the margins."""
         # files of version 0.6 have it in the reason
         if INTERRUPTED in self.optimum.status_text or self.checks_interrupted:
             return True

@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, fields, replace
 from functools import cache
-from threading import Event, Lock
+from threading import Event, Lock, Timer
 from typing import Any, Protocol, TypeVar
 
 from numpy.typing import NDArray
@@ -95,6 +95,26 @@ def stopped_by(stop: Event) -> Iterator[None]:
         yield
     finally:
         _stop.reset(before)
+
+
+@contextmanager
+def stopped_after(seconds: float | None) -> Iterator[Event]:
+    """Interrupt the work of a block after an elapsed time (s); the event says whether it was over.
+
+    None is no limit.
+    """
+    over = Event()
+    if seconds is None:
+        yield over
+        return
+    timer = Timer(min(seconds, threading.TIMEOUT_MAX), over.set)
+    timer.daemon = True
+    timer.start()
+    try:
+        with stopped_by(over):
+            yield over
+    finally:
+        timer.cancel()
 
 
 def raise_if_stopped() -> None:
