@@ -184,6 +184,7 @@ class Refinement(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-r
             if np.isfinite(self.needed_seconds):
                 seconds = f", in about {amount(self.needed_seconds, 's', 2)}"
             remarks.append(f"Needed: {self.needed}{seconds}")
+        remarks.append("Evaluations: of the equations of motion, for the estimate in each row")
         left_out = [source for source in SOURCES if source not in self.examined]
         remarks.append(f"Not covered: {', '.join(['time integration', *left_out])}")
         unknown = [

@@ -496,9 +496,11 @@ class MarginCurve(Result, Plottable, Tabular, Recorded, Storable, kind="bdamper-
             *self._rows_in_time(),
         ]
         rows += _error_rows(self._error_at(value))
-        lowest = min([self.margin[least], *(margins.least for margins in self.in_time)])
+        in_time = [margins.least for margins in self.in_time]
+        lowest = min([self.margin[least], *in_time])
         load_check = over_cycle.load_check(self.notes)
-        fatigue = _fatigue_check(lowest)
+        # the factor of the verdict
+        fatigue = _fatigue_check(min([margin, *in_time]))
         checks = [fatigue._replace(remark=f"{fatigue.remark}; {self._sufficient}"), *load_check]
         checks.append(_time_check(bool(self.in_time), self._call_in_time))
         verdict = f"Not for design: {text}" if failed else sentence(text)

@@ -415,9 +415,10 @@ def check_interval(case: LoadCase, frequency: tuple[float, float]) -> None:
 
     The interval is compared with the free and stuck resonances of the modes.  If it contains none,
     it causes a warning if it contains any when read in rad/s instead.  If it contains some, it
-    causes a warning only if it also contains free and stuck resonances when read in rad/s instead.
-    The response to the excitation must then be more than 20 times larger there.  An interval far
-    from every resonance in both units causes another warning.
+    causes a warning only if it is shorter than an octave, and contains free and stuck resonances
+    with a far larger response to the excitation when read in rad/s instead: a longer interval
+    contains resonances in either unit.  An interval far from every resonance in both units causes
+    another warning.
     """
     if not case.static.ok:
         return
@@ -433,14 +434,15 @@ def check_interval(case: LoadCase, frequency: tuple[float, float]) -> None:
     # free resonances have one springs object (None), stuck ones another
     states_as_radians = {id(resonance.springs) for resonance in as_radians}
     both_states = len(states_as_radians) == 2
-    if contained and not both_states:
+    if contained and (high > 2.0 * low or not both_states):
         return
 
     response = _strongest(sector, contained)
     response_as_radians = _strongest(sector, as_radians)
-    # ratio of responses (read as rad/s over as given) above which rad/s is suspected; at least 333
-    # for first modes of blades under a tangential force at the tip
-    weaker = 20.0
+    # ratio of responses (read as rad/s over as given) above which rad/s is suspected: at least 333
+    # for first modes of blades under a tangential force at the tip.  The second bending mode of a
+    # cantilever lies at 6.27 times the first, nearly 2 pi, and its response is 39 times weaker
+    weaker = 200.0
     if as_radians and response_as_radians > weaker * response:
         nearest = sorted({resonance.frequency for resonance in as_radians})[:3]
         near = ", ".join(f"{hertz:.5g}" for hertz in nearest)

@@ -195,7 +195,7 @@ def replace_settings(problem: Problem, /, **settings: Any) -> Problem:
     names = setting_names(problem)
     for name in settings.keys() - {*arguments, *names}:
         raise SettingError(
-            f"Study: there is no argument '{name}'{validation.suggest_name(name, names)}"
+            f"Study: there is no argument '{name}'{validation.hint_of_setting(name, names)}"
         )
     # the other names belong to vary alone
     plain = {name: value for name, value in settings.items() if name in arguments}

@@ -70,6 +70,7 @@ from bdamper.util.formatting import (
     amount,
     area_text,
     counted,
+    listed,
     percent,
     sentence,
     short_repr,
@@ -179,7 +180,8 @@ class BuiltModel(Plottable):
         Positions of the nodes of the clamp and of the sector faces, in the axes of the model.
     to_compare : tuple of (name, value, remark)
         Quantities to compare with the drawing and with the other program: mass and radius of free
-        bodies, mode 1, contacts, units, and the shift of mode 1 by bonded faces.
+        bodies, mode 1, rotor speeds at which the engine order meets the lowest modes, contacts,
+        units, and the shifts of these modes by bonded faces.
 
     Notes
     -----
@@ -275,12 +277,22 @@ def _lowest(frequencies: NDArray) -> str:
     return "  ".join(f"{hertz:.6g}" for hertz in frequencies[:6])
 
 
+COMPARED_MODES = 3
+"""Lowest modes whose rotor speeds and shifts begin the report."""
+
+
 def _rows_to_compare(
-    model: Model, laid: LaidContacts, blade: PreparedBody, excited: int, report: ImportReport
+    model: Model,
+    laid: LaidContacts,
+    blade: PreparedBody,
+    excited: int,
+    orders: Sequence[int],
+    report: ImportReport,
 ) -> list[Row]:
     """Return the quantities that a user compares with the drawing and with the other program.
 
-    ``excited`` is the nodal diameter of the excitation.
+    ``excited`` is the nodal diameter of the excitation, and ``orders`` are the engine orders, if
+    they are known.
     """
     rows = []
     for body in model.bodies.values():
@@ -298,6 +310,8 @@ def _rows_to_compare(
     frequency = frequencies_of(bases[diameter])[0]
     at = f"at nodal diameter {diameter}, without contact"
     rows.append(Row("Mode 1", amount(float(frequency), "Hz"), at))
+    if model.n_blades > 1:
+        rows += _rows_of_orders(model, orders)
     for name, face in model.interfaces.items():
         if face.kind == "friction":
             rows.append(
@@ -305,8 +319,44 @@ def _rows_to_compare(
             )
     rows.append(Row("Units", _units_text(blade.placement.units), "of the files"))
     if report.shifts:
-        shift = percent(report.shifts[0], sign=True)
-        rows.append(Row("Bonded faces", shift, f"shift of mode 1 at nodal diameter {excited}"))
+        shifts = [
+            percent(shift, sign=True).removesuffix(" %") for shift in report.shifts[:COMPARED_MODES]
+        ]
+        of_modes = f"shift of {_modes_text(len(shifts))} at nodal diameter {excited}"
+        rows.append(Row("Bonded faces", f"{', '.join(shifts)} %", of_modes))
+    return rows
+
+
+def _modes_text(n: int) -> str:
+    """Return the lowest ``n`` modes as text."""
+    return "mode 1" if n == 1 else f"modes {listed(str(mode) for mode in range(1, n + 1))}"
+
+
+def _rows_of_orders(model: Model, orders: Sequence[int]) -> list[Row]:
+    """Return the rotor speeds at which each engine order meets the lowest modes.
+
+    Without engine orders the row has the call that computes these speeds; its order and range are
+    those of the lowest excited mode of the model.
+    """
+    bases = model.bodies["blade"].bases
+    rows = []
+    for order in orders:
+        diameter, _ = model.folded_nodal_diameter(order)
+        # order 0 does not vary as the wheel turns
+        if order == 0 or diameter not in bases:
+            continue
+        rpm = 60.0 * frequencies_of(bases[diameter])[:COMPARED_MODES] / order
+        met = f"meets {_modes_text(len(rpm))} at these speeds, without contact"
+        if bases[diameter].speed is not None:
+            met += ", if rotation did not change the frequencies: study.campbell"
+        speeds = ", ".join(f"{speed:.0f}" for speed in rpm)
+        rows.append(Row(f"Engine order {order}", f"{speeds} rpm", met))
+    if not rows:
+        diameter = min((d for d in bases if d), default=0)
+        order = diameter or model.n_blades
+        rpm = 60.0 * float(frequencies_of(bases[diameter])[0]) / order
+        call = f"study.campbell(rpm=({0.8 * rpm:.0f}, {1.2 * rpm:.0f}), engine_orders=[{order}])"
+        rows.append(Row("Engine order", "unknown", f"speeds at which one meets the modes: {call}"))
     return rows
 
 
@@ -451,7 +501,8 @@ def build_model(
         check_surface(bodies["blade"], stress.name, stress.largest(first_excited))
     bases = list(_origins(bodies, ring))
     bases += [_largest_stress(bodies["blade"], stress, ring) for stress in stresses]
-    built = _assembled(bodies, laid, places, reduced, shapes, stresses, ring, report, bases)
+    orders: Sequence[int] = reduction.engine_order or ()  # type: ignore[assignment]
+    built = _assembled(bodies, laid, places, reduced, shapes, stresses, ring, report, bases, orders)
     return replace(built, node_sets=_node_sets(bodies["blade"], sector, faces))
 
 
@@ -1152,8 +1203,9 @@ def _assembled(
     ring: CyclicStructure,
     report: ImportReport,
     bases: Sequence[str],
+    orders: Sequence[int],
 ) -> BuiltModel:
-    """Return the model with its report."""
+    """Return the model with its report; ``orders`` are the engine orders of the reduction."""
     locations = {}
     for name, (owner, place) in places.items():
         locations[name] = _location(name, bodies[owner], place)
@@ -1187,7 +1239,9 @@ def _assembled(
         missing=tuple(report.missing),
         failed=tuple(report.failed),
         bases=tuple(bases),
-        to_compare=tuple(_rows_to_compare(model, laid, bodies["blade"], ring.pictured[0], report)),
+        to_compare=tuple(
+            _rows_to_compare(model, laid, bodies["blade"], ring.pictured[0], orders, report)
+        ),
     )
     provenance = {
         "source": "; ".join(f"{name}: {body.raw.source}" for name, body in bodies.items()),

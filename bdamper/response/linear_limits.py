@@ -239,7 +239,10 @@ def free_and_stuck(case: LoadCase, modes: int) -> tuple[NDArray, NDArray]:
         are_modes = np.array([coordinate.is_mode for coordinate in basis.coordinates], bool)
         elastic = (basis.omega2 > 0.0) & (basis.mass == 1.0) & are_modes
         omega2 = np.sort(basis.omega2[elastic])
-    validation.check(1 <= modes <= len(omega2), "mode", f"1 to {len(omega2)}", modes)
+    lowest = ", ".join(f"{hertz:.5g}" for hertz in np.sqrt(omega2[:3]) / (2.0 * np.pi))
+    more = ", ..." if len(omega2) > 3 else ""
+    expected = f"1 to {len(omega2)} ({lowest}{more} Hz without contact)"
+    validation.check(1 <= modes <= len(omega2), "mode", expected, modes)
     free = np.sqrt(omega2[:modes])
     stuck_frequencies, *_ = sector.linear.modes(case.stuck_springs(touching=True))
     # ascending resonances that no lower mode has taken

@@ -292,6 +292,7 @@ def optimal_curve(
         lowest_steady_preload=edge,
         mass_radius=mass_radius,
         model_doubts=rolling_dampers(problem),
+        neglected=problem.model.neglected_over_speed(problem.settings.needed_diameters),
     )
 
 

@@ -258,6 +258,10 @@ class OptimalCurve(
     model_doubts : tuple of str, optional
         Properties of the model due to which amplitudes may be wrong by a factor of several; None in
         files of earlier versions.
+    neglected : tuple of str
+        Effects of the rotor speed that the model neglects
+        (:meth:`bdamper.model.structure.Model.neglected_over_speed`); empty in files of earlier
+        versions.
     """
 
     preload: Newtons
@@ -288,6 +292,7 @@ class OptimalCurve(
     half_range: PerRow | None = None
     checks_interrupted: Annotated[bool, Data(derived=True)] = False
     model_doubts: Annotated[tuple[str, ...] | None, Data(derived=True)] = None
+    neglected: Annotated[tuple[str, ...], Data(derived=True)] = ()
     reason: Annotated[tuple[str, ...], Data(derived=True), Quantity()] = ()
     harmonic_change: Annotated[NDArray, Quantity()] | None = None
     vector_change: Annotated[NDArray, Quantity()] | None = None

@@ -27,10 +27,6 @@ OptimalCurve = Any
 """Optimal curve; its module imports this one."""
 EDGE = "at the lowest preload with a steady response"
 """Place of an optimum below which no response is steady."""
-WITH_CHECKS = 'study.optimal_curve(..., check="time")'
-"""Call that runs the checks of a curve."""
-ALL_CHECKS = f"{WITH_CHECKS}, with time integration"
-"""The same call, where a check that it runs is not by time integration."""
 NEAR_BEST = 1.2
 """Amplitude over the optimum that defines the printed range of acceptable preloads."""
 GOOD, FAIR = 0.05, 0.2
@@ -117,6 +113,34 @@ def _expected(curve: OptimalCurve) -> Expected:
     return Expected(in_time, again + in_time + BY_HARMONIC_BALANCE * evaluation)
 
 
+def with_checks(curve: OptimalCurve) -> str:
+    """Return the call that repeats a curve with all checks of its optimum."""
+    preloads = curve.preload[curve.requested]
+    n = len(preloads)
+    asked = f"({preloads[0]:.6g}, {preloads[-1]:.6g}), {n}" if n > 1 else f"[{preloads[0]:.6g}]"
+    return f'study.optimal_curve({asked}{_interval(curve)}, check="time")'
+
+
+def robust_call(curve: OptimalCurve) -> str:
+    """Return the call that finds the preload with the lowest amplitude for all factors on friction
+    that were tried, near the optimum.
+    """
+    low, high = curve.near_best
+    factors = sorted(peak.factor for peak in curve.other_friction)
+    samples = f'{{"friction_factor": [{", ".join(f"{factor:g}" for factor in factors)}]}}'
+    limits = f"({0.5 * low:.3g}, {2.0 * high:.3g})"
+    return f"bd.robust_optimum(study, {samples}, {limits}, percentile=100{_interval(curve)})"
+
+
+def _interval(curve: OptimalCurve) -> str:
+    """Return the frequency interval of the peaks as an argument."""
+    interval = curve.settings.get("frequency")
+    if interval is None:
+        return ""
+    low, high = interval
+    return f", frequency=({low:.5g}, {high:.5g})"
+
+
 def graded(value: float, good: float, fair: float) -> str:
     """Return green up to ``good``, amber up to ``fair``, and red above."""
     if value <= good:
@@ -130,7 +154,7 @@ CHANGE_LIMITS = f"passes up to {percent(GOOD)}, fails above {percent(FAIR)}"
 """Limits of a check of a relative difference."""
 ESTIMATE_LIMITS = f"passes up to {percent(GOOD)}, uncertain above"
 """Limits of a check by an estimate, which alone refutes nothing."""
-ONE_HARMONIC_LIMITS = "an estimate from a single harmonic never passes"
+ONE_HARMONIC_LIMITS = "one harmonic alone is not enough"
 """Limits of an estimate from one harmonic."""
 
 
@@ -330,7 +354,7 @@ def _more_harmonics(curve: OptimalCurve) -> Check:
         return _two_more_harmonics(curve)
     first, *others = convergence.peaks
     if convergence.status == INTERRUPTED and not others:
-        return Check("white", "More harmonics", f"interrupted, {WITH_CHECKS}", rule)
+        return Check("white", "More harmonics", f"interrupted, {with_checks(curve)}", rule)
     if convergence.ok:
         colour = "green"
     else:
@@ -366,8 +390,8 @@ def _two_more_harmonics(curve: OptimalCurve) -> Check:
     changes = curve.harmonic_change
     if changes is None or not np.isfinite(curve.optimum.preload):
         colour = "amber" if _one_harmonic(curve) else "white"
-        call = f"one harmonic; {ALL_CHECKS}" if _one_harmonic(curve) else ALL_CHECKS
-        return Check(colour, name, call, rule)
+        call = with_checks(curve)
+        return Check(colour, name, f"one harmonic; {call}" if _one_harmonic(curve) else call, rule)
     change = float(changes[_row_of_optimum(curve)])
     highest = max(_harmonics(curve))
     has_no_gap = len(_harmonics(curve)) == highest
@@ -456,9 +480,9 @@ def _seconds_of_friction(curve: OptimalCurve) -> float:
 def _not_checked(curve: OptimalCurve) -> str:
     """Return the call that checks the recommended preload."""
     if not curve.other_friction:
-        return ALL_CHECKS
+        return with_checks(curve)
     computed = amount(curve.other_friction[0].preload, "N")
-    return f"{WITH_CHECKS}, so far run at {computed} only"
+    return f"{with_checks(curve)}, so far run at {computed} only"
 
 
 def _friction_remedy(curve: OptimalCurve) -> str:
@@ -466,11 +490,11 @@ def _friction_remedy(curve: OptimalCurve) -> str:
     friction_range = curve.friction_range
     # its remedy is a preload (N), NaN or 0 if none is known
     if friction_range is None or not friction_range.remedy > 0.0:
-        return "choose a preload for these friction coefficients, bd.robust_optimum"
+        return f"choose a preload for these friction coefficients: {robust_call(curve)}"
     factors = f"{1.0 / FRICTION_SPREAD:.2g} and {FRICTION_SPREAD:g} times the friction"
     return (
         f"choose {amount(friction_range.remedy, 'N')}, where the amplitude does not double with "
-        f"{factors}, or bd.robust_optimum"
+        f"{factors}, or {robust_call(curve)}"
     )
 
 

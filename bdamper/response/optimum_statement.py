@@ -412,6 +412,10 @@ def _locked(curve: OptimalCurve) -> str:
     return " ".join(f"{_capitalised(note)}." for note in notes)
 
 
+ONE_SPEED = "centrifugal stiffening and spin softening (import the sector at two speeds)"
+"""Effects of rotation that a model with the modes of one speed neglects."""
+
+
 def _not_covered(curve: OptimalCurve) -> str:
     """Return the effects that the amplitude does not contain."""
     effects = []
@@ -419,6 +423,11 @@ def _not_covered(curve: OptimalCurve) -> str:
     if response is None or not known_in_time(response):
         effects += ["time integration", "more blade modes"]
     effects += ["mistuning", "wear"]
+    # only where the statement gives a rotor speed
+    if curve.neglected and (
+        curve.settings.get("speed") or _of_damper(curve, curve.optimum.preload)
+    ):
+        effects.append(ONE_SPEED)
     if has_more_points(curve.settings):
         effects.append("more contact points")
     coefficients = friction_coefficients(curve.settings)

@@ -23,6 +23,7 @@ from bdamper.util.formatting import (
     listed,
     peak_text,
     percent,
+    same_digits,
     sentence,
     short_repr,
     span,
@@ -926,8 +927,8 @@ class Convergence(Result, Plottable, Tabular):
             verdict = f"Not converged with {harmonics}: {subject}"
         table = [
             ("Harmonics", *(str(peak.harmonics) for peak in self.peaks)),
-            ("Peak", *(amount(peak.amplitude, "m") for peak in self.peaks)),
-            ("Frequency", *(amount(peak.frequency, "Hz") for peak in self.peaks)),
+            ("Peak", *same_digits([amount(peak.amplitude, "m") for peak in self.peaks])),
+            ("Frequency", *same_digits([amount(peak.frequency, "Hz") for peak in self.peaks])),
         ]
         rows = [
             Row("Internal resonance" if i == 0 else "", f"harmonic {item.harmonic}", item.mode_text)

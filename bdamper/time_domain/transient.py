@@ -619,10 +619,7 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
     last = float(off[-look:].mean())
     if n < 3 * look:
         periods = min(n, look)
-        few = (
-            f"mean amplitude over {periods} periods {_in_percent(last)} % from the solution; "
-            f"{TOO_FEW}, at least {3 * look} are required"
-        )
+        few = f"mean amplitude over {periods} periods {_in_percent(last)} % from the solution; {TOO_FEW}"
         return Verdict(UNDECIDED, few, periods)
 
     # left

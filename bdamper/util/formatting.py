@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any, TypeVar
@@ -129,6 +130,39 @@ def amount(value: float, unit: str = "", digits: int | None = None) -> str:
     if digits_before_point < 7:
         digits = max(digits, digits_before_point)
     return f"{number:.{digits}g} {prefix.strip()}{base}{per}{rest}".rstrip()
+
+
+_AMOUNT = re.compile(r"([+-]?)(\d+(?:\.\d+)?) (\S+)")
+"""Sign, number without an exponent, and unit, as :func:`amount` and :func:`percent` return them."""
+
+
+def same_digits(texts: Sequence[str]) -> list[str]:
+    """Return amounts of one unit with as many significant digits as the longest of them.
+
+    ``amount`` omits final zeros, so that 2.5 m may stand beside 2.53 m.  Other texts remain, and all
+    of them if they have several units.
+    """
+    found = [_AMOUNT.fullmatch(text) for text in texts]
+    matches = [match for match in found if match]
+    # prefixes of the unit may differ
+    if len({match[3][-1] for match in matches}) != 1:
+        return list(texts)
+    most = max(_significant(match[2]) for match in matches)
+    padded = []
+    for text, match in zip(texts, found):
+        if match and _significant(match[2]):
+            sign, number, unit = match.groups()
+            before_point = len(number.partition(".")[0].lstrip("0"))
+            shown = f"{float(number):#.{max(most, before_point)}g}".rstrip(".")
+            text = f"{sign}{shown} {unit}"
+        padded.append(text)
+    return padded
+
+
+def _significant(number: str) -> int:
+    """Return the number of digits without leading zeros, and without final zeros before the point."""
+    digits = number if "." in number else number.rstrip("0")
+    return len(digits.replace(".", "").lstrip("0"))
 
 
 def span(low: float, high: float, unit: str, near: float | None = None) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from bdamper.util.formatting import listed, table_lines
+from bdamper.util.formatting import listed, same_digits, table_lines
 
 WIDTH = 88
 """Characters of a printed line, which a terminal, an e-mail, and a manual hold."""
@@ -65,6 +65,14 @@ class Statement:
     further: Sequence[str] = ()
     details: Sequence[Row] = ()
 
+    @property
+    def _even_table(self) -> Sequence[Sequence[str]]:
+        """The table with equally many digits in each column."""
+        if len(self.table) < 2:
+            return self.table
+        head, *rows = self.table
+        return [head, *zip(*(same_digits(column) for column in zip(*rows)))]
+
     def with_texts(self, change: Callable[[str], str]) -> Statement:
         """Return the statement with each of its texts changed."""
         return Statement(
@@ -97,7 +105,7 @@ class Statement:
         parts = [
             _paragraphs(self.verdict),
             _table(self.rows, width),
-            _columns(self.table),
+            _columns(self._even_table),
             [*_paragraphs(self._counted_checks), *_table(shown, width)],
             _paragraphs(self._sentences),
             _table(closing, width),
@@ -111,7 +119,7 @@ class Statement:
         parts = [
             _paragraphs(self.verdict),
             _table(self.rows),
-            _columns(self.table),
+            _columns(self._even_table),
             _last_wrapped(self._check_table),
             _paragraphs(self._sentences),
             _table(self._not_covered_rows),
@@ -205,7 +213,7 @@ class Statement:
     def html(self) -> str:
         """The same as paragraphs and tables of a notebook."""
         parts = [f"<p><b>{html.escape(text)}</b></p>" for text in self.verdict]
-        parts += [_html_table(table) for table in (self.rows, self.table) if table]
+        parts += [_html_table(table) for table in (self.rows, self._even_table) if table]
         parts += [f"<p>{html.escape(text)}</p>" for text in self._counted_checks]
         if self._shown_checks:
             parts.append(_html_table(self._shown_checks))

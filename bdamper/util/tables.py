@@ -66,7 +66,11 @@ SHOWN_IN_PER_CENT = frozenset(
     }
 )
 """Columns with fractions, which printed tables show in per cent."""
-PRINTED_HEADS = {"counted": "used"}
+PRINTED_HEADS = {
+    "counted": "used",
+    "harmonic_change": "change by two more harmonics",
+    "vector_change": "change by six more residual modes",
+}
 """Columns whose printed head differs from their name."""
 FEW_ROWS = 30
 """Largest number of rows that ``summary()`` prints."""
@@ -380,12 +384,12 @@ class Tabular:
         heads: dict[str, str] = {}
         cells: dict[str, list[str]] = {}
         for name, column in columns.items():
+            heads[name] = PRINTED_HEADS.get(name, spaced(name))
             if name in SHOWN_IN_PER_CENT and column.unit == "":
-                heads[name] = f"{spaced(name)} (%)"
+                heads[name] += " (%)"
                 cells[name] = [_per_cent(value) for value in values[name]]
                 continue
             prefix = _column_prefix(values[name], column.unit)
-            heads[name] = PRINTED_HEADS.get(name, spaced(name))
             if column.unit:
                 heads[name] += f" ({prefix.strip()}{column.unit})"
             largest = max(map(abs, _numbers_in(values[name])), default=0.0)

@@ -266,6 +266,24 @@ def suggest_name(found: object, choices: Iterable[str]) -> str:
     return f"; did you mean {' or '.join(similar[:3])}?"
 
 
+ARGUMENTS_OF_METHODS = {
+    "mode": "study.peak(preload, mode=2)",
+    "frequency": "study.peak(preload, (low, high))",
+    "preload": "study.peak(preload)",
+    "errors": "study.peak(preload, errors=False)",
+    "check": "study.optimal_curve(preloads, check=False)",
+    "rpm": "study.at_speed(rpm=9000)",
+}
+"""Example of a method with each argument that is often given to the study instead."""
+
+
+def hint_of_setting(word: str, names: Iterable[str]) -> str:
+    """Return where an argument belongs that is no setting of a study, or similar settings."""
+    if word in ARGUMENTS_OF_METHODS:
+        return f"; it is an argument of methods, for example {ARGUMENTS_OF_METHODS[word]}"
+    return suggest_name(word, names)
+
+
 def choice(name: str, value: Any, choices: Iterable[str]) -> str:
     """Check and return one of several names."""
     choices = tuple(choices)
@@ -348,7 +366,8 @@ def check_arguments(called: T, also: Iterable[str] = (), name: str = "", warns: 
 def _check_keywords(name: str, keywords: Mapping[str, Any], accepted: Sequence[str]) -> None:
     """Raise SettingError for a keyword that a function does not accept."""
     for word in keywords.keys() - set(accepted):
-        hint = suggest_name(word, accepted)
+        find = hint_of_setting if name == "Study" else suggest_name
+        hint = find(word, accepted)
         if not hint:
             shown = [word for word in accepted if word not in OWNERS and word[0] != "_"]
             hint = f"; the arguments are {', '.join(shown)}"

@@ -29,6 +29,7 @@ from bdamper.response.events import ContinuationOptions
 from bdamper.response.followed_peak import highest_peak
 from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimal_curve import optimal_curve
+from bdamper.response.optimum_checks import with_checks
 from bdamper.response.verification import TimeResponse
 from bdamper.util import storage
 from bdamper.util.errors import Ending
@@ -987,7 +988,8 @@ class TestUncertainty:
         )
         assert "friction coefficients outside 0.7 to 1.3 times 0.3" in said(found)
         moved = said(replace(found, time_response=tuple(times[:1])))
-        call = 'study.optimal_curve(..., check="time"), so far run at 900 N only'
+        call = f"{with_checks(found)}, so far run at 900 N only"
+        assert call.startswith("study.optimal_curve((")
         price = r"(, about [\d.]+ m?s)?"
         assert re.search(f"other friction coefficients{price}: {re.escape(call)}", moved)
         assert "friction coefficients other than 0.3" in moved

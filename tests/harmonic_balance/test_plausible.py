@@ -38,6 +38,27 @@ def test_intervals_in_radians_per_second_and_loads_of_another_size_are_named():
         plausible_ranges.check("Study", "preload", [20.0, 200.0], strong.problem.sizes)
 
 
+# modes that lie in the interval as given and respond, by their frequencies in the comment
+IN_HERTZ = [
+    ("shrouded_blade", 4, (1100.0, 2400.0)),  # 1187, 1373, 1785 Hz, and 284 Hz in rad/s
+    ("paper_disk", 5, (1380.0, 2000.0)),  # 1393 Hz, stuck 1438 Hz, and 263 Hz in rad/s
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "order", "interval"), IN_HERTZ)
+def test_an_interval_around_higher_modes_is_not_suspected_of_radians_per_second(
+    name, order, interval
+):
+    """The second bending mode of a blade lies near 2 pi times the first, as that of a cantilever."""
+    s = bd.Study(
+        bd.reference_model(name), bd.Excitation("tip"), order, contact_stiffness="unit_traction"
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", PlausibilityWarning)
+        check_interval(s.problem.at(100.0), interval)
+
+
 @pytest.mark.slow
 def test_a_range_is_named_once_at_the_line_of_the_user_and_not_for_each_of_its_preloads():
     interval, quick = (

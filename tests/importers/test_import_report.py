@@ -67,12 +67,13 @@ def test_the_report_begins_with_what_a_user_compares():
 
 
 @pytest.mark.slow
-def test_an_import_compares_the_five_quantities(bodies):
-    """The mass of the matrix, the first frequency, both faces, units, and the shift of mode 1."""
+def test_an_import_compares_the_quantities_of_the_drawing(bodies):
+    """The mass of the matrix, the first frequency, rotor speeds, both faces, units, and shifts."""
     given = SIX_BLADES | {"n_modes": 4, "contacts": contacts(9)}
     built = build(*bodies, **given, engine_order=[1], harmonics=1)
     rows = {name: (value, remark) for name, value, remark in built.to_compare}
-    names = ["Damper", "Mode 1", "Contact left", "Contact right", "Units", "Bonded faces"]
+    contact_names = ["Contact left", "Contact right"]
+    names = ["Damper", "Mode 1", "Engine order 1", *contact_names, "Units", "Bonded faces"]
     assert list(rows) == names
     _, damper = bodies
     # each direction has the whole mass
@@ -87,8 +88,25 @@ def test_an_import_compares_the_five_quantities(bodies):
     assert rows["Contact right"][1].endswith("side b in sector +1")
     assert rows["Units"] == ("m, kg, s", "of the files")
     (check,) = [text for text in built.checks if "bonded faces raise" in text]
-    shift = rows["Bonded faces"][0].removeprefix("+")
-    assert f"nodal diameter 1 by {shift}, " in check
+    # one revolution per period of the mode
+    speeds = ", ".join(f"{60.0 * hertz:.0f}" for hertz in built.frequencies[1][:3])
+    met = "meets modes 1, 2 and 3 at these speeds, without contact"
+    assert rows["Engine order 1"] == (f"{speeds} rpm", met)
+    shifts, of_modes = rows["Bonded faces"]
+    assert of_modes == "shift of modes 1, 2 and 3 at nodal diameter 1"
+    each_shift = [shift.strip("+ %") for shift in shifts.split(",")]
+    assert f"nodal diameter 1 by {', '.join(f'{shift} %' for shift in each_shift)}, " in check
+
+
+@pytest.mark.slow
+def test_an_import_without_engine_order_names_the_call_for_the_speeds(bodies):
+    """Its order and range are those of the lowest mode that is excited."""
+    given = SIX_BLADES | {"n_modes": 4, "contacts": contacts(9)}
+    built = build(*bodies, **given, nodal_diameters=[2])
+    rows = {name: (value, remark) for name, value, remark in built.to_compare}
+    rpm = 60.0 * float(built.frequencies[2][0]) / 2.0
+    call = f"study.campbell(rpm=({0.8 * rpm:.0f}, {1.2 * rpm:.0f}), engine_orders=[2])"
+    assert rows["Engine order"] == ("unknown", f"speeds at which one meets the modes: {call}")
 
 
 def test_a_notebook_shows_the_rows_of_the_report():

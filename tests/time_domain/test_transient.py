@@ -240,7 +240,7 @@ class TestWanders:
 def test_reasons_name_the_distance():
     told = {
         "+30 %, not approaching the solution within 16 periods": constant(0.3, 48),
-        "mean amplitude over 16 periods -30 % from the solution; too few periods, at least 48 are required": constant(
+        "mean amplitude over 16 periods -30 % from the solution; too few periods": constant(
             -0.3, 16
         ),
         "+4 % so far; 96 periods show whether it has settled": constant(0.04, 48),

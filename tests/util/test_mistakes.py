@@ -27,7 +27,6 @@ from bdamper.importers import (
 from bdamper.importers.build import build_model
 from bdamper.importers.contact_faces import ContactFaces
 from bdamper.mistuning import DamperVariation, DiskPeakOptions, Mistuning
-from bdamper.response.optimum_checks import WITH_CHECKS
 from bdamper.util.errors import PlausibilityWarning
 from tests.each import each
 from tests.plain import plain_study
@@ -135,6 +134,16 @@ REFUSED = {
         lambda s: s.replace(friction=0.3),
         "Study: there is no argument 'friction'; did you mean friction_coefficient or "
         "friction_law or friction_coefficient.left?",
+    ),
+    "argument of a method": (
+        lambda s: bd.Study(s.model, TIP, 5, mode=2),
+        "Study: there is no argument 'mode'; it is an argument of methods, for example "
+        "study.peak(preload, mode=2)",
+    ),
+    "argument of a method as a setting": (
+        lambda s: s.replace(frequency=F),
+        "Study: there is no argument 'frequency'; it is an argument of methods, for example "
+        "study.peak(preload, (low, high))",
     ),
     "misspelt part of a setting": (
         lambda s: bd.sweep(s, {"excitation.amplitud": [1.0]}),
@@ -510,7 +519,7 @@ VALUES = {
             },
             "mode": {
                 "mode: expected a whole number >= 1": [0, 1.5, "1"],
-                "mode: expected 1 to 10": [99],
+                "mode: expected 1 to 10 (283.08, 688.9, 1125.4, ... Hz without contact)": [99],
             },
             "options": {
                 "options: expected a PeakOptions": [
@@ -602,7 +611,7 @@ VALUES = {
         lambda s: partial(s.resonance_crossings, (300.0, 600.0), [5]),
         {
             "mode": {
-                "mode: expected 1 to 10": [77],
+                "mode: expected 1 to 10 (283.08, 688.9, 1125.4, ... Hz without contact)": [77],
             },
             "damper_mass_factor": {
                 "damper_mass_factor: expected a sequence of one or more finite numbers > 0": [
@@ -618,7 +627,7 @@ VALUES = {
         lambda s: partial(bd.sweep, s, {"preload": [9.0]}),
         {
             "mode": {
-                "mode: expected 1 to 10": [77],
+                "mode: expected 1 to 10 (283.08, 688.9, 1125.4, ... Hz without contact)": [77],
             },
             "evaluate": {
                 "evaluate: expected PeakTask(...), OptimalTask(...) or a function": ["peak"],
@@ -848,7 +857,7 @@ def test_a_message_names_thing_expected_and_found(mistake):
     assert "\n" not in message and len(message) < 700
     if any(message.startswith(beginning) for beginning in WITHOUT_FOUND):
         return
-    unknown = r"[\w.]+: there is no argument '\w+'; (did you mean|the arguments are) "
+    unknown = r"[\w.]+: there is no argument '\w+'; (did you mean|the arguments are|it is an argument of) "
     missing = r"[\w.]+: missing a required argument: '\w+'; the required arguments? (is|are) "
     assert re.match(r"[^:]+: expected .+, found .+", message) or re.match(
         f"{unknown}|{missing}", message
@@ -1157,13 +1166,6 @@ def test_results_of_another_study_and_curves_without_their_peak(study):
         with pytest.warns(PlausibilityWarning) as caught:
             ask(curve)
         assert {str(w.message) for w in caught} == {message}
-
-
-def test_the_value_of_check_that_a_print_recommends_is_accepted(study):
-    (value,) = re.findall(r'^study.optimal_curve\(\.\.\., check="(\w+)"\)$', WITH_CHECKS)
-    # the next argument is refused
-    with pytest.raises(bd.SettingError, match=r"^n: expected a whole number >= 2, found 1$"):
-        study.optimal_curve((20.0, 2e4), n=1, check=value)
 
 
 def test_at_least_150_mistakes_are_listed():

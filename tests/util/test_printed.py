@@ -193,6 +193,7 @@ class TestBottomLine:
             steep = replace(
                 curve,
                 preload=shares,
+                requested=np.ones(6, bool),
                 amplitude=values,
                 lower_bound=unknown,
                 curves=(),
@@ -386,6 +387,39 @@ class TestBottomLine:
             if c.name == "Fatigue safety factor"
         ]
         assert check.colour == "red" and check.found == "0.8 at 1 kN"
+
+    def test_stiffening_that_the_model_neglects_is_not_covered_at_a_speed(self, bonded):
+        o = replace(bonded.optimum, preload=1000.0, kind="smooth", status="complete")
+        assert bonded.neglected == (), "this model has modes over the speed"
+        curve = replace(bonded, optimum=o, neglected=("blade, nodal diameters 0, 5: modes of one",))
+        stiffening = "centrifugal stiffening and spin softening (import the sector at two speeds)"
+        # with an excitation of 1 N the print names no speed
+        assert stiffening not in said(curve)
+        at_speed = replace(curve, settings=curve.settings | {"speed": 400.0})
+        assert stiffening in said(at_speed)
+        assert stiffening not in said(replace(at_speed, neglected=()))
+        # a load at the resonance of the model is one at a speed too
+        ten_newtons = curve.settings["excitation"] | {"amplitude": 10.0}
+        loaded = replace(curve, settings=curve.settings | {"excitation": ten_newtons})
+        assert ("The damper has a centrifugal load" in said(loaded)) and stiffening in said(loaded)
+
+    def test_the_calls_of_checks_and_remedies_run_as_printed(self, study, bonded, monkeypatch):
+        """The names in the calls are those of their functions, and the limits those of the curve."""
+        o = replace(bonded.optimum, preload=1000.0, kind="smooth", status="complete")
+        peaks = tuple(FrictionPeak(k, 1000.0, a) for k, a in ((1.0, 1.0), (0.7, 2.1), (1.3, 0.5)))
+        curve = replace(bonded, optimum=o)
+        call = 'study.optimal_curve((20, 10000), 3, frequency=(270, 380), check="time")'
+        assert call in said(curve)
+        changed = checks(replace(curve, other_friction=peaks))
+        (remedy,) = [check.remedy for check in changed if "Other friction" in check.name]
+        _, _, robust = remedy.partition(": ")
+        asked = []
+        monkeypatch.setattr(bd, "robust_optimum", lambda *a, **k: asked.append((a, k)))
+        eval(robust, {"bd": bd, "study": study})
+        ((given, samples, limits), options) = asked[0]
+        assert given is study and samples == {"friction_factor": [0.7, 1, 1.3]}
+        assert limits[0] < 1000.0 < limits[1]
+        assert options == {"percentile": 100, "frequency": (270, 380)}
 
     @pytest.mark.slow
     def test_an_uncertain_preload_is_named_in_all_places(self, study, tmp_path):

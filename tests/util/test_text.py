@@ -5,7 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bdamper.util.formatting import PREFIXES, aligned, amount, percent, spaced, truncate
+from bdamper.util.formatting import (
+    PREFIXES,
+    aligned,
+    amount,
+    percent,
+    same_digits,
+    spaced,
+    truncate,
+)
 from tests.each import each
 
 
@@ -22,6 +30,24 @@ from tests.each import each
 )
 def test_percent(value, text):
     assert percent(value) == text
+
+
+@pytest.mark.parametrize(
+    ("texts", "even"),
+    [
+        (["2.53 m", "2.5 m", "957 mm"], ["2.53 m", "2.50 m", "957 mm"]),
+        (["0.194 Hz", "0.19413 Hz"], ["0.19400 Hz", "0.19413 Hz"]),
+        (["1 kN", "2 kN"], ["1 kN", "2 kN"]),
+        (["13.9 g", "1234 g", "9 g"], ["13.90 g", "1234 g", "9.000 g"]),
+        (["+1.3 %", "-46 %", "0 %"], ["+1.3 %", "-46 %", "0 %"]),
+        (["1.4 m", "no peak", ""], ["1.4 m", "no peak", ""]),
+        # several units, words, and numbers without a unit remain
+        (["2.5 m", "0.19413 Hz"], ["2.5 m", "0.19413 Hz"]),
+        (["1", "10"], ["1", "10"]),
+    ],
+)
+def test_amounts_of_one_column_have_equally_many_digits(texts, even):
+    assert same_digits(texts) == even
 
 
 def test_percent_with_a_sign():
