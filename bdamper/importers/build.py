@@ -346,16 +346,17 @@ def _rows_of_orders(model: Model, orders: Sequence[int]) -> list[Row]:
         if order == 0 or diameter not in bases:
             continue
         rpm = 60.0 * frequencies_of(bases[diameter])[:COMPARED_MODES] / order
-        met = f"meets {_modes_text(len(rpm))} at these speeds, without contact"
+        met = f"meets {_modes_text(len(rpm))}, without contact"
         if bases[diameter].speed is not None:
-            met += ", if rotation did not change the frequencies: study.campbell"
-        speeds = ", ".join(f"{speed:.0f}" for speed in rpm)
+            met += "; rotation shifts them: study.campbell"
+        speeds = ", ".join(f"{speed:.0f}" for speed in rpm.tolist())
         rows.append(Row(f"Engine order {order}", f"{speeds} rpm", met))
     if not rows:
         diameter = min((d for d in bases if d), default=0)
         order = diameter or model.n_blades
-        rpm = 60.0 * float(frequencies_of(bases[diameter])[0]) / order
-        call = f"study.campbell(rpm=({0.8 * rpm:.0f}, {1.2 * rpm:.0f}), engine_orders=[{order}])"
+        lowest = 60.0 * float(frequencies_of(bases[diameter])[0]) / order
+        limits = f"({0.8 * lowest:.0f}, {1.2 * lowest:.0f})"
+        call = f"study.campbell(rpm={limits}, engine_orders=[{order}])"
         rows.append(Row("Engine order", "unknown", f"speeds at which one meets the modes: {call}"))
     return rows
 
