@@ -329,6 +329,36 @@ class TestOptimalCurve:
         assert bd.load(tmp_path / "optimal.h5").convergence == more
 
     @pytest.mark.slow
+    def test_searches_the_curve_once_and_then_leaves_numbers_out(self, study, curve, monkeypatch):
+        """Each search with 9 to 16 harmonics takes longer than the optimal curve of the disk."""
+        to, searched = room.richer_peaks, []
+
+        def fails_at(problem, richer, *rest):
+            fails = richer.harmonic_numbers[-1] in (4, 5, 8, 9)
+            return RicherPeaks(Change(how="stalls")) if fails else to(problem, richer, *rest)
+
+        def counted(problem, *rest, **more):
+            searched.append(problem.harmonic_numbers[-1])
+            return search(problem, *rest, **more)
+
+        search = room.found_at
+        whole = room.at_optimum(study.problem, curve)
+        monkeypatch.setattr(room, "richer_peaks", fails_at)
+        monkeypatch.setattr(room, "found_at", counted)
+        monkeypatch.setattr(room, "CONVERGED_SHARE", 0.0)
+        found = room.at_optimum(study.problem, curve)
+        assert searched == [5]
+        assert [p.harmonics for p in found.peaks] == [1, 5, 7, 12, 16] and found.status == "complete"
+        expected = {p.harmonics: p.amplitude for p in whole.peaks}
+        shared = [p for p in found.peaks if p.harmonics in expected]
+        assert len(shared) >= 3
+        for p in shared:
+            assert p.amplitude == pytest.approx(expected[p.harmonics], rel=1e-4)
+        monkeypatch.setattr(room, "richer_peaks", lambda *_: RicherPeaks(Change(how="stalls")))
+        last = room.at_optimum(study.problem, curve)
+        assert last.status == "incomplete" and "with 16 harmonics (stalls)" in last.reason
+
+    @pytest.mark.slow
     def test_shows_its_progress_if_the_curve_does(self, study, curve, monkeypatch):
         shown = []
         monkeypatch.setattr(
