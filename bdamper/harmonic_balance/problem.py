@@ -909,7 +909,7 @@ class LoadCase:
         return problem.stick_stiffness * closed[:, None]
 
     def _touching(self, name: str) -> NDArray:
-        """Return which points (n,) of an interface without normal load touch, with a warning.
+        """Return which points (n,) of an interface without normal load touch, with one warning.
 
         No point does if the interface has a free body.
         """
@@ -925,7 +925,10 @@ class LoadCase:
         has_load = any(body.load is not None for body in bodies)
         if has_load:
             touch &= self.equilibrium.closing[rows] >= 0.0
-        if touch.any():
+        told = problem.sizes.told
+        subject = f"load on '{name}'"
+        if touch.any() and subject not in told:
+            told.add(subject)
             warn(
                 f"interface '{name}' touches without a normal load: its touching points count as "
                 "stuck, although they carry no load at rest; load_per_preload=, constant_loads= "
