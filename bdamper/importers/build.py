@@ -335,8 +335,8 @@ def _modes_text(n: int) -> str:
 def _rows_of_orders(model: Model, orders: Sequence[int]) -> list[Row]:
     """Return the rotor speeds at which each engine order meets the lowest modes.
 
-    Without engine orders the row has the call that computes these speeds; its order and range are
-    those of the lowest excited mode of the model.
+    Without engine orders the row has the call that computes these speeds, for the lowest nodal
+    diameter above 0 and a range around its first mode.
     """
     bases = model.bodies["blade"].bases
     rows = []

@@ -137,10 +137,9 @@ _AMOUNT = re.compile(r"([+-]?)(\d+(?:\.\d+)?) (\S+)")
 
 
 def same_digits(texts: Sequence[str]) -> list[str]:
-    """Return amounts of one unit with as many significant digits as the longest of them.
+    """Return amounts of one unit with equally many significant digits: 2.50 m if another is 2.53 m.
 
-    ``amount`` omits final zeros, so that 2.5 m may stand beside 2.53 m.  Other texts remain, and all
-    of them if they have several units.
+    Other texts remain unchanged, and all texts do if the amounts have several units.
     """
     found = [_AMOUNT.fullmatch(text) for text in texts]
     matches = [match for match in found if match]
