@@ -349,8 +349,8 @@ def callers(pattern: str) -> set[str]:
 ONE_OF_EACH = {
     # linear equations outside the core: statics, fits, reductions, and what still has a Newton method of its own
     r"linalg\.(solve\w*|lstsq|inv|pinv|lu_\w+|cho_\w+|get_lapack_funcs|spsolve\w*|splu|spilu|factorized)$": {
-        # the step of a static state along its friction cones
-        "contact.friction_step",
+        # the step of a static state along its friction cones, and its complementarity problem
+        "contact.friction_step", "contact.complementarity",
         "contact.static_state", "contact.static_contact", "contact.residual_flexibility", "contact.stiffness",
         "analyses.fit", "harmonic_balance.problem", "analyses.loop_fit", "analyses.error_estimates",
         "harmonic_balance.rotor_speed", "harmonic_balance.sector", "importers.abaqus", "importers.bodies",

@@ -7,8 +7,8 @@ satisfies harmonic 0 of the equations of motion::
     N = max(n0 + kn v, 0),     T_d = kt_d (u_d - w_d),   |T_d| <= mu N.
 
 Interference and the constant loads ``f_0``, ``s_0`` are applied first, together and in proportion;
-then P increases from zero.  If a free body has no equilibrium without P, all of them increase
-together.
+then P increases from zero.  If a free body has no equilibrium without P, or if none follows from
+there, all of them increase together.
 
 Each point has a state for each tangential direction: stick, slip in either sense, or separation.
 Between changes of state the motion is linear in the load.  A load step solves for the states at its
@@ -35,10 +35,11 @@ import scipy
 from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
+from bdamper.contact.complementarity import possible_states
 from bdamper.contact.friction_step import approximations
 from bdamper.contact.laws import OwnLaws, PointArrays
 from bdamper.contact.preload_state import OPEN, SLIP_MINUS, SLIP_PLUS, STICK, PreloadState
-from bdamper.util.formatting import short_repr
+from bdamper.util.formatting import percent, short_repr
 
 _getrf, _getrs, _gecon = get_lapack_funcs(("getrf", "getrs", "gecon"), dtype=float)
 
@@ -582,7 +583,25 @@ class _LoadStep:
         unit = self.units.with_rounding(q, contact_force, self.w)
         return float(np.abs(residual / unit).max(initial=0.0))
 
-    def solve_convex(self) -> _Equilibrium:
+    def solve_far(self) -> _Equilibrium:
+        """Solve from motions of convex problems, and then from the states of Lemke's method.
+
+        The result is the first equilibrium, or the attempt with the least residual.
+        """
+        best = self._solve_convex()
+        if best.ok:
+            return best
+        iterations = best.iterations
+        for states in possible_states(self.system, self.force, self.shift, self.w[:, :2]):
+            end = self.solve(states)
+            iterations += end.iterations
+            if end.residual < best.residual:
+                best = end
+            if end.ok:
+                break
+        return replace(best, iterations=iterations)
+
+    def _solve_convex(self) -> _Equilibrium:
         """Solve from the motions of convex problems that approach equilibrium.
 
         The result is the first equilibrium, or the last attempt.
@@ -839,13 +858,15 @@ def static_state(
         return _loaded(system, load, unloaded, steps)
 
     # a load of 1 applies all loads of _together() completely
-    assembled = replace(_loaded(assembly, 1.0, unloaded, steps), load=0.0)
+    assembled = replace(_loaded(assembly, 1.0, unloaded, steps, together=True), load=0.0)
+    found = assembled
     if assembled.ok:
-        return _loaded(system, load, assembled, steps)
-    if load <= 0.0:
-        return assembled
-    # a free body has no equilibrium under the constant loads alone
-    return replace(_loaded(_together(system, load), 1.0, unloaded, steps), load=load)
+        found = _loaded(system, load, assembled, steps)
+    if found.ok or load <= 0.0:
+        return found
+    # a free body has no equilibrium under the constant loads alone, or is locked there by friction
+    all_loads = _together(system, load)
+    return replace(_loaded(all_loads, 1.0, unloaded, steps, together=True), load=load)
 
 
 def _at_rest(system: StaticSystem, unloaded: PreloadState) -> PreloadState:
@@ -862,12 +883,17 @@ def _at_rest(system: StaticSystem, unloaded: PreloadState) -> PreloadState:
     )
 
 
-def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) -> PreloadState:
-    """Change the load to ``load``, from one change of state to the next."""
+def _loaded(
+    system: StaticSystem, load: float, state: PreloadState, steps: int, *, together: bool = False
+) -> PreloadState:
+    """Change the load to ``load``, from one change of state to the next.
+
+    If all loads act ``together``, it is a factor on all of them.
+    """
     change = load - state.load
     if not change:
         return state
-    path = _LoadPath(system, state, change, load, 1.0 / steps)
+    path = _LoadPath(system, state, change, load, 1.0 / steps, together=together)
     while path.left and not path.lost:
         path.advance()
     return path.state
@@ -878,16 +904,25 @@ class _LoadPath:
 
     Steps are fractions of the complete ``change`` (N), at most ``longest``.  ``left`` is the
     fraction that remains, and ``lost`` tells that no equilibrium follows the latest state.
+    If all loads act ``together``, the load is a factor on all of them (:func:`_together`).
     """
 
     def __init__(
-        self, system: StaticSystem, state: PreloadState, change: float, load: float, longest: float
+        self,
+        system: StaticSystem,
+        state: PreloadState,
+        change: float,
+        load: float,
+        longest: float,
+        *,
+        together: bool,
     ) -> None:
         self.system = system
         self.state = state
         self.change = change
         self.load = load
         self.longest = longest
+        self.together = together
         self.left = 1.0
         self.lost = False
         self.step = longest
@@ -986,7 +1021,8 @@ class _LoadPath:
     def _jump(self, step: float) -> None:
         """Find an equilibrium that does not follow from the latest state.
 
-        Convex problems lead to it; with compiled laws or cubic springs, an overdamped motion.
+        Convex problems or Lemke's method lead to it; with compiled laws or cubic springs, an
+        overdamped motion.
         """
         # a long step first: a body that slides would need a jump in each of many short steps, and
         # rounding hides the load of a short first step; a body may also have to cross a gap
@@ -997,10 +1033,10 @@ class _LoadPath:
             if end.ok:
                 break
         if not end.ok:
-            note = (
-                "static contact has no equilibrium above a load of "
-                f"{self.state.load:.6g} N (residual {end.residual:.2g})"
-            )
+            above = f"a load of {self.state.load:.6g} N"
+            if self.together:
+                above = f"{percent(self.state.load)} of loads and interference"
+            note = f"static contact has no equilibrium above {above} (residual {end.residual:.2g})"
             self.state = replace(self.state, ok=False, reason=note)
             self.lost = True
             return
@@ -1013,7 +1049,7 @@ class _LoadPath:
         if system.own is not None or np.any(system.cubic):
             return _creep(system, load, self.state)
         before = _slider_memory(system, self.state)
-        return _LoadStep(system, load, before, self.state.load).solve_convex(), before
+        return _LoadStep(system, load, before, self.state.load).solve_far(), before
 
     def _accept(
         self,
