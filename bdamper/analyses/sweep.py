@@ -32,6 +32,7 @@ from bdamper.harmonic_balance.parameters import (
     vary,
 )
 from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.rotor_speed import preload_at
 from bdamper.harmonic_balance.study_boundary import StudyLike, in_type_of, problem_of
 from bdamper.response.branches import UNBOUNDED
 from bdamper.response.first_slip import first_slip
@@ -98,7 +99,8 @@ class PeakTask(validation.Checked):
     Parameters
     ----------
     preload : float, N, optional
-        Preload if the sweep does not vary it.
+        Preload if the sweep does not vary it; by default the load of the damper at the rotor speed
+        of each study.
     frequency : (low, high), Hz, optional
         Search interval; by default around the free and the stuck resonance of ``mode``.
     mode : int
@@ -108,7 +110,7 @@ class PeakTask(validation.Checked):
     shroud : str
         Name of an interface between neighbouring blades.  It adds its state at rest and its first
         slip; a sweep over ``"constant_loads.shroud"`` or ``"gap.shroud"`` then shows which
-        interference a shroud needs.
+        interference a shroud needs, and one over ``"speed"`` what rotation leaves of it.
 
         - "shroud_force", N: normal force at rest
         - "interference", m: largest one of its points at assembly
@@ -130,13 +132,17 @@ class PeakTask(validation.Checked):
         super().__post_init__()
 
     def __call__(self, study: StudyLike | Problem, preload: float | None) -> Values:
+        problem = problem_of(study)
         # the preload of the task, if the sweep does not vary it
         load: Any = self.preload if preload is None else preload
+        if load is None:
+            speed = problem.settings.speed
+            if speed is None:
+                raise SettingError("preload: expected a number, or a study at a rotor speed")
+            load = preload_at(problem, speed)
         if self.shroud:
-            validation.choice("shroud", self.shroud, problem_of(study).settings.shrouds)
-        peak = highest_peak(
-            problem_of(study), load, self.frequency, mode=self.mode, errors=self.errors
-        )
+            validation.choice("shroud", self.shroud, problem.settings.shrouds)
+        peak = highest_peak(problem, load, self.frequency, mode=self.mode, errors=self.errors)
         stick, slip, separation = peak.shares
         doubts = []
         search = with_reason(peak.search_status, peak.search_reason)
@@ -146,7 +152,7 @@ class PeakTask(validation.Checked):
             doubts.append(f"search {search}")
         of_shroud: dict[str, Any] = {}
         if self.shroud:
-            of_shroud, doubt = self._shroud_values(problem_of(study), load)
+            of_shroud, doubt = self._shroud_values(problem, load)
             if doubt:
                 doubts.append(doubt)
         return {
@@ -256,7 +262,8 @@ class SweepResult(
 ):
     """Results at all points of a sweep.
 
-    ``plot`` draws one quantity against the last setting (:func:`bdamper.plot.plot_sweep`).
+    ``plot`` draws one quantity against the last setting, or the quantities of a shroud
+    (:func:`bdamper.plot.plot_sweep`).
 
     Parameters
     ----------
@@ -704,8 +711,13 @@ def _question(
     preload: float | None,
     frequency: tuple[float, float] | None,
     mode: int,
+    *,
+    at_speed: bool,
 ) -> Task:
-    """Return the function to evaluate: ``evaluate``, or the search for the highest peak."""
+    """Return the function to evaluate: ``evaluate``, or the search for the highest peak.
+
+    ``at_speed`` tells whether the study has a rotor speed, from which its preload follows.
+    """
     if evaluate is None:
         evaluate = PeakTask(preload, frequency, mode)
     elif preload is not None or frequency is not None or mode != 1:
@@ -715,7 +727,8 @@ def _question(
     is_task = callable(task) and not isinstance(task, type)
     expected = "PeakTask(...), OptimalTask(...) or a function"
     validation.check_value(is_task, "evaluate", expected, task)
-    if isinstance(task, PeakTask) and task.preload is None and "preload" not in names:
+    has_load = {"preload", "speed"} & {*names} or at_speed
+    if isinstance(task, PeakTask) and task.preload is None and not has_load:
         raise SettingError(
             'preload: expected a number, or "preload" among the settings of the sweep, found neither'
         )
@@ -735,6 +748,9 @@ def _check_plausible(
     if any(name.startswith("excitation") for name in over):
         return
     preload_or_preloads = over.get("preload", evaluate.preload)
+    if preload_or_preloads is None:
+        # the loads at rotor speeds are no choice
+        return
     preloads = validation.numbers("preload", np.atleast_1d(preload_or_preloads), unit="N")
     if in_task:
         plausible_ranges.check("sweep", "preload", preloads, problem.sizes)
@@ -757,6 +773,7 @@ def _check_loads(problem: Problem, evaluate: Task, points: NDArray) -> None:
     for i in range(len(points)):
         point = row_of(points, i)
         preload = point.get("preload", getattr(evaluate, "preload", None))
+        # without one it is the centrifugal load
         if preload is None:
             continue
         speed = point.get("speed", problem.settings.speed)
@@ -880,7 +897,8 @@ def sweep(
     _check_names(problem, over)
     check_executor(executor)
     progress = shows_progress(progress)
-    evaluate = _question(evaluate, names, preload, frequency, mode)
+    at_speed = problem.settings.speed is not None
+    evaluate = _question(evaluate, names, preload, frequency, mode, at_speed=at_speed)
     in_task = preload is None and "preload" not in over and called_by_user()
     _check_plausible(problem, evaluate, over, in_task)
     _check_loads(problem, evaluate, points)

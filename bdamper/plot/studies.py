@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import cycle
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -34,6 +34,7 @@ from bdamper.plot.axes import (
     SMALL,
     broken,
     colours,
+    drawing,
     legend_beside,
     looks,
     lost,
@@ -48,6 +49,7 @@ from bdamper.plot.axes import (
 )
 from bdamper.response.sensitivity import Sensitivities
 from bdamper.response.verification import Convergence
+from bdamper.util.display import register_plot
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import amount, peak_text, percent, spaced, unit_of
 from bdamper.util.records import row_of
@@ -58,6 +60,8 @@ from bdamper.util.tables import FEW_ROWS, Tabular, axis_label, quantities
 HATCHES = ("", "//", "..", "xx", "\\\\")
 MAIN = ("amplitude", "optimum_amplitude")
 """Quantities of a sweep that are plotted by default."""
+OF_SHROUD = ("shroud_force", "static_slip", "first_slip", "locked_amplitude", "amplitude")
+"""Quantities of a sweep over the load or speed of a shroud."""
 _WORDS = {
     "amplitude": "resonance amplitude",
     "frequency": "resonance frequency",
@@ -75,9 +79,15 @@ def _with_unit(name: str) -> str:
     return f"{label} ({unit})" if unit else label
 
 
-@picture(SweepResult)
-def plot_sweep(result: SweepResult, quantity: str | None = None, ax: Axes = NEW) -> None:
-    """Plot a quantity against the last setting of a sweep.
+@register_plot(SweepResult)
+def plot_sweep(
+    result: SweepResult,
+    quantity: str | None = None,
+    ax: Axes | NDArray | None = NEW,
+    *,
+    title: str = "",
+) -> Axes | NDArray:
+    """Plot a quantity against the last setting of a sweep, or force, slip and peak of a shroud.
 
     Each combination of the other settings has its own line.  Crosses at the lower edge, in the
     colour of the line, mark points without a value.
@@ -87,7 +97,30 @@ def plot_sweep(result: SweepResult, quantity: str | None = None, ax: Axes = NEW)
     result : SweepResult
     quantity : str, optional
         By default the amplitude, the amplitude of the optimum, or the first quantity of the sweep.
+        For a sweep with the columns of a shroud (:class:`bdamper.PeakTask`) these are, in three
+        axes below each other: normal force and slip at rest; first slip; highest peak and amplitude
+        at first slip.
+    ax : matplotlib axes, or three of them for a shroud, optional
+    title : str
+
+    Returns
+    -------
+    matplotlib axes, or an array of three
     """
+    has_shroud = {*OF_SHROUD} <= {*result.quantities}
+    wants_panels = quantity is None and (ax is None or np.size(np.asarray(ax, object)) == 3)
+    if has_shroud and wants_panels:
+        size = (COLUMN, 5.0)
+        with drawing(ax, size=size, title=title, legend=SMALL, rows=3, shown=result) as axes:
+            _draw_shroud(result, axes)
+            return cast(NDArray, axes)
+    with drawing(ax, title=title, legend=SMALL, shown=result) as one:
+        _draw_quantity(result, quantity, one)
+        return cast(Axes, one)
+
+
+def _draw_quantity(result: SweepResult, quantity: str | None, ax: Axes) -> None:
+    """Plot one quantity, the main one by default, against the last setting."""
     if not quantity:
         candidates = [name for name in (*MAIN, *result.quantities) if name in result.quantities]
         quantity = candidates[0] if candidates else MAIN[0]
@@ -96,20 +129,75 @@ def plot_sweep(result: SweepResult, quantity: str | None = None, ax: Axes = NEW)
         found = f"'{quantity}' has the shape {values.shape}"
         raise SettingError(f"quantity must have one number for each point, {found}")
     setting = result.names[-1]
+    across, names = _lines_of(result)
+    for line, name, look in zip(values.reshape(len(names), -1), names, looks(len(names))):
+        ax.plot(across, line, **look, label=name or None)
+        lost(ax, across[~np.isfinite(line)], look["color"], "no value")
+    _scale_across(ax, across)
+    ax.set(xlabel=_with_unit(setting), ylabel=_with_unit(quantity))
+
+
+def _lines_of(result: SweepResult) -> tuple[NDArray, list[str]]:
+    """Return the values of the last setting, and the other settings of each line as text."""
+    setting = result.names[-1]
     n_across = result.shape[-1]
     settings = result.points[setting][:n_across].tolist()
     is_numeric = all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in settings)
     across = np.array(settings if is_numeric else [str(x) for x in settings])
-    lines = values.reshape(-1, n_across)
-    for k, (line, look) in enumerate(zip(lines, looks(len(lines)))):
+    names = []
+    for k in range(0, len(result), n_across):
         # the points of a line follow each other and share all settings but the last
-        point = row_of(result.points, k * n_across)
-        other_settings = {name: point[name] for name in result.names[:-1]}
-        ax.plot(across, line, **look, label=as_words(other_settings) or None)
-        lost(ax, across[~np.isfinite(line)], look["color"], "no value")
-    if is_numeric and min(settings) > 0.0 and max(settings) > 20.0 * min(settings):
+        point = row_of(result.points, k)
+        names.append(as_words({name: point[name] for name in result.names[:-1]}))
+    return across, names
+
+
+def _scale_across(ax: Axes, across: NDArray) -> None:
+    """Make the axis of a setting logarithmic if its values span more than a decade."""
+    if across.dtype.kind in "fi" and across.min() > 0.0 and across.max() > 20.0 * across.min():
         ax.set_xscale("log")
-    ax.set(xlabel=_with_unit(setting), ylabel=_with_unit(quantity))
+
+
+def _draw_shroud(result: SweepResult, axes: NDArray) -> None:
+    """Plot the columns of a shroud: force and slip at rest, first slip, and amplitudes."""
+    at_rest, first_slip, amplitudes = axes
+    setting = result.names[-1]
+    across, names = _lines_of(result)
+    label = _with_unit(setting)
+    is_gap = setting.startswith("gap.") and across.dtype.kind == "f"
+    if is_gap and np.all(across <= 0.0):
+        across = -across
+        label = "Interference (m)"
+
+    slip_axis = at_rest.twinx()
+    slip_axis.grid(False)
+    several = len(names) > 1
+    columns = {name: result.array(name).reshape(len(names), -1) for name in OF_SHROUD}
+    for k, (name, look) in enumerate(zip(names, looks(len(names)))):
+        hollow = {**look, "linestyle": DASHED, "markerfacecolor": "w"}
+        suffix = f", {name}" if several else ""
+        at_rest.plot(across, columns["shroud_force"][k], **look)
+        slip_axis.plot(across, columns["static_slip"][k], **hollow)
+        first_slip.plot(across, columns["first_slip"][k], **look)
+        peak = columns["amplitude"][k]
+        amplitudes.plot(across, peak, **look, label=f"highest peak{suffix}")
+        at_first_slip = columns["locked_amplitude"][k]
+        amplitudes.plot(across, at_first_slip, **hollow, label=f"at first slip{suffix}")
+        lost(amplitudes, across[~np.isfinite(peak)], look["color"], "no peak")
+    first_slip.axhline(1.0, color="0.45", linewidth=1.0, label="excitation")
+    for ax, quantities_drawn in (
+        (first_slip, ("first_slip",)),
+        (amplitudes, ("amplitude", "locked_amplitude")),
+    ):
+        drawn = np.concatenate([columns[name].ravel() for name in quantities_drawn])
+        positive = drawn[np.isfinite(drawn)]
+        if len(positive) and positive.min() > 0.0 and positive.max() > 10.0 * positive.min():
+            ax.set_yscale("log")
+    at_rest.set(ylabel="Force at rest (N)", ylim=(0.0, None))
+    slip_axis.set(ylabel="Slip at rest, dashed (m)", ylim=(0.0, None))
+    first_slip.set(ylabel="First slip over excitation")
+    amplitudes.set(ylabel="Amplitude (m)", xlabel=label)
+    _scale_across(amplitudes, across)
 
 
 FEWEST_DRAWS = 20

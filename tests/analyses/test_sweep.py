@@ -1137,3 +1137,20 @@ def test_a_shroud_over_its_interference():
     assert swept_gap.array("interference")[0] == pytest.approx(interference, rel=1e-12)
     with pytest.raises(bd.SettingError, match="shroud: expected"):
         bd.PeakTask(preload=300.0, frequency=band, shroud="tip")(study, None)
+
+
+@pytest.mark.slow
+def test_a_sweep_over_speed_has_the_load_of_the_damper():
+    """Without a preload it is that of each speed; without a speed it is missing."""
+    study = bd.Study(
+        bd.reference_model("turbine_blade"), bd.Excitation("tip", amplitude=20.0), engine_order=5,
+        harmonics=1, blade_modes=3,
+    )  # fmt: skip
+    task = bd.PeakTask(frequency=(600.0, 900.0), errors=False)
+    swept = bd.sweep(study, {"speed": [850.0, 900.0]}, task)
+    for i, speed in enumerate((850.0, 900.0)):
+        at = study.at_speed(speed)
+        expected = at.peak(at.preload, (600.0, 900.0), errors=False)
+        assert swept.values[i]["amplitude"] == pytest.approx(expected.amplitude, rel=1e-9)
+    with pytest.raises(bd.SettingError, match="preload: expected a number"):
+        bd.sweep(study, {"friction_coefficient": [0.2]}, task)

@@ -556,3 +556,35 @@ def test_numbers_of_the_pressure_of_a_shipped_model_do_not_touch(name):
             for one, other in zip(boxes, boxes[1:]):
                 assert not one.overlaps(other), (ax.get_title(), axis.axis_name)
     plt.close("all")
+
+
+def test_a_sweep_with_a_shroud_draws_force_slip_first_slip_and_amplitudes(study):
+    """Each panel has the numbers of its columns, and a missing peak is a cross."""
+
+    def row(_, preload):
+        lost = preload > 40.0
+        return {
+            "amplitude": np.nan if lost else 1e-6 * preload,
+            "shroud_force": 2.0 * preload,
+            "static_slip": 1e-5 * preload,
+            "first_slip": 0.01 * preload,
+            "locked_amplitude": 1e-7 * preload,
+        }
+
+    loads = [10.0, 20.0, 50.0]
+    swept = bd.sweep(study, {"preload": loads}, row)
+    at_rest, first_slip, amplitudes, slip_axis = swept.plot().axes
+    drawn = {
+        "shroud_force": at_rest.lines[0],
+        "static_slip": slip_axis.lines[0],
+        "first_slip": first_slip.lines[0],
+        "amplitude": amplitudes.lines[0],
+        "locked_amplitude": amplitudes.lines[1],
+    }
+    for name, line in drawn.items():
+        np.testing.assert_array_equal(line.get_ydata(), swept.array(name))
+        np.testing.assert_array_equal(line.get_xdata(), loads)
+    assert [line.get_xdata().tolist() for line in amplitudes.lines[2:]] == [[50.0]]
+    assert "mm" in slip_axis.get_ylabel() and amplitudes.get_xlabel() == "Preload (N)"
+    (single,) = swept.plot("first_slip").axes
+    np.testing.assert_array_equal(single.lines[0].get_ydata(), swept.array("first_slip"))
