@@ -14,7 +14,7 @@ from dataclasses import MISSING, dataclass, fields, replace
 from functools import partial
 from inspect import getdoc
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from numpy.typing import NDArray
 
@@ -161,6 +161,7 @@ class Study(Comparable):
         residual_slip_std: float = 0.0,
         residual_slip_seed: int = 0,
         aerodynamic_damping: complex | Mapping[int, complex] | None = None,
+        residual_forces: Literal["rest", "most"] | None = None,
     ) -> None:
         # check_settings warns of implausible values, because it knows the sizes of the model
         settings = Settings(
@@ -195,6 +196,7 @@ class Study(Comparable):
             residual_slip_std=residual_slip_std,
             residual_slip_seed=residual_slip_seed,
             aerodynamic_damping=aerodynamic_damping,
+            residual_forces=residual_forces,
         )
         self._ask(Problem(settings))
 

@@ -35,8 +35,8 @@ from bdamper.harmonic_balance.contact_setup import (
 )
 from bdamper.harmonic_balance.equations import Equations, Layout
 from bdamper.harmonic_balance.model_sizes import Sizes
-from bdamper.harmonic_balance.residual_forces import Residual
-from bdamper.harmonic_balance.sector import SectorData
+from bdamper.harmonic_balance.residual_forces import ROUNDING, Residual
+from bdamper.harmonic_balance.sector import Linear, SectorData
 from bdamper.harmonic_balance.settings import Settings, check_history
 from bdamper.model.contact_points import unite_contact_points
 from bdamper.model.gauges import ALONG_GAUGE, GAUGE, with_gauge
@@ -54,6 +54,7 @@ from bdamper.model.residual_vectors import completed
 from bdamper.model.structure import ContactStiffness, Model
 from bdamper.util import validation
 from bdamper.util.errors import ModelError, SettingError, StaticError, inside_package, warn
+from bdamper.util.formatting import amount, listed
 from bdamper.util.progress import CostMeter, one_thread
 
 T = TypeVar("T")
@@ -69,15 +70,6 @@ def made_once(make: Callable[[Any], T]) -> cached_property[T]:
     prop = cached_property(make)
     prop.lock = nullcontext()  # type: ignore[attr-defined]
     return prop
-
-
-ROUNDING = 1e-9
-"""Rounding error of the forces of stiff joints relative to their reference force; the tolerance of
-response curves.
-
-Stiff faces that barely move carry forces far above the excitation: up to 2,000 times on a shroud of
-a random sector, which moves by 1.3 m if it is pressed with 14.8 kN.
-"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,8 +188,8 @@ class Problem:
             Values of properties, for example ``bases=``.
         """
         derived = dict(vars(self))
-        # sizes and load cases refer to this problem
-        for name in ("settings", "sizes", "residual_states", "_load_cases"):
+        # sizes and load cases refer to this problem, and forces to its modes
+        for name in ("settings", "sizes", "excitation_force", "linear", "_load_cases"):
             derived.pop(name, None)
         return Problem(self.settings, derived | parts)
 
@@ -206,11 +198,6 @@ class Problem:
     @made_once
     def static_states(self) -> dict[tuple[float, ...], PreloadState]:
         """Static states computed so far, by preload and load history."""
-        return {}
-
-    @made_once
-    def residual_states(self) -> dict[float, Residual]:
-        """Residual forces of joints that are locked, by preload; shrouds have their own."""
         return {}
 
     @made_once
@@ -717,8 +704,26 @@ class Problem:
         if state is None:
             state = self._loaded_static(system, preload, factors)
             watch.count(state.iterations)
+        if not state.ok:
+            state = replace(state, reason=f"{state.reason}{self._other_loads}")
         self.static_states[key] = replace(state, cost=watch.read(), **self._surfaces)
         return self.static_states[key]
+
+    @property
+    def _other_loads(self) -> str:
+        """Interference beside which there is no static state, with a remedy, or ""."""
+        texts = []
+        for name in dict.fromkeys(self.coupling.interface_of):
+            of_face = self.interference[self.coupling.rows(name)]
+            largest = float(np.nan_to_num(of_face).max(initial=0.0))
+            if largest > 0.0:
+                texts.append(f"{amount(largest, 'm')} of interference on '{name}'")
+        if not texts:
+            return ""
+        return (
+            f" with {listed(texts)}; a slightly different interference, load or friction "
+            "coefficient may have one"
+        )
 
     def _scaled_static(
         self, system: StaticSystem, preload: float, factor: float
@@ -807,6 +812,38 @@ class Problem:
         return self.layout.n_unknowns
 
     @made_once
+    def excitation_force(self) -> tuple[NDArray, float]:
+        """Modal forces (n_unknowns,) of the harmonics, without mean, and the largest of them.
+
+        Raises SettingError if nothing is excited or the force is not finite.
+        """
+        forces = {harmonic: self.modal_force(harmonic) for harmonic in self.settings.excited}
+        vibration = max(float(np.abs(modal).max()) for modal in forces.values())
+        least, most = FORCES
+        if not least <= np.abs(forces[1]).max() <= vibration <= most:
+            excitation = self.settings.excitation
+            unit = self.settings.unit_of(excitation)
+            raise SettingError(
+                "excitation: expected a force that works on the modes of harmonic 1, with modal "
+                f"forces from {least:g} to {most:g}, found {excitation.amplitude:g} {unit} at "
+                f"'{excitation.location}', {excitation.direction}"
+            )
+        layout = self.layout
+        force = np.zeros(layout.n_unknowns)
+        for harmonic, modal in forces.items():
+            cosine, sine = layout.slices(harmonic)
+            force[cosine] = modal.real
+            force[sine] = -modal.imag
+        return force, vibration
+
+    @made_once
+    def linear(self) -> Linear:
+        """Structure with linear springs in place of the contact.  It needs no static state."""
+        force, _ = self.excitation_force
+        springs = self.point_stiffness * self.coupling.spring_points[:, None]
+        return Linear(tuple(self.bases), springs, self.layout, force)
+
+    @made_once
     def _load_cases(self) -> dict[float, LoadCase]:
         return {}
 
@@ -824,14 +861,6 @@ class Problem:
             self._load_cases[preload] = LoadCase(self, preload)
         return self._load_cases[preload]
 
-    def start_from(self, preload: float, residual: Residual | None) -> LoadCase:
-        """Return the problem under a preload (N), from now on with residual forces or without."""
-        self.residual_states.pop(preload, None)
-        if residual is not None:
-            self.residual_states[preload] = residual
-        self._load_cases.pop(preload, None)
-        return self.at(preload)
-
     def system(self, preload: float) -> Equations[SectorData]:
         """Return the harmonic balance equations at one preload (N): ``at(preload).equations``."""
         return self.at(preload).equations
@@ -846,7 +875,7 @@ class LoadCase:
     problem : Problem
     preload : float, N
     from_rest : bool
-        Whether the vibration of a shroud also starts from the static state.
+        Whether the vibration starts from the static state in any case.
     """
 
     problem: Problem
@@ -866,15 +895,9 @@ class LoadCase:
     def residual(self) -> Residual | None:
         """Residual forces from which the vibration starts, None if it starts from rest.
 
-        A vibration of a shroud that slips at first changes the mean friction forces until it slips
-        least or not at all.
+        They depend on the study and the preload alone, not on analyses before.
         """
-        if self.from_rest:
-            return None
-        given = self.problem.residual_states.get(self.preload)
-        if given is not None or not self.problem.settings.shrouds:
-            return given
-        return residual_forces.of_shroud(self.rest)
+        return None if self.from_rest else residual_forces.of_case(self.rest)
 
     @made_once
     def rest(self) -> LoadCase:
@@ -950,8 +973,9 @@ class LoadCase:
         """
         problem = self.problem
         settings = problem.settings
-        force, vibration = self._modal_forces()
+        _, vibration = problem.excitation_force
         state = self.equilibrium
+        force = self._modal_forces()
         points = self._points(state)
         bases = problem.bases
         if not settings.separation or not settings.variable_normal_load:
@@ -990,36 +1014,16 @@ class LoadCase:
             spring_bases=problem.bases,
         )
 
-    def _modal_forces(self) -> tuple[NDArray, float]:
-        """Return the forces (n_unknowns,) of mean and harmonics, and the largest force that
-        vibrates.
-
-        Raises SettingError if nothing is excited or the force is not finite.
-        """
+    def _modal_forces(self) -> NDArray:
+        """Return the forces (n_unknowns,) of mean and harmonics."""
         problem = self.problem
-        forces = {harmonic: problem.modal_force(harmonic) for harmonic in problem.settings.excited}
-        vibration = max(float(np.abs(modal).max()) for modal in forces.values())
-        least, most = FORCES
-        if not least <= np.abs(forces[1]).max() <= vibration <= most:
-            excitation = problem.settings.excitation
-            unit = problem.settings.unit_of(excitation)
-            raise SettingError(
-                "excitation: expected a force that works on the modes of harmonic 1, with modal "
-                f"forces from {least:g} to {most:g}, found {excitation.amplitude:g} {unit} at "
-                f"'{excitation.location}', {excitation.direction}"
-            )
-
-        layout = problem.layout
+        excitation, _ = problem.excitation_force
         load, _ = problem.damper_load
         constant_force, _ = problem.fixed_load
-        force = np.zeros(layout.n_unknowns)
-        mean, _ = layout.slices(0)
+        force = excitation.copy()
+        mean, _ = problem.layout.slices(0)
         force[mean] = (self.equilibrium.load * load + constant_force)[mean]
-        for harmonic, modal in forces.items():
-            cosine, sine = layout.slices(harmonic)
-            force[cosine] = modal.real
-            force[sine] = -modal.imag
-        return force, vibration
+        return force
 
     def _points(self, state: PreloadState) -> PointArrays:
         """Return the contact points, with the sliders of a static state."""

@@ -10,7 +10,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from functools import partial
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, Literal, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -165,6 +165,11 @@ class Settings(validation.Answering):
         analysis starts.
     residual_slip_seed : int
         Seed of the random numbers.
+    residual_forces : {"rest", "most"}, optional
+        Mean friction forces of joints between constrained bodies from which the vibration starts:
+        those of the static state, or those with which contacts slip last, up to ten times
+        :meth:`first slip <bdamper.Study.first_slip>`.  Default: "most" for shrouds, and for other
+        joints below first slip whose forces at rest are lost in rounding; "rest" otherwise.
 
     Raises
     ------
@@ -209,6 +214,7 @@ class Settings(validation.Answering):
     residual_slip_std: validation.Length = 0.0
     residual_slip_seed: validation.Natural = 0
     aerodynamic_damping: complex | Mapping[int, complex] | None = None
+    residual_forces: Literal["rest", "most"] | None = None
 
     def __post_init__(self) -> None:
         check_model_once(self.model)

@@ -536,8 +536,6 @@ def found_at(
             frequency_response(problem, preload, frequency, options=continuation, progress=progress)
         )
         meter.count(curve.cost.iterations, curve.cost.failed_steps)
-        # a locked joint starts from other residual forces than the search began with
-        case = problem.at(preload)
         curve, top = _with_highest(case, curve, options)
         if top is not None:
             meter.count(top.peak.iterations)
@@ -712,7 +710,11 @@ def as_peak(problem: Problem, response: AtPreload, frequency: tuple[float, float
         search_reason=of_search.reason,
         status=end.status,
         reason=end.reason,
-        notes=(*response.curve.self_locking, *response.curve.residual_forces),
+        notes=(
+            *response.curve.self_locking,
+            *response.curve.residual_forces,
+            *response.curve.contact_changes,
+        ),
         settings=settings,
         model_hash=problem.model.hash,
     )

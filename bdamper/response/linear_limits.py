@@ -31,8 +31,10 @@ from bdamper.util.progress import CostMeter, one_thread
 @one_thread
 def free(problem: Problem, frequency: tuple[float, float] | None, mode: int = 1) -> ResponseCurve:
     """See :meth:`bdamper.Study.free`."""
-    frequency = peak_interval(_pressed(problem), frequency, mode)
-    return _linear(problem.at(0.0), "free", frequency, None)
+    case = _pressed(problem)
+    frequency = peak_interval(case, frequency, mode)
+    check_interval(case, frequency)
+    return _linear(problem, "free", 0.0, frequency, None)
 
 
 @one_thread
@@ -45,7 +47,9 @@ def stuck(
     """See :meth:`bdamper.Study.stuck`."""
     case = _pressed(problem, preload)
     springs = case.stuck_springs(touching=True)
-    return _linear(case, "stuck", peak_interval(case, frequency, mode), springs)
+    frequency = peak_interval(case, frequency, mode)
+    check_interval(case, frequency)
+    return _linear(problem, "stuck", case.preload, frequency, springs)
 
 
 def _pressed(problem: Problem, preload: float | None = None) -> LoadCase:
@@ -60,7 +64,11 @@ def _pressed(problem: Problem, preload: float | None = None) -> LoadCase:
 
 
 def _linear(
-    case: LoadCase, kind: str, frequency: tuple[float, float], springs: NDArray | None
+    problem: Problem,
+    kind: str,
+    preload: float,
+    frequency: tuple[float, float],
+    springs: NDArray | None,
 ) -> ResponseCurve:
     """Compute the linear response over an interval (Hz).
 
@@ -70,11 +78,9 @@ def _linear(
     lowest, highest = validation.interval("frequency", frequency)
     low = 2.0 * np.pi * lowest
     high = 2.0 * np.pi * highest
-    check_interval(case, frequency)
-    problem = case.problem
-    system = case.equations
-    linear = system.structure.linear
-    row = system.response_rows[1]
+    linear = problem.linear
+    rows = problem.response_rows
+    row = rows[1]
     omega, undamped = _sample(linear, row, springs, low, high)
     missing_ranges = []
     for pole in undamped:
@@ -94,18 +100,20 @@ def _linear(
             tops.append(top)
     omega = np.unique(np.concatenate([omega, tops]))
     n = len(omega)
-    u = np.zeros((n, system.n_unknowns))
+    u = np.zeros((n, problem.n_unknowns))
+    harmonics = np.zeros((n, len(rows)), complex)
     # largest residual of all excited harmonics at each frequency
     unbalanced = np.zeros(n)
     largest_force = 1e-300
     for harmonic in problem.settings.excited:
-        force = system.layout.amplitudes(system.structure.force, harmonic)
-        cosine, sine = system.layout.slices(harmonic)
+        force = linear.layout.amplitudes(linear.force, harmonic)
+        cosine, sine = linear.layout.slices(harmonic)
         # complex modal amplitudes (n, n_modes)
         q = np.array([linear.response(at_point, springs, harmonic) for at_point in omega])
         # Re[q exp(i l omega t)] has the cosine Re q and the sine -Im q
         u[:, cosine] = q.real
         u[:, sine] = -q.imag
+        harmonics[:, harmonic] = q @ rows[harmonic]
         for i, at_point in enumerate(omega):
             residual = linear.matrix(at_point, springs, harmonic) @ q[i] - force
             unbalanced[i] = np.maximum(unbalanced[i], np.abs(residual).max())
@@ -113,7 +121,7 @@ def _linear(
     return ResponseCurve(
         kind=kind,
         frequency=omega / (2.0 * np.pi),
-        harmonics=system.response(u),
+        harmonics=harmonics,
         unknowns=u,
         residual=unbalanced / largest_force,
         shares=np.tile(_shares(problem, springs), (n, 1)),
@@ -121,7 +129,7 @@ def _linear(
         rank_deficiency=np.zeros(n, int),
         branch=np.zeros(n, int),
         point_kind=tuple("maximum" if top in tops else "regular" for top in omega.tolist()),
-        preload=case.preload,
+        preload=preload,
         status=INCOMPLETE if missing_ranges else COMPLETE,
         reason=", ".join(["linear", *(part.at_middle for part in missing_ranges)]),
         missing_ranges=tuple(missing_ranges),
@@ -228,11 +236,11 @@ def free_and_stuck(case: LoadCase, modes: int) -> tuple[NDArray, NDArray]:
     SettingError
         If the bodies have fewer modes.
     """
-    sector = case.problem.at(0.0).sector
-    basis = sector.bases[1]
-    if np.any(sector.springs):
+    linear = case.problem.linear
+    basis = case.problem.bases[1]
+    if np.any(linear.springs):
         # springs couple the modes of the bodies
-        frequencies, *_ = sector.linear.modes(contact=None)
+        frequencies, *_ = linear.modes(contact=None)
         omega2 = frequencies**2
     else:
         # without rigid bodies and residual modes
@@ -244,7 +252,7 @@ def free_and_stuck(case: LoadCase, modes: int) -> tuple[NDArray, NDArray]:
     expected = f"1 to {len(omega2)} ({lowest}{more} Hz without contact)"
     validation.check(1 <= modes <= len(omega2), "mode", expected, modes)
     free = np.sqrt(omega2[:modes])
-    stuck_frequencies, *_ = sector.linear.modes(case.stuck_springs(touching=True))
+    stuck_frequencies, *_ = linear.modes(case.stuck_springs(touching=True))
     # ascending resonances that no lower mode has taken
     left = list(stuck_frequencies)
     rounding = 1e-9
@@ -293,17 +301,14 @@ def linear_peak(case: LoadCase, frequency: tuple[float, float], *, stuck: bool) 
     """
     if stuck and not case.static.ok:
         return Limit(np.nan, np.nan)
-    if stuck:
-        sector = case.sector
-        springs = case.stuck_springs(touching=True)
-    else:
-        sector = case.problem.at(0.0).sector
-        springs = None
+    springs = case.stuck_springs(touching=True) if stuck else None
+    linear = case.problem.linear
+    row = case.problem.response_rows[1]
     low = 2.0 * np.pi * frequency[0]
     high = 2.0 * np.pi * frequency[1]
     highest = Limit(np.nan, np.nan)
-    for pole, width, _ in sector.linear.resonances((springs,), *around(low, high)):
-        omega, amplitude = sector.linear.maximum(sector.response_rows[1], springs, pole, width)
+    for pole, width, _ in linear.resonances((springs,), *around(low, high)):
+        omega, amplitude = linear.maximum(row, springs, pole, width)
         if not low <= omega <= high:
             continue
         if np.isnan(highest.amplitude) or amplitude > highest.amplitude:

@@ -395,7 +395,7 @@ class Curves:
             progress_stages(self.progress, "optimal curve", "curve")
         )
         # shared quantities, before the threads start
-        _ = self.problem.at(0.0).equations
+        _ = self.problem.linear, self.problem.static_system(1.0)
         self.work.__enter__()
         return self
 

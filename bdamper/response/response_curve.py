@@ -68,6 +68,7 @@ from bdamper.response.response_curve_result import (
     crossed,
     unstable_points,
 )
+from bdamper.response.shroud_contact import changes_of_contact
 from bdamper.util import validation
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, SettingError
 from bdamper.util.formatting import amount, listed, span
@@ -385,9 +386,7 @@ def frequency_response(
             if free_response is not None:
                 return free_response
         curve = _covered(case, frequency, options, progress)
-        if problem.settings.shrouds:
-            return curve
-        return _locked(case, curve, frequency, options, progress)
+        return replace(curve, reason=curve.reason + _sticks_instead(case, curve, frequency))
 
 
 def _covered(
@@ -421,6 +420,9 @@ def _covered(
     if case.residual is not None:
         factor = case.residual.first_slip
         remarks.append((STICKS if factor >= 1.0 else SLIPS).format(factor))
+    if len(curve):
+        changes = changes_of_contact(case, frequency, curve.peak.y)
+        remarks += [changes] if changes else []
     return replace(
         curve,
         reason=_reason(case, search, curve),
@@ -429,39 +431,24 @@ def _covered(
     )
 
 
-def _locked(
-    case: LoadCase,
-    curve: ResponseCurve,
-    frequency: tuple[float, float],
-    options: ContinuationOptions,
-    progress: bool,
-) -> ResponseCurve:
-    """Return the curve of a locked joint if that from the static state has gaps that it closes.
+def _sticks_instead(case: LoadCase, curve: ResponseCurve, frequency: tuple[float, float]) -> str:
+    """Return the remedy for a curve from rest with gaps, of a joint that needs not slip, or "".
 
-    Curves of shrouds start from their residual forces at once.  The vibration reduces the friction
-    that is left for the mean.  From the static state the mean position may then move far, and no
-    path passes the resonance.  A locked state has the mean friction forces that the vibration
-    needs.  All further analyses at this preload start from it.
+    The vibration reduces the friction that is left for the mean.  From the static state the mean
+    position may then move far, and no path passes the resonance.
     """
-    problem = case.problem
     # narrow gaps of a complete curve may contain its peak
     has_gaps = curve.status == NOT_FOUND or curve.gap is not None
     no_answer = curve.interrupted or curve.without_amplitude is not None
     if case.residual is not None or no_answer or not has_gaps:
-        return curve
-    locked = first_slip.residual_state(case, frequency)
-    # if another solution is higher, the locked one is not the highest
-    if locked is None or locked.first_slip < 1.0:
-        return curve
-    if curve.amplitude.max(initial=0.0) > locked.amplitude:
-        return curve
-    again = _covered(problem.start_from(case.preload, locked), frequency, options, progress)
-    if not again.complete or again.gap is not None:
-        problem.start_from(case.preload, None)
-        if again.interrupted:
-            return replace(curve, status=again.status, reason=again.reason)
-        return curve
-    return replace(again, cost=curve.cost + again.cost)
+        return ""
+    stuck = first_slip.residual_state(case, frequency)
+    if stuck is None or stuck.first_slip < 1.0:
+        return ""
+    return (
+        f"; no contact needs to slip, first slip at {stuck.first_slip:.3g} times the excitation: "
+        'study.replace(residual_forces="most") starts from the friction forces of this limit'
+    )
 
 
 def _search(

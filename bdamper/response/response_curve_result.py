@@ -66,14 +66,18 @@ LOCKED = "is self-locking: its static normal load is not unique"
 """Note on a body that friction alone can hold between its faces."""
 STICKS = (
     "locked: no contact needs to slip, first slip at {:.3g} times the excitation; other residual "
-    "forces give less, and a vibration that starts in another way may slip"
+    'forces give less, those at rest with study.replace(residual_forces="rest"), and a vibration '
+    "that starts in another way may slip"
 )
 """Note on a curve that starts at the locked state of a shroud."""
 SLIPS = (
-    "starts from the residual friction forces with which the shroud slips last, at {:.3g} times the "
-    "excitation; other residual forces may give more or less"
+    "starts from the residual friction forces with which contacts slip last, at {:.3g} times the "
+    "excitation; other residual forces may give more or less, those at rest with "
+    'study.replace(residual_forces="rest")'
 )
 """Note on a curve above first slip that starts from the same residual forces as a locked shroud."""
+CONTACT_CHANGES = "the vibration changes the contact at its highest point: it {}"
+"""Note on a vibration that opens or closes points of a shroud."""
 
 
 @short_repr
@@ -212,6 +216,11 @@ class ResponseCurve(
     def residual_forces(self) -> tuple[str, ...]:
         """Note on a curve of a shroud that starts from residual friction forces."""
         return (*self.sticks, *self._notes_like(SLIPS))
+
+    @property
+    def contact_changes(self) -> tuple[str, ...]:
+        """Note on a vibration that opens or closes points of a shroud, if it does."""
+        return self._notes_like(CONTACT_CHANGES)
 
     def _notes_like(self, text: str) -> tuple[str, ...]:
         """Return the notes that begin as a text before its first value."""
@@ -516,7 +525,8 @@ class ResponseCurve(
         higher = self.higher(float(self.amplitude[self.peak_index]))
         if higher:
             remarks.append(f"The response is {higher}")
-        remarks += [sentence(note) for note in (*self.self_locking, *self.residual_forces)]
+        about_joints = (*self.residual_forces, *self.contact_changes)
+        remarks += [sentence(note) for note in (*self.self_locking, *about_joints)]
         if self.without_steady:
             remarks.append(f"The curve is {self.status}: {self.reason}")
             remarks.append("Remedy: study.time_response(curve), the highest steady amplitude")

@@ -1082,8 +1082,6 @@ def _without_time_limit(problem: Problem, preload: float, blades: int | None) ->
     least = n_blades // gcd(n_blades, order) if order else 1
     if blades is None or blades == least:
         same_order = every_diameter(problem)
-        if same_order is not problem:
-            same_order.start_from(preload, problem.residual_states.get(preload))
         wide = system if same_order is problem else same_order.system(preload)
         return AllSectors(system, n_blades, order, wide=wide)
     if not order or n_blades % blades or blades % least:

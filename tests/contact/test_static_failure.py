@@ -117,3 +117,26 @@ def test_fixed_limits_tell_slip_from_stick_at_one_point():
         step = _LoadStep(system, 1.0, np.zeros((1, 2)), 0.0)
         found = step.at_fixed_limits(np.full((1, 2), STICK))
         np.testing.assert_array_equal(found, [expected])
+
+
+def test_free_responses_and_peaks_ask_for_no_state_without_load(monkeypatch):
+    """A damper without load may be squeezed out, so that the state at 0 N may be missing."""
+    study = plain_study(
+        bd.reference_model("bladed_disk", 9),
+        bd.Excitation("tip"),
+        engine_order=5,
+        friction_coefficient=0.3,
+        harmonics=1,
+    )
+    found = type(study.problem).static
+    asked = []
+
+    def seen(problem, preload, history=None):
+        asked.append(preload)
+        return found(problem, preload, history)
+
+    monkeypatch.setattr(type(study.problem), "static", seen)
+    free = study.free(INTERVAL)
+    peak = study.peak(200.0, errors=False)
+    assert peak.ok and free.peak.amplitude > 0.0
+    assert 0.0 not in asked and 200.0 in asked
