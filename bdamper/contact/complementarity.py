@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from bdamper.contact.friction_step import Springs
 from bdamper.contact.preload_state import OPEN, SLIP_MINUS, SLIP_PLUS, STICK
 
-DIRECTIONS = 8
+MOST_PATHS = 8
 """Largest number of directions of Lemke's path."""
 SPREAD = 3.0
 """Largest ratio of the entries of a direction, after the first, which has equal ones."""
@@ -101,7 +101,7 @@ def possible_states(
         return
 
     random = np.random.default_rng(0)
-    for attempt in range(DIRECTIONS):
+    for attempt in range(MOST_PATHS):
         direction = np.ones(len(b))
         if attempt > 0:
             direction = SPREAD ** random.random(len(b))
