@@ -123,12 +123,13 @@ def with_checks(curve: OptimalCurve) -> str:
 
 def robust_call(curve: OptimalCurve) -> str:
     """Return the call that finds the preload with the lowest amplitude for all factors on friction
-    that were tried, near the optimum.
+    that were tried, in a range from the optimum upwards.
     """
     low, high = curve.near_best
     factors = sorted(peak.factor for peak in curve.other_friction)
     samples = f'{{"friction_factor": [{", ".join(f"{factor:g}" for factor in factors)}]}}'
-    limits = f"({0.5 * low:.3g}, {2.0 * high:.3g})"
+    # less friction acts like less preload, so that the result lies above the range
+    limits = f"({low:.3g}, {5.0 * high:.3g})"
     return f"bd.robust_optimum(study, {samples}, {limits}, percentile=100{_interval(curve)})"
 
 
