@@ -164,6 +164,7 @@ lint: $(VENV)/dev.stamp
 	$(call step,codespell,$(VENV)/bin/codespell)
 	$(call step,sentences,$(PY) tools/prose.py)
 	$(call step,mypy,$(PY) -m mypy bdamper)
+	$(call step,calls in the manual,$(PY) -m tools.manual_names)
 	$(call step,clang-format,$(VENV)/bin/clang-format --dry-run --Werror csrc/*/*.c csrc/*/*.h $(wildcard tests/c/*.c tests/c/*.h))
 	$(call step,compiler warnings,PATH="$(CURDIR)/$(VENV)/bin:$$PATH" sh tools/warnings.sh)
 

@@ -276,6 +276,7 @@ def time_response(
     preload = result.preload
     with limit.counted():
         structure, text = structure_in_time(problem, result.peak.frequency)
+        held = _held_in_structure(problem, structure, result)
     without_amplitude = TimeResponse(
         mean=np.nan,
         lowest=np.nan,
@@ -290,8 +291,11 @@ def time_response(
         why = "all frequencies near the peak have several solutions; widen the interval"
         return replace(without_amplitude, status=NOT_FOUND, reason=why)
 
-    source = all_sectors(problem, preload, blades, limit)
-    sectors = source if structure is problem else all_sectors(structure, preload, blades, limit)
+    sectors = all_sectors(structure, preload, blades, limit)
+    if held is not None:
+        balance = BalanceCurve(held)
+    has_its_modes = held is not None or structure is problem
+    source = sectors if has_its_modes else all_sectors(problem, preload, blades, limit)
     progress = shows_progress(progress)
     search = SteadySearch(sectors, source, balance, steps)
     # the progress bar names the amplitude that is known already
@@ -332,6 +336,23 @@ def time_response(
     if integrations.interrupted and is_part_of_work():
         raise InterruptedResponse(response)
     return response
+
+
+def _held_in_structure(
+    problem: Problem, structure: Problem, curve: ResponseCurve
+) -> ResponseCurve | None:
+    """Return the response curve of joints that friction holds at rest, with the modes of the time integration.
+
+    The friction forces that hold a joint belong to the modes with which they were computed.  With
+    those of fewer modes a shroud slips in the first periods, and does not come back to the locked
+    motion.  The result is None if nothing is held, or if the curve has no peak.
+    """
+    if structure is problem or problem.at(curve.preload).residual is None:
+        return None
+    interval = (float(curve.frequency.min()), float(curve.frequency.max()))
+    held = uninterrupted(frequency_response(structure, curve.preload, interval))
+    has_peak = held.complete and not held.peak_at_end
+    return held if has_peak and np.isfinite(BalanceCurve(held).flank) else None
 
 
 class InterruptedResponse(KeyboardInterrupt):
