@@ -711,7 +711,7 @@ class Problem:
 
     @property
     def _other_loads(self) -> str:
-        """Interference beside which there is no static state, with a remedy, or ""."""
+        """Interference of a study without static state, with a remedy, or ""."""
         texts = []
         for name in dict.fromkeys(self.coupling.interface_of):
             of_face = self.interference[self.coupling.rows(name)]

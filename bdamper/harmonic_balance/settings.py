@@ -166,8 +166,8 @@ class Settings(validation.Answering):
     residual_slip_seed : int
         Seed of the random numbers.
     residual_forces : {"rest", "most"}, optional
-        Mean friction forces of joints between constrained bodies from which the vibration starts:
-        those of the static state, or those with which contacts slip last, up to ten times
+        Mean friction forces of joints between constrained bodies at the start of the vibration.
+        "rest": those of the static state.  "most": those that delay slip most, up to ten times
         :meth:`first slip <bdamper.Study.first_slip>`.  Default: "most" for shrouds, and for other
         joints below first slip whose forces at rest are lost in rounding; "rest" otherwise.
 

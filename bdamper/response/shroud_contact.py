@@ -13,7 +13,7 @@ from bdamper.response.response_curve_result import CONTACT_CHANGES
 from bdamper.util.formatting import listed
 
 ANGLES = 128
-"""Phase angles of a cycle at which contact is looked for."""
+"""Number of phase angles at which the contact of a cycle is evaluated."""
 FORCE_OF_CONTACT = 1e-6
 """Normal force relative to the largest one of the face in the cycle, below which a point is open."""
 ANOTHER_FREQUENCY = 1e-3
@@ -27,14 +27,14 @@ def changes_of_contact(case: LoadCase, frequency: tuple[float, float], y: NDArra
     ----------
     case : LoadCase
     frequency : (low, high), Hz
-        Interval in which the stuck resonance is looked for.
+        Interval of the stuck resonance.
     y : (n_unknowns + 1,) float
         Solution at the highest point.
     """
     problem = case.problem
     settings = problem.settings
     faces = settings.shrouds
-    # without separation the contact area is that at rest
+    # without separation the contact area does not change
     if not faces or not (settings.separation and settings.variable_normal_load):
         return ""
     theta = np.linspace(0.0, 2.0 * np.pi, ANGLES, endpoint=False)
