@@ -586,5 +586,5 @@ def test_a_sweep_with_a_shroud_draws_force_slip_first_slip_and_amplitudes(study)
         np.testing.assert_array_equal(line.get_xdata(), loads)
     assert [line.get_xdata().tolist() for line in amplitudes.lines[2:]] == [[50.0]]
     assert "µm" in slip_axis.get_ylabel() and amplitudes.get_xlabel() == "Preload (N)"
-    (single,) = swept.plot("first_slip").axes
+    (single,) = swept.plot(quantity="first_slip").axes
     np.testing.assert_array_equal(single.lines[0].get_ydata(), swept.array("first_slip"))
