@@ -109,6 +109,33 @@ def test_a_search_without_a_motion_names_the_modes_of_the_structure_in_time(monk
 
 
 @pytest.mark.slow
+@pytest.mark.slow
+def test_a_held_joint_starts_with_the_modes_in_time():
+    """With the friction forces of fewer modes a locked stage was refuted: 539 nm in time instead of 256."""
+    study = bd.Study(
+        bd.reference_model("shrouded_blade"),
+        bd.Excitation("tip", "axial", 0.05),
+        4,
+        load_per_preload={"front": 1.0, "rear": 0.6},
+        constant_loads={"shroud": 500.0},
+        harmonics=1,
+        blade_modes=5,
+    )
+    curve = study.frequency_response(300.0, (1480.0, 1640.0))
+    structure, _ = structure_in_time(study.problem, curve.peak.frequency)
+    n_modes = structure.settings.blade_modes
+    assert n_modes > 5
+    held = time_response._held_in_structure(study.problem, structure, curve)
+    richer = study.replace(blade_modes=n_modes, damper_modes=structure.settings.damper_modes)
+    alone = richer.stuck(frequency=(1480.0, 1640.0))
+    assert held.peak.amplitude == pytest.approx(alone.peak.amplitude, rel=1e-3)
+    assert held.unknowns.shape[1] == structure.system(300.0).n_unknowns
+    assert time_response._held_in_structure(structure, structure, curve) is None
+    wedge = disk(harmonics=1).problem
+    assert wedge.at(300.0).residual is None
+    assert time_response._held_in_structure(wedge, structure, curve) is None
+
+
 def test_a_motion_carried_to_another_structure_has_the_same_displacements_at_the_contacts():
     """Of all modes but the residual ones; carried to its own structure it is the same, and so it is when carried back."""
     own = disk(harmonics=1, blade_modes=4)
