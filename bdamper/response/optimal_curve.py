@@ -362,7 +362,7 @@ class Curves:
     executor : Executor, optional
         Threads by default.
     parts : FinishedParts
-        Curves of the file, which also stores those that are computed.
+        Curves of the file.  New ones are stored there too.
     progress : bool
     errors : bool
         Estimate the errors of each highest point.

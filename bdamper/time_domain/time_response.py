@@ -786,7 +786,7 @@ def of_blades(transient: Transient, periods: int) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class _Integrated:
-    """Time response at a preload, and its cost with that of the response curve."""
+    """Time response at a preload, and the cost of both response curve and integration."""
 
     response: TimeResponse
     cost: Cost
