@@ -347,7 +347,13 @@ class TestOptimalCurve:
         monkeypatch.setattr(room, "CONVERGED_SHARE", 0.0)
         found = room.at_optimum(study.problem, curve)
         assert searched == [5] and found.blade_modes == 0
-        assert [p.harmonics for p in found.peaks] == [1, 5, 7, 12, 16] and found.status == "complete"
+        assert [p.harmonics for p in found.peaks] == [
+            1,
+            5,
+            7,
+            12,
+            16,
+        ] and found.status == "complete"
         for p in found.peaks[:4]:
             own = study.replace(harmonics=p.harmonics).peak(found.preload, INTERVAL)
             assert p.amplitude == pytest.approx(own.amplitude, rel=1e-4)
