@@ -114,20 +114,34 @@ def of_case(case: AtRest) -> Residual | None:
     if settings.residual_forces == "rest" or not can_have(case):
         return None
     most = settings.residual_forces == "most" or bool(settings.shrouds)
-    # analyses of the stuck structure warn of faces that only touch
+    # analyses of the stuck structure warn once of faces that only touch, and this is none
+    told = case.problem.sizes.told
+    told_before = frozenset(told)
     with quiet():
-        resonance = _highest_stuck(case)
-        if resonance is None:
-            return None
-        frequency, amplitude = resonance
-        if most:
-            return at_resonance(case, frequency, amplitude)
+        try:
+            return _of_stuck_resonance(case, most=most)
+        finally:
+            told.intersection_update(told_before)
+
+
+def _of_stuck_resonance(case: AtRest, *, most: bool) -> Residual | None:
+    """Return the residual forces of the highest stuck resonance.
+
+    With ``most`` they apply in any case, otherwise only if rounding hides those at rest and nothing
+    needs to slip.
+    """
+    resonance = _highest_stuck(case)
+    if resonance is None:
+        return None
+    frequency, amplitude = resonance
+    if not most:
         at_rest = _rounding(Programme.at(case, frequency), case.static, frequency)
         if not _exceeds(at_rest, ROUNDING, case):
             return None
-        residual = at_resonance(case, frequency, amplitude)
-    slips = residual is None or residual.first_slip < 1.0
-    return None if slips else residual
+    residual = at_resonance(case, frequency, amplitude)
+    if residual is None or most:
+        return residual
+    return residual if residual.first_slip >= 1.0 else None
 
 
 def _highest_stuck(case: AtRest) -> tuple[float, float] | None:
