@@ -147,7 +147,7 @@ REFUSED = {
     ),
     "misspelt part of a setting": (
         lambda s: bd.sweep(s, {"excitation.amplitud": [1.0]}),
-        "setting to vary: expected one of 55 names, found 'excitation.amplitud'; did you "
+        "setting to vary: expected one of 56 names, found 'excitation.amplitud'; did you "
         "mean excitation.amplitude?",
     ),
     "misspelt argument of a sweep": (
