@@ -923,7 +923,6 @@ class Study(Comparable):
         values = optimal.preload_values(preload, n, call="optimal_curve")
         if problem.carries_load:
             frequency = optimal.curve_interval(problem, values, frequency, mode)
-            optimal.warn_of_model(problem, float(values[-1]), frequency)
         check_unloaded(problem)
         check_question(problem, values, frequency)
         validation.choice("quantity", quantity, ("amplitude", "margin"))
@@ -933,6 +932,8 @@ class Study(Comparable):
                 "material", material, Material, "a Material, since quantity is the margin"
             )
             stresses.chosen_sets(problem)
+        if problem.carries_load and frequency is not None:
+            optimal.warn_of_model(problem, float(values[-1]), frequency)
 
         with (
             optimal.finished_parts(problem, values, frequency, options, errors, resume) as parts,

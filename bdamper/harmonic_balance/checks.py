@@ -408,7 +408,9 @@ class _Resonance(NamedTuple):
         return self.omega / (2.0 * np.pi)
 
 
-def check_interval(case: LoadCase, frequency: tuple[float, float]) -> None:
+def check_interval(
+    case: LoadCase, frequency: tuple[float, float], *, with_stuck: bool = True
+) -> None:
     """Warn if an interval (Hz) was probably given in radians per second.
 
     The interval is compared with the free and stuck resonances of the modes.  If it contains none,
@@ -416,14 +418,15 @@ def check_interval(case: LoadCase, frequency: tuple[float, float]) -> None:
     causes a warning only if it is shorter than an octave, and contains free and stuck resonances
     with a far larger response to the excitation when read in rad/s instead: a longer interval
     contains resonances in either unit.  An interval far from every resonance in both units causes
-    another warning.
+    another warning.  Without contact only the free resonances count (``with_stuck``).
     """
     if not case.static.ok:
         return
     sector = case.sector
     _check_direction(case.problem, sector, frequency)
     resonances = []
-    for springs in (None, case.stuck_springs()):
+    states = (None, case.stuck_springs()) if with_stuck else (None,)
+    for springs in states:
         omegas, _ = sector.linear.modes(springs)
         resonances += [_Resonance(omega, springs) for omega in omegas if omega > 0.0]
     low, high = frequency
@@ -431,8 +434,8 @@ def check_interval(case: LoadCase, frequency: tuple[float, float]) -> None:
     as_radians = [resonance for resonance in resonances if low < resonance.omega < high]
     # free resonances have one springs object (None), stuck ones another
     states_as_radians = {id(resonance.springs) for resonance in as_radians}
-    both_states = len(states_as_radians) == 2
-    if contained and (high > 2.0 * low or not both_states):
+    all_states = len(states_as_radians) == len(states)
+    if contained and (high > 2.0 * low or not all_states):
         return
 
     response = _strongest(sector, contained)

@@ -33,7 +33,7 @@ def free(problem: Problem, frequency: tuple[float, float] | None, mode: int = 1)
     """See :meth:`bdamper.Study.free`."""
     case = _pressed(problem)
     frequency = peak_interval(case, frequency, mode)
-    check_interval(case, frequency)
+    check_interval(case, frequency, with_stuck=False)
     return _linear(problem, "free", 0.0, frequency, None)
 
 

@@ -985,7 +985,7 @@ DOUBTED = {
     ),
     "masses without a resonance": (
         lambda s: lumped().free((10.0, 20.0)),
-        "frequency: plausible an interval in Hz around a resonance, such as 0.22508 Hz, "
+        "frequency: plausible an interval in Hz around a resonance, such as 0.15915 Hz, "
         "found (10, 20), far from every resonance; possibly given in kHz, or a wrong digit",
     ),
     "millimetres of a mode": (
