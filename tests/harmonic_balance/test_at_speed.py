@@ -81,7 +81,8 @@ def test_an_optimal_curve_takes_no_static_states_beyond_its_preloads(study):
     with Curves(at.problem, (300.0, 400.0)) as curves:
         assert curves.follow([at.preload])[0].known
     preloads = [key[0] for key in at.problem.static_states if len(key) == 2]
-    assert preloads[0] == 0.0 and min(preloads[1:]) > 0.99 * min(LOWER) * at.preload
+    # linear questions without contact need no state
+    assert min(preloads) > 0.99 * min(LOWER) * at.preload
 
 
 def test_an_imposed_displacement_of_the_faces_is_taken_up_by_springs_and_bodies(study):
