@@ -239,8 +239,8 @@ def at_optimum(
 ) -> Convergence | None:
     """Compute the peak at the optimum of an optimal curve with up to 16 harmonics.
 
-    The peaks with more harmonics have the modes of the time integration, if Newton's method reaches
-    one of them, otherwise those of the study.  Return None without an optimum.
+    The peaks with more harmonics have the modes of the time integration, or those of the study if
+    none of them is found.  Return None without an optimum.
     """
     optimum = curve.optimum
     if not np.isfinite(optimum.preload):
@@ -250,10 +250,13 @@ def at_optimum(
         peak = _peak_at_optimum(problem, curve)
         numbers = [n for n in HARMONICS if n <= 16]
         structure, _ = structure_in_time(problem, peak.frequency)
-        convergence = _converge(problem, peak, structure, numbers, TOLERANCE, progress, 0)
+        convergence = _converge(
+            problem, peak, structure, numbers, TOLERANCE, progress, MOST_SEARCHES
+        )
         cost = convergence.cost
-        if convergence.status == INCOMPLETE and len(convergence.peaks) == 1:
-            # with the modes of the study the peak is nearer, and a search takes less time
+        none_found = convergence.status == INCOMPLETE and len(convergence.peaks) == 1
+        if none_found and structure is not problem:
+            # with the modes of the study the peak is nearer
             convergence = _converge(
                 problem, peak, problem, numbers, TOLERANCE, progress, MOST_SEARCHES
             )

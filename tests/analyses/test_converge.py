@@ -16,6 +16,7 @@ from bdamper.response import richer_peak
 from bdamper.response.peak import sign_of_jacobian
 from bdamper.response.richer_peak import Change, RicherPeaks, reach, with_more_harmonics
 from bdamper.response.verification import Convergence, HarmonicPeak, Meeting
+from bdamper.util.errors import BdamperError
 from bdamper.util.formatting import span
 from bdamper.util.progress import raise_if_stopped
 from tests import models
@@ -346,20 +347,35 @@ class TestOptimalCurve:
         monkeypatch.setattr(room, "found_at", counted)
         monkeypatch.setattr(room, "CONVERGED_SHARE", 0.0)
         found = room.at_optimum(study.problem, curve)
-        assert searched == [5] and found.blade_modes == 0
-        assert [p.harmonics for p in found.peaks] == [
-            1,
-            5,
-            7,
-            12,
-            16,
-        ] and found.status == "complete"
-        for p in found.peaks[:4]:
-            own = study.replace(harmonics=p.harmonics).peak(found.preload, INTERVAL)
+        assert searched == [5] and found.status == "complete"
+        assert [p.harmonics for p in found.peaks] == [1, 5, 7, 12, 16]
+        # independent searches with the same modes
+        for p in found.peaks[1:3]:
+            richer = study.replace(harmonics=p.harmonics, blade_modes=found.blade_modes)
+            own = richer.peak(found.preload, INTERVAL)
             assert p.amplitude == pytest.approx(own.amplitude, rel=1e-4)
         monkeypatch.setattr(room, "richer_peaks", lambda *_: RicherPeaks(Change(how="stalls")))
         last = room.at_optimum(study.problem, curve)
         assert last.status == "incomplete" and "with 16 harmonics (stalls)" in last.reason
+
+    @pytest.mark.slow
+    def test_has_the_modes_of_the_study_if_none_is_found_with_more(self, study, curve, monkeypatch):
+        """A random sector had no answer with 5 harmonics and 40 modes, and one with its own 10."""
+        to = room.richer_peaks
+
+        def with_few_modes(problem, richer, *rest):
+            few = richer.settings.blade_modes == study.settings.blade_modes
+            return to(problem, richer, *rest) if few else RicherPeaks(Change(how="stalls"))
+
+        def nothing(*_, **__):
+            raise BdamperError("nothing")
+
+        monkeypatch.setattr(room, "richer_peaks", with_few_modes)
+        monkeypatch.setattr(room, "found_at", nothing)
+        found = room.at_optimum(study.problem, curve)
+        assert found.status == "complete" and found.blade_modes == 0 and len(found.peaks) > 3
+        own = study.replace(harmonics=5).peak(found.preload, INTERVAL)
+        assert found.peaks[1].amplitude == pytest.approx(own.amplitude, rel=1e-4)
 
     @pytest.mark.slow
     def test_shows_its_progress_if_the_curve_does(self, study, curve, monkeypatch):
