@@ -195,6 +195,9 @@ def _draw_shroud(result: SweepResult, axes: NDArray) -> None:
             ax.set_yscale("log")
     at_rest.set(ylabel="Force at rest (N)", ylim=(0.0, None))
     slip_axis.set(ylabel="Slip at rest, dashed (m)", ylim=(0.0, None))
+    # an axis of zeros has no scale
+    if not np.nan_to_num(columns["static_slip"]).any():
+        slip_axis.remove()
     first_slip.set(ylabel="First slip over excitation")
     amplitudes.set(ylabel="Amplitude (m)", xlabel=label)
     _scale_across(amplitudes, across)

@@ -260,7 +260,7 @@ class OptimalCurve(
         files of earlier versions.
     neglected : tuple of str
         Effects of the rotor speed that the model neglects
-        (:meth:`bdamper.model.structure.Model.neglected_over_speed`); empty in files of earlier
+        (``study.model.neglected_over_speed()``); empty in files of earlier
         versions.
     """
 

@@ -588,3 +588,5 @@ def test_a_sweep_with_a_shroud_draws_force_slip_first_slip_and_amplitudes(study)
     assert "µm" in slip_axis.get_ylabel() and amplitudes.get_xlabel() == "Preload (N)"
     (single,) = swept.plot(quantity="first_slip").axes
     np.testing.assert_array_equal(single.lines[0].get_ydata(), swept.array("first_slip"))
+    sticks = bd.sweep(study, {"preload": loads}, lambda _, p: row(_, p) | {"static_slip": 0.0})
+    assert len(sticks.plot().axes) == 3, "without slip there is no axis of slip"
