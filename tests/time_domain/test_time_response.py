@@ -110,7 +110,7 @@ def test_a_search_without_a_motion_names_the_modes_of_the_structure_in_time(monk
 
 @pytest.mark.slow
 @pytest.mark.slow
-def test_a_held_joint_starts_with_the_modes_in_time():
+def test_a_held_joint_starts_with_the_modes_in_time(monkeypatch):
     """With the friction forces of fewer modes a locked stage was refuted: 539 nm in time instead of 256."""
     study = bd.Study(
         bd.reference_model("shrouded_blade"),
@@ -131,6 +131,19 @@ def test_a_held_joint_starts_with_the_modes_in_time():
     assert held.peak.amplitude == pytest.approx(alone.peak.amplitude, rel=1e-3)
     assert held.unknowns.shape[1] == structure.system(300.0).n_unknowns
     assert time_response._held_in_structure(structure, structure, curve) is None
+    # the search takes equations and curve of this structure
+
+    class BegunError(Exception):
+        """The search has begun."""
+
+    def begins(sectors, source, balance, _):
+        assert source is sectors and sectors.system.structure.bases[1].omega2.size > 5
+        assert balance.tip == pytest.approx(held.peak.frequency)
+        raise BegunError
+
+    monkeypatch.setattr(time_response, "SteadySearch", begins)
+    with pytest.raises(BegunError):
+        study.time_response(curve)
     wedge = disk(harmonics=1).problem
     assert wedge.at(300.0).residual is None
     assert time_response._held_in_structure(wedge, structure, curve) is None
